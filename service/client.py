@@ -65,7 +65,7 @@ class Client:
         token = token.strip()  # a file of it ends with a new line
         if not re.fullmatch(r"[!-~]*", token):
             raise ClientError(
-                "the token is none: it has other characters than `axiswatch token new` gives", 400
+                "this is no token: it has characters that no token of `axiswatch token new` has", 400
             )
         headers = {"authorization": f"Bearer {token}"} if token else {}
         try:

@@ -48,7 +48,7 @@ Within = Annotated[
         "--within",
         metavar="SECONDS",
         min=1e-3,
-        help="Changes are to be found in this time, as small ones as possible. Default: ten memory lengths.",
+        help="Find changes within this time, as small ones as possible. Default: ten memory lengths.",
     ),
 ]
 Sizes = Annotated[
@@ -77,7 +77,7 @@ def calibrate(
     json: JsonFile = None,
     force: Force = False,
 ) -> None:
-    """Find thresholds that keep a false-alarm budget, from records of the healthy axis, and what they will find.
+    """Find thresholds that keep a false-alarm budget, from records of the healthy axis, and what they will detect.
 
     Writes thresholds.toml, which the configuration names as thresholds_file, and report.html: which changes of each
     parameter are found how soon, and under which name. Records that are too short for the budget, in which the axis

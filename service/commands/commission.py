@@ -34,7 +34,7 @@ CONFIG = "axiswatch.toml"
 Output = Annotated[
     Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for everything that is written.")
 ]
-Yes = Annotated[bool, typer.Option("--yes", help="Take all proposals without asking.")]
+Yes = Annotated[bool, typer.Option("--yes", help="Accept all proposals without asking.")]
 RecordsOrBus = Annotated[
     list[str] | None,
     typer.Argument(
@@ -68,14 +68,14 @@ def commission(
     Without RECORD, `--minutes N` looks at the buses first and says what is missing, then records them into
     DIR/records; Ctrl-C ends the recording early. Called again without both, it uses all that was recorded there.
 
-    For what the records do not show a motion is planned, into DIR/motion: let the controller run it, and record again.
-    Nothing is sent to the robot.
+    Where the records do not show a parameter, a motion that shows it is planned, into DIR/motion: let the controller
+    run it, and record again. Nothing is sent to the robot.
 
     Writes DIR/axiswatch.toml, which `replay` and `run` take as it is, the nominal values and thresholds that it names,
-    and DIR/report.html: what is found how soon on each axis, what is not, and the next step. What the records show to
-    be wrong in the configuration is proposed as a change. Called again, only what depends on something new is done
-    again. The exit code is 5 where an axis could not be commissioned, or `replay` tests nothing of it in these
-    records, 2 where none could.
+    and DIR/report.html: which changes of each axis will be detected, how soon, which will not, and the next step. What
+    the records show to be wrong in the configuration is proposed as a change. Called again, it repeats only what
+    depends on something new. The exit code is 5 where an axis could not be commissioned, or `replay` tests nothing of
+    it in these records, 2 where none could.
     """
     from service.commands.commissioning.live_recording import record_live, recorded
 
@@ -160,7 +160,7 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
             console.print(f"{axis_id}: {words}.", markup=False)
     if proposed and not ask:
         console.print(
-            f"Take all with: {command} --yes", markup=False
+            f"Accept all with: {command} --yes", markup=False
         )  # the box of an error would break the line
         raise typer.BadParameter(
             f"{len(proposed)} proposed {'changes' if len(proposed) > 1 else 'change'}, and nobody to ask:"

@@ -6,7 +6,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -78,19 +77,12 @@ def run_daemon(
         parts.compiled.multimodel.add_done_callback(
             lambda done: None if done.exception() else _settled(complete)
         )
-        worker = parts.worker
-        further = (
-            partial(_web, access, certificate),
-            partial(_numbered, parts.extracts),
-            parts.links.exchanged,
-        )
-        reloading = parts.reloading(further)
-        systemd = ServiceManager(
-            os.environ,
-            lambda: {"worker": worker.turns} | parts.buses.turns(),
-            lambda: status_line(worker.snapshot),
-        )
+        web = partial(_web, access, certificate)
+        reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.exchanged))
+        systemd = _service_manager(parts)
         stack.callback(systemd.close)
+        state = _app_state(parts, access, stop, reloading, file, stack)
+        parts.worker.prepare = state.prepare
 
         def begin(port: int) -> None:
             parts.start()
@@ -100,36 +92,62 @@ def run_daemon(
             systemd.ready()
             ready(url)
 
-        state = _with_pages(parts.app_state(access, stop), parts, reloading, file, stack)
-        worker.prepare = state.prepare
         serve(create_app(state), config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
         systemd.stopping()
-    if worker.error is not None:
-        raise DaemonFailedError(
-            "a fault in the worker has stopped the daemon; the log says what"
-        ) from worker.error
-    log.info("stopped", checkpoint_us=worker.snapshot.checkpoint_us)
+    if (fault := parts.worker.error) is not None:
+        raise DaemonFailedError("a fault in the worker has stopped the daemon; the log says what") from fault
+    log.info("stopped", checkpoint_us=parts.worker.snapshot.checkpoint_us)
 
 
-def _with_pages(
-    state: AppState, parts: DaemonParts, reloading: Reloading, file: Path | None, stack: ExitStack
+def _service_manager(parts: DaemonParts) -> ServiceManager:
+    return ServiceManager(
+        os.environ,
+        lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
+        lambda: status_line(parts.worker.snapshot),
+    )
+
+
+def _app_state(
+    parts: DaemonParts,
+    access: Access,
+    stop: threading.Event,
+    reloading: Reloading,
+    file: Path | None,
+    stack: ExitStack,
 ) -> AppState:
-    """With the pages that need recorded frames, or the file of the configuration."""
-    if parts.extracts is not None:
+    """What the web reads: the parts, recorded frames, and the file of the configuration."""
+    worker, baselines, extracts, journal = (
+        parts.worker,
+        parts.baselines,
+        parts.extracts,
+        parts.state.journal,
+    )
+    replays = reports = setup = None
+    if extracts is not None:
         named = "" if file is None else str(file)
-        replays = ReplayReports(
-            parts.extracts.folder, lambda: reloading.config, named, parts.state.journal.epochs
-        )
+        replays = ReplayReports(extracts.folder, lambda: reloading.config, named, journal.epochs)
         stack.callback(replays.stop)
-        state = replace(state, replays=replays)
-    if file is None:
-        return state
-    look = SignalLook(lambda: reloading.config, parts.extracts, now_us)
-    return replace(
-        state,
-        reports=ReportPages(file.parent, [axis.id for axis in parts.config.axes]),
-        setup=RobotSetup(lambda: reloading.config, file, look, parts.problems),
+    if file is not None:
+        reports = ReportPages(file.parent, [axis.id for axis in parts.config.axes])
+        look = SignalLook(lambda: reloading.config, extracts, now_us)
+        setup = RobotSetup(lambda: reloading.config, file, look, parts.problems)
+    return AppState(
+        lambda: worker.snapshot,
+        journal,
+        access,
+        reports=reports,
+        extracts=extracts,
+        history=parts.state.history,
+        links=parts.links.snapshots,
+        acknowledge=lambda number, note: baselines.between_blocks(
+            lambda: worker.alarms.acknowledge(number, note)
+        ),
+        baselines=baselines,
+        stopping=stop.is_set,
+        live=parts.core.live,
+        setup=setup,
+        replays=replays,
     )
 
 

@@ -21,8 +21,8 @@ from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, 
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusReaders
-from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.epochs_at_start import AtStart, at_start, note_begun_again, resume
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.epochs_at_start import AtStart, at_start, bring_back
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.reloading import Part, ReloadError, Reloading
@@ -35,8 +35,6 @@ from service.store.database import StoreError
 from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
 from service.texts.instants import now_us
-from service.web.access import Access
-from service.web.app_state import AppState
 
 if TYPE_CHECKING:
     from service.links.running import Links
@@ -82,8 +80,7 @@ class DaemonParts:
             messages,
             stop.set,
         )
-        epochs = self.state.journal.epochs
-        self.baselines = Baselines(config.axes, begun.axes, monitors, self.worker, epochs, now_us)
+        self.baselines = Baselines(config.axes, begun.axes, self.worker, self.state.journal.epochs, now_us)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(self.worker.stop)
         stack.callback(self.baselines.stop)
@@ -102,34 +99,7 @@ class DaemonParts:
     def reloading(self, further: Sequence[Part]) -> Reloading:
         """What takes over another configuration; ``further``: what else is exchanged."""
         return Reloading(
-            self.config,
-            self.core,
-            self.worker,
-            self.baselines,
-            self.buses,
-            self.state.journal,
-            self.state.checkpoints,
-            self.saver,
-            now_us,
-            further,
-        )
-
-    def app_state(self, access: Access, stop: threading.Event) -> AppState:
-        """What the web reads of them."""
-        worker, baselines = self.worker, self.baselines
-        return AppState(
-            lambda: worker.snapshot,
-            self.state.journal,
-            access,
-            extracts=self.extracts,
-            history=self.state.history,
-            links=self.links.snapshots,
-            acknowledge=lambda number, note: baselines.between_blocks(
-                lambda: worker.acknowledge(number, note)
-            ),
-            baselines=baselines,
-            stopping=stop.is_set,
-            live=self.core.live,
+            self.config, self.worker, self.baselines, self.buses, self.state.journal, now_us, further
         )
 
     def problems(self) -> dict[str, str | None]:
@@ -178,17 +148,13 @@ def _restored(
     config: Config, monitors: AxisMonitors, state: _State, saver: Checkpointer, clock: WallClock
 ) -> tuple[Alarms, tuple[str, ...]]:
     """The alarms of the journal, as the restored monitors have them; and what happened, for the operator."""
-    resume(monitors, state.journal.epochs, state.begun.epochs)
-    restored = restore(monitors, state.checkpoints, state.journal, now_us())
+    restored = bring_back(monitors, state.begun, state.checkpoints, state.journal, now_us())
     saver.saved_us = restored.checkpoint_us
     known = quantities(monitors.by_id)
-    rules = alarm_rules(config.axes, known)
-    state.journal.obey(rules, now_us())
     state.journal.group(alarm_groups(config.axes))
-    alarms = Alarms(state.journal, known, rules=rules, wall=clock)
+    alarms = Alarms(state.journal, known, rules=alarm_rules(config.axes, known), wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
-    note_begun_again(monitors)
     messages = (*state.begun.messages, *restored.messages)
     for message in (*messages, *monitors.begun_again):
         log.warning("start", message=message)

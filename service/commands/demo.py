@@ -163,7 +163,7 @@ def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: t
     finally:
         stop.set()
     if sent.left_out:
-        log.warning("this machine is too busy: the robot left out samples", samples=sent.left_out)
+        log.warning("this machine is too busy: the simulated robot left out samples", samples=sent.left_out)
 
 
 def _print_welcome(url: str, fault: Fault, monitored: str) -> None:

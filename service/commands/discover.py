@@ -27,7 +27,7 @@ Log = Annotated[
 ]
 Channel = Annotated[
     str | None,
-    typer.Option("--channel", metavar="NAME", help="Of a log of several buses: this one. Default: the busiest."),
+    typer.Option("--channel", metavar="NAME", help="The bus to look at, of a log of several. Default: the busiest."),
 ]  # fmt: skip
 
 
@@ -41,10 +41,10 @@ def discover(
 ) -> None:
     """Look at a bus that no file describes: which bits are torque and motion of which axis, with the reasons.
 
-    The robot must move, with changes of its speed, best as in production. Where the numbers are in a message follows
-    from their smoothness, which are torque and motion from how well the motion explains the torque. The units cannot be
-    seen: the proposed configuration says where to put them. If a DBC, an EDS or a table of the maker exists, that is
-    better: `axiswatch init`.
+    The robot must move, with changes of its speed, best as in production. The numbers in a message are found by how
+    smoothly they change, torque and motion by how well the motion explains the torque. Units cannot be found: the
+    proposed configuration says where to put them. If a DBC, an EDS or a table of the maker exists, use it with
+    `axiswatch init` instead.
     """
     if (record is None) == (bus is None):
         raise typer.BadParameter("give either a CAN log or --bus INTERFACE:CHANNEL", param_hint="RECORD")

@@ -33,16 +33,20 @@ from service.ingest.roles_by_name import role_of
 from service.reports.excitation_report import as_csv, print_text
 
 Output = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE.csv", help="Where to write it.", show_default=False)
+    Path, typer.Option("--output", "-o", metavar="FILE.csv", help="File for the motion.", show_default=False)
 ]
 Seconds = Annotated[float, typer.Option("--seconds", metavar="S", help="Length of a period.")]
-Periods = Annotated[int, typer.Option("--periods", min=1, help="After one to warm up.")]
-Band = Annotated[tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Frequencies [Hz].")]
-Limit = Annotated[float | None, typer.Option(metavar="X", help="Largest absolute value, SI, at the motor.")]
+Periods = Annotated[int, typer.Option("--periods", min=1, help="Number of periods, after one to warm up.")]
+Band = Annotated[
+    tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Lowest and highest frequency [Hz].")
+]
+Limit = Annotated[
+    float | None, typer.Option(metavar="X", help="Largest absolute value at the motor, in SI units.")
+]
 Find = Annotated[
     str,
     typer.Option(
-        "--find", metavar="NAMES", help="The best spectrum for these: 1/Ja,fm. Default: a flat one."
+        "--find", metavar="NAMES", help="Shape the spectrum for these: 1/Ja,fm. Default: a flat one."
     ),
 ]
 Free = Annotated[
@@ -55,7 +59,10 @@ As = Annotated[
     Literal["torque", "speed", "angle"],
     typer.Option("--as", help="What is given to the axis: torque, or a reference to follow."),
 ]
-Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Repeat the same phases.")]
+Seed = Annotated[
+    int | None,
+    typer.Option("--seed", min=0, help="Seed of the random phases, to plan the same motion again."),
+]
 
 
 def excite(
@@ -75,7 +82,7 @@ def excite(
 ) -> None:
     """Plan a motion for identification: a multisine as large as the limits allow, and what it will determine.
 
-    From rest and back to it: a warm-up, then whole periods. At least one of --torque-limit, --speed-limit and
+    The motion begins and ends at rest: a warm-up, then whole periods. At least one of --torque-limit, --speed-limit and
     --angle-limit is needed. The predicted standard deviations hold for the configured drive and noise.
     """
     found = axis_of(config, axis)

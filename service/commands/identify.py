@@ -29,12 +29,12 @@ Free = Annotated[
     typer.Option(
         "--free",
         metavar="NAMES",
-        help='Only these parameters, "Jm,fm,1/Ja". Default: all that can be identified with kT and r held.',
+        help='Estimate only these parameters, "Jm,fm,1/Ja". Default: all that can be identified with kT and r held.',
     ),
 ]
 Fix = Annotated[
     list[str] | None,
-    typer.Option("--fix", metavar="NAMES", help="These stay at their nominal values, beside kT and r."),
+    typer.Option("--fix", metavar="NAMES", help="Hold these at their nominal values, beside kT and r."),
 ]
 PredictorOption = Annotated[
     Literal["innovations", "output-error"] | None,
@@ -53,23 +53,24 @@ Validate = Annotated[
     list[str] | None,
     typer.Option("--validate", metavar="RECORD", help="Also predict this record, which is not fitted."),
 ]
-Delay = Annotated[bool, typer.Option("--delay", help="Also find by how much the torque acts late.")]
+Delay = Annotated[bool, typer.Option("--delay", help="Also estimate the delay of the torque.")]
 Slow = Annotated[
     float | None,
     typer.Option(
         "--disturbance",
         metavar="SECONDS",
         min=1e-3,
-        help="What disturbs the torque also has a slow part with this time constant, a state of the model.",
+        help="Model a slow disturbance of the torque with this time constant, as one more state.",
     ),
 ]
-Robust = Annotated[bool, typer.Option("--robust", help="Outliers count less (Huber's loss).")]
+Robust = Annotated[bool, typer.Option("--robust", help="Give outliers less weight (Huber's loss).")]
 StartOption = Annotated[
     Literal["search", "values", "records"] | None,
     typer.Option(
         "--start",
-        help="Where the fit starts: at the configured values and where a search around them ends; there only (fast);"
-        " or at what the records alone tell. Default: search; records where the configuration has no values.",
+        help="Where the fit starts. search: at the configured values, and where a search around them ends; values: at"
+        " the configured values only (fast); records: at values found from the records alone. Default: search; records"
+        " where the configuration has no values.",
     ),
 ]
 MassesOption = Annotated[
@@ -77,7 +78,7 @@ MassesOption = Annotated[
     typer.Option(
         "--masses",
         metavar="auto|N",
-        help="Also say how many masses in a row the records ask for: rows of up to five (auto) or N are compared.",
+        help="Also report how many masses the records need: chains of up to five (auto) or N masses are compared.",
     ),
 ]
 Thermal = Annotated[
@@ -114,9 +115,9 @@ def identify(
 ) -> None:
     """Identify the nominal values of an axis from records of its healthy state.
 
-    Writes nominal.toml, which the configuration of the daemon refers to, and report.html. Its first line says what can
-    be watched with it, the second one how good the fit is. With a poor fit, or one that does not converge, no nominal
-    values are written, and the exit code is 2; --force writes those of a poor fit.
+    Writes nominal.toml, which the configuration of the daemon refers to, and report.html. The first line of the report
+    says what can be watched with these values, the second one how good the fit is. With a poor fit, or one that does
+    not converge, no nominal values are written, and the exit code is 2; --force writes those of a poor fit.
     """
     files = Files.chosen(output, report, json)
     files.check(force, "nominal values")

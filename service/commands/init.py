@@ -39,7 +39,7 @@ Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="Fi
 
 
 ListenFor = Annotated[
-    float, typer.Option("--seconds", min=1.0, max=600.0, metavar="N", help="With --bus: how long.")
+    float, typer.Option("--seconds", min=1.0, max=600.0, metavar="N", help="With --bus: how long to listen.")
 ]
 Nodes = Annotated[
     list[int] | None,
@@ -48,7 +48,7 @@ Nodes = Annotated[
         min=1,
         max=127,
         metavar="N",
-        help="With the EDS of CANopen drives: node id of a drive, once for each. Without it those on the bus, or"
+        help="With the EDS of CANopen drives: node id of a drive, once for each. Default: those on the bus, or"
         " the one in the DCF.",
         show_default=False,
     ),
@@ -66,9 +66,9 @@ def init(
     """Write a first configuration: which columns of a table, or signals of a bus, are torque and motion of which axis.
 
     The names of the columns and their values are looked at; each proposal says how sure it is. Check it, then run
-    `axiswatch commission` with it. A table without names is understood by its values alone. Of a bus that a
-    file describes the values are those on the bus, while the robot moves, where --bus names it. Of CANopen drives the
-    EDS tells what they send; what it is in SI units is in their data sheets.
+    `axiswatch commission` with it. A table without names is understood by its values alone. For the
+    description of a bus, --bus looks at the values on the bus, too, while the robot moves. The EDS of CANopen drives
+    tells what they send; what that is in SI units is in their data sheets.
     """
     check_new(output, force)
     with explained():

@@ -39,7 +39,8 @@ RecordRanges = Annotated[
     ),
 ]
 ReportFile = Annotated[
-    Path | None, typer.Option("--report", metavar="FILE", help="The report; default report.html beside them.")
+    Path | None,
+    typer.Option("--report", metavar="FILE", help="The report. Default: report.html beside that file."),
 ]
 JsonFile = Annotated[
     Path | None,
@@ -73,7 +74,7 @@ ThermalStartOption = Annotated[
     typer.Option(
         "--thermal",
         help="How warm an axis is at the beginning of the first record, where its friction follows a heat that nobody"
-        " measures: unknown, it is found from the motion. Default: as in the configuration, [robot.axis.thermal].",
+        " measures. unknown: it is found from the motion. Default: as in the configuration, [robot.axis.thermal].",
         show_default=False,
     ),
 ]

@@ -53,7 +53,7 @@ def drive_lines(
 ) -> Iterator[str]:
     """The file ``output`` for CANopen drives, by their node ids, that share an EDS; ``bus``: where it is known."""
     yield f"# Proposed by `axiswatch init` from {eds.name}."
-    yield "# Fill in what the data sheets say: remove # and put your values; `axiswatch check` names what lacks."
+    yield "# Fill in what the data sheets say: remove # and put your values; `axiswatch check` names what is missing."
     yield from _bus_lines(bus)
     yield ""
     yield "[[robot]]"
@@ -229,8 +229,8 @@ def _unit_words(role: SignalRole) -> str:
     if unit.factor is not None:
         return f"in {unit.words}"
     if unit.linear:
-        return f"in {unit.words}; factor is 2 pi / mm that a turn of the motor moves it"
+        return f"in {unit.words}; factor is 2 pi / (mm that a turn of the motor moves it)"
     if role.quantity != "torque":
-        return f"in {unit.words}; factor is 2 pi / {unit.words} of a turn of the motor"
+        return f"in {unit.words}; factor is 2 pi / ({unit.words} in a turn of the motor)"
     part = "/ 1000" if unit.words.startswith("per mille") else "/ 100"
     return f"in {unit.words}; factor is rated torque {part} [N m]"

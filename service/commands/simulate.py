@@ -20,16 +20,19 @@ FaultOption = Annotated[
     typer.Option(
         "--fault",
         metavar="PARAMETER=FACTOR",
-        help="The fault: a parameter times a factor: fm=1.3, 1/Ja=0.8; or, delay=0.0005, the torque "
-        "acts so many seconds late. May be repeated.",
+        help="A parameter and the factor by which it changes: fm=1.3, 1/Ja=0.8; or delay=0.0005, by which"
+        " the torque acts later [s]. May be repeated.",
     ),
 ]
 FaultAxis = Annotated[
-    str | None, typer.Option("--fault-axis", metavar="AXIS", help="In which axis; its name, or robot.axis.")
+    str | None,
+    typer.Option("--fault-axis", metavar="AXIS", help="The axis that breaks: its name, or robot.axis."),
 ]
 FaultAfter = Annotated[
     float,
-    typer.Option("--fault-after", min=0.0, metavar="SECONDS", help="When it breaks, after it began to move."),
+    typer.Option(
+        "--fault-after", min=0.0, metavar="SECONDS", help="Time from the first motion to the fault."
+    ),
 ]
 
 

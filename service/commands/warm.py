@@ -12,9 +12,6 @@ if TYPE_CHECKING:
     from monitor_core.excitation import PlannedExperiment
 
 _INTERVAL_S = 0.005
-_VALUES = {
-    "Jm": 0.004, "Ja": 0.01, "k": 50.0, "d": 0.05, "fm": 0.05, "fc": 0.05, "tau0": 0.0, "kT": 1.0, "r": 1.0
-}  # fmt: skip
 _OUTPUTS: tuple[Output, ...] = ("speed", "angle")
 
 
@@ -42,11 +39,11 @@ def _plan_experiment() -> PlannedExperiment:
     import numpy as np
 
     from monitor_core.excitation import Estimation, Limits, Plant, Task, plan
-    from monitor_core.modeling import two_mass
+    from monitor_core.modeling import EXAMPLE_VALUES, two_mass
 
-    drive = two_mass("angle")
-    plant = Plant(drive, _VALUES, _INTERVAL_S)
-    estimation = Estimation(drive, _VALUES, _INTERVAL_S, lam0=1e-6)
+    drive, values = two_mass("angle"), EXAMPLE_VALUES["two-mass"]
+    plant = Plant(drive, values, _INTERVAL_S)
+    estimation = Estimation(drive, values, _INTERVAL_S, lam0=1e-6)
     task = Task(plant, estimation, Limits(torque=2.0), period=200, periods=1, command="angle")
     return plan(task, np.random.default_rng(0))
 
@@ -55,7 +52,7 @@ def _identify(experiment: PlannedExperiment, output: Output) -> None:
     import numpy as np
 
     from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx
-    from monitor_core.modeling import two_mass
+    from monitor_core.modeling import EXAMPLE_VALUES, two_mass
 
     motion, rng = experiment.motion, np.random.default_rng(0)
     y = motion.speed if output == "speed" else motion.angle
@@ -63,7 +60,7 @@ def _identify(experiment: PlannedExperiment, output: Output) -> None:
     record = Record(t, motion.torque, y + 0.01 * y.std() * rng.standard_normal(len(y)), output)
     problem = Problem(
         two_mass(output),
-        _VALUES,
+        EXAMPLE_VALUES["two-mass"],
         ("Jm", "fm"),
         free_delay=True,
         disturbance=Disturbance(torque=0.1, slow=0.1),

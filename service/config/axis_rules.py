@@ -92,7 +92,7 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
         if kind in (COSINE, SINE) and (round(turns) == 0 or abs(turns - round(turns)) > _NEARLY):
             message = (
                 f"gravity depends on the position of the arm, and the angle wraps after {turns:.3g} of its turns:"
-                " send one that goes on"
+                " send an angle that does not wrap"
             )
             yield Finding(("angle", "wrap_period"), message)
             return

@@ -65,7 +65,8 @@ def recording_channels(config: Config) -> Iterator[Finding]:
     if config.service.recording_format == "blf" and config.bus and blf_channels(config.bus) is None:
         found = listed([bus.channel for bus in config.bus])
         message = (
-            f'these files number the buses by the ends of their channels, which here are {found}: take "log"'
+            "these files name each bus by the number at the end of its channel, and the channels are"
+            f' {found}: use "log"'
         )
         yield Finding(("service", "recording_format"), message)
 
@@ -131,7 +132,7 @@ def usable_bus(bus: BusConfig) -> Iterator[Finding]:
         yield Finding(("interface",), f"python-can has no such interface: {hint}")
     for key in ("interface", "channel"):
         if key in bus.options:
-            yield Finding(("options", key), f"belongs into [[bus]] itself: {key} = ...")
+            yield Finding(("options", key), f"belongs in [[bus]] itself: {key} = ...")
     yield from _table_of_ids(bus)
     try:
         if bus.messages is not None:
@@ -172,7 +173,7 @@ def _bits(signal: BitsConfig) -> Iterator[Finding]:
     if signal.kind == "float" and signal.length not in FLOAT_BITS:
         yield Finding(("length",), f"a float has {listed([str(n) for n in FLOAT_BITS], 'or')} bits")
     if bits_of(signal).bytes_needed > MAX_BYTES:
-        yield Finding(("length",), f"the signal ends after {MAX_BYTES} bytes, where every frame has ended")
+        yield Finding(("length",), f"the signal ends after {MAX_BYTES} bytes, but no frame is that long")
 
 
 # --- The signals that axes use ----------------------------------------------------------------------------------------

@@ -32,8 +32,8 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
             other = others[s.axis]
             if other.angle is not None and other.angle.wrap_period is not None:
                 message = (
-                    f"the angle of {s.axis} starts again after each turn, and how many there were a signal does not"
-                    " tell: take one that goes on, from a message"
+                    f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle"
+                    " that does not wrap, from a message"
                 )
                 yield Finding(path, message)
             if axis.bus != other.bus:
@@ -50,9 +50,7 @@ def sources(axis: AxisConfig) -> Iterator[Finding]:
     if axis.model.nominal_file is not None and axis.model.nominal_file.thermal is not None:
         for n, s in enumerate(axis.signal):
             if s.name == HEAT:
-                message = (
-                    f"{HEAT} is what parameters follow by the nominal_file: give this signal another name"
-                )
+                message = f"the nominal_file calls the heat of the axis {HEAT}: give this signal another name"
                 yield Finding(("signal", n, "name"), message)
     for n, s in enumerate(axis.signal):
         path: Keys = ("signal", n)

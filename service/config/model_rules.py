@@ -269,7 +269,10 @@ def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
     if bounds is not None and max(map(abs, bounds)) > h:
         yield Finding(("model", "bounds", DELAY), f"must be within sample_interval_s, [{-h}, {h}]")
     if nominal_skew(axis) >= h:
-        message = f"a delay is followed up to sample_interval_s = {h}, and that is nominal here: nothing is left to see"
+        message = (
+            f"a delay is monitored up to sample_interval_s = {h}, which is its nominal value here: no increase of it"
+            " could be seen"
+        )
         yield Finding(place, message)
     usable_drive(axis)
     if has_own_delay(drive_of(axis)):

@@ -221,7 +221,7 @@ def link_encryption(links: LinksConfig) -> Iterator[Finding]:
     if mqtt is not None and not mqtt.tls and mqtt.user is not None and not is_local(mqtt.host):
         yield Finding(("mqtt", "tls"), "the password would cross the network in the clear: use TLS")
     if smtp is not None and smtp.security == "none" and (smtp.user is not None or not is_local(smtp.host)):
-        message = 'is possible only without user and to this machine: use "starttls" or "tls"'
+        message = 'is possible only to this machine and without user: use "starttls" or "tls"'
         yield Finding(("smtp", "security"), message)
     if opcua is not None and not is_local(opcua.host) and opcua.certificate is None and opcua.key is None:
         message = 'other machines reach this host: give certificate and key, or host = "127.0.0.1"'

@@ -1,4 +1,4 @@
-"""Records of an axis as identification and calibration take them, with their origin."""
+"""Records of an axis with their origin: for identification, and as blocks of samples for calibration."""
 
 from __future__ import annotations
 
@@ -7,10 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from monitor_core.drive import AxisModel
-from monitor_core.identification import Record, between
+from monitor_core.identification import Record
 from monitor_core.monitoring import conditioned_records
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
@@ -18,7 +16,7 @@ from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.conditions import needed
 from service.config.schema import FurtherSignalConfig
-from service.ingest.axis_records import AxisRecord, Progress, Wanted, axis_record, sha256_of, wanted, why_none
+from service.ingest.axis_records import Progress, axis_record, sha256_of, wanted, why_none
 from service.ingest.records import is_table
 
 _NAMED = 3
@@ -27,12 +25,14 @@ _NAMED = 3
 
 @dataclass(frozen=True)
 class RecordOrigin:
-    """Origin of a record, for the report and the nominal values made from it.
+    """Origin of the samples of an axis, for what is made from them.
 
-    ``samples`` are those of the axis in the whole file, ``used`` those in the range.  ``dropped`` counts what became no
-    sample, by reason: rows of a table, values of a log.
+    ``text`` is that of the command line: the file ``path``, and seconds in it.  ``samples`` are those of the axis in
+    the whole file, ``used`` those in the range.  ``dropped`` counts what became no sample, by reason: rows of a table,
+    values of a log.
     """
 
+    text: str
     path: Path
     sha256: str
     samples: int
@@ -71,32 +71,81 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
         RecordError: no such axis; the file cannot be read, is damaged, or holds too few samples of the axis.
         DescriptionError, IngestError: the configuration cannot be used.
     """
-    want, axis = wanted(text), _axis_named(config, axis_id)
-    signals = _signals_in(want.path, axis)
-    block, dropped, left_out = _samples(want, config, axis, signals)
-    full = _record(block, [signal.name for signal in signals], axis, want.path.name)
-    record = _in_range(full, want)
-    start_s, end_s = (float(t - full.t[0]) for t in record.t[[0, -1]])
-    begins_s = float(block.t_us[0]) * 1e-6 + start_s
-    source = RecordOrigin(
-        want.path, sha256_of(want.path), len(full), len(record), start_s, end_s, dropped, begins_s, left_out
-    )
+    axis = _axis_named(config, axis_id)
+    signals = _signals_in(wanted(text).path, axis)
+    block, source = _samples(text, config, axis, signals)
+    # Times since the first sample of the file: those since 1970 have no digits left for microseconds.
+    t = (block.t_us - block.t_us[0] + round(1e6 * source.start_s)) * 1e-6
+    columns = () if block.signals is None else block.signals.T
+    by_name = dict(zip([signal.name for signal in signals], columns, strict=True))
+    record = Record(t, block.u, block.y, axis.config.output, source.path.name, None, by_name)
     return Loaded(record, source)
 
 
+def load_samples(
+    texts: Sequence[str],
+    config: Config,
+    axis: NamedAxis,
+    model: AxisModel,
+    progress: Progress = lambda _: None,
+) -> tuple[list[SampleBlock], list[RecordOrigin]]:
+    """All records of an axis as blocks of samples, with the operating conditions that its monitoring needs.
+
+    Raises:
+        RecordError: a file cannot be read, or has no samples of the axis.
+        DescriptionError, IngestError: the configuration cannot be used.
+    """
+    samples, sources = [], []
+    for number, text in enumerate(texts):
+
+        def part(done: float, before: int = number) -> None:
+            progress((before + done) / len(texts))
+
+        block, source = _samples(text, config, axis, needed(axis), part)
+        samples.append(block._replace(name=source.path.name))
+        sources.append(source)
+    conditions = conditions_of(axis)
+    if conditions:
+        samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)
+    return samples, sources
+
+
 def _samples(
-    want: Wanted,
+    text: str,
     config: Config,
     axis: NamedAxis,
     signals: Sequence[FurtherSignalConfig],
     progress: Progress = lambda _: None,
-) -> AxisRecord:
-    """All samples of the axis in the file, two at least."""
-    found = axis_record(want.path, config, axis, signals, progress)
-    if found.block.size < 2:
-        why = why_none(want.path, config, axis, found.dropped)
-        raise RecordError(f"{want.path}: {found.block.size} samples of axis {axis.id} in it; {why}")
-    return found
+) -> tuple[SampleBlock, RecordOrigin]:
+    """The samples of the axis in the range of a file, two at least."""
+    want = wanted(text)
+    block, dropped, left_out = axis_record(want.path, config, axis, signals, progress)
+    if block.size < 2:
+        why = why_none(want.path, config, axis, dropped)
+        raise RecordError(f"{want.path}: {block.size} samples of axis {axis.id} in it; {why}")
+    since_s = (block.t_us - block.t_us[0]) * 1e-6
+    inside = since_s >= (want.start_s or 0.0)
+    if want.end_s is not None:
+        inside &= since_s <= want.end_s
+    used = block.select(inside)
+    if used.size < 2:
+        raise RecordError(
+            f"{text}: {used.size} samples of axis {axis.id} in that range; the record is {since_s[-1]:g} s long"
+        )
+    start_s, end_s = (float(s) for s in since_s[inside][[0, -1]])
+    source = RecordOrigin(
+        text,
+        want.path,
+        sha256_of(want.path),
+        block.size,
+        used.size,
+        start_s,
+        end_s,
+        dropped,
+        float(used.t_us[0]) * 1e-6,
+        left_out,
+    )
+    return used, source
 
 
 def _axis_named(config: Config, axis_id: str) -> NamedAxis:
@@ -114,37 +163,6 @@ def _signals_in(path: Path, axis: NamedAxis) -> Sequence[FurtherSignalConfig]:
     return [source for source in axis.sources if source.message is not None and source.signal is not None]
 
 
-def _record(block: SampleBlock, signals: Sequence[str], axis: NamedAxis, name: str) -> Record:
-    # Times since the first sample: those since 1970 have no digits left for microseconds.
-    t = (block.t_us - block.t_us[0]) * 1e-6
-    columns = () if block.signals is None else block.signals.T
-    by_name = dict(zip(signals, columns, strict=True))
-    return Record(t, block.u, block.y, axis.config.output, name, None, by_name)
-
-
-def _in_range(record: Record, want: Wanted) -> Record:
-    if want.start_s is None and want.end_s is None:
-        return record
-    end_s = np.inf if want.end_s is None else want.end_s
-    try:
-        return between(record, want.start_s or 0.0, end_s)
-    except ValueError as error:
-        raise RecordError(f"{want.path}: {error}") from None
-
-
-# --- For calibration: blocks of samples, with operating conditions ----------------------------------------------------
-
-
-class SamplesOrigin(NamedTuple):
-    """Origin of the samples."""
-
-    text: str
-    """As on the command line: a file, and seconds in it"""
-    sha256: str
-    samples: int
-    seconds: float
-
-
 _SAME_S = 1e-3
 """Times in a file of nominal values are rounded."""
 
@@ -160,40 +178,3 @@ def begins_cold(axis: NamedAxis, texts: Sequence[str]) -> bool:
         return False
     want, first = wanted(texts[0]), found.record[0]
     return abs((want.start_s or 0.0) - first.range_s[0]) < _SAME_S and sha256_of(want.path) == first.sha256
-
-
-def load_samples(
-    texts: Sequence[str],
-    config: Config,
-    axis: NamedAxis,
-    model: AxisModel,
-    progress: Progress = lambda _: None,
-) -> tuple[list[SampleBlock], list[SamplesOrigin]]:
-    """All records of an axis.
-
-    Raises:
-        RecordError: a file cannot be read, or has no samples of the axis.
-        DescriptionError, IngestError: the configuration cannot be used.
-    """
-    samples, sources = [], []
-    for number, text in enumerate(texts):
-        want = wanted(text)
-
-        def part(done: float, before: int = number) -> None:
-            progress((before + done) / len(texts))
-
-        block = _samples(want, config, axis, needed(axis), part).block._replace(name=want.path.name)
-        since = (block.t_us - block.t_us[0]) * 1e-6
-        start, end = np.searchsorted(
-            since, [want.start_s or 0.0, np.inf if want.end_s is None else want.end_s]
-        )
-        block = block.select(slice(int(start), int(end)))
-        if block.size < 2:
-            raise RecordError(f"{text}: {block.size} samples of axis {axis.id} in that range")
-        samples.append(block)
-        seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
-        sources.append(SamplesOrigin(text, sha256_of(want.path), block.size, seconds))
-    conditions = conditions_of(axis)
-    if conditions:
-        samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)
-    return samples, sources

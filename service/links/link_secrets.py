@@ -48,8 +48,8 @@ def key(file: Path | None, variable: str | None, environ: Mapping[str, str] = os
     if text is None or len(text) < MIN_KEY_CHARACTERS:
         source = variable if file is None else file
         raise LinkSecretError(
-            f"{source}: the key of the signature must have at least {MIN_KEY_CHARACTERS} characters; a good one prints"
-            " openssl rand -hex 32"
+            f"{source}: the key of the signature must have at least {MIN_KEY_CHARACTERS} characters;"
+            " `openssl rand -hex 32` prints a good one"
         )
     return text.encode("utf-8")
 

@@ -1,7 +1,7 @@
 """Alarms on their way to the journal: what the disk refuses is shown at once, as not yet recorded."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from time import monotonic
 from types import MappingProxyType
 from typing import NamedTuple
@@ -115,6 +115,19 @@ class AlarmsSnapshot(NamedTuple):
 NO_ALARMS = AlarmsSnapshot()
 
 
+@dataclass(slots=True)
+class _Waiting:
+    """A change that the journal does not have yet."""
+
+    change: AxisAlarm
+    refused: bool = False
+    """The journal has refused it, which was logged"""
+    promised: int = 0
+    """The id that a new alarm will have there; 0: not known"""
+    acknowledged: Note | None = None
+    """By whom meanwhile"""
+
+
 class Alarms:
     """Writes changes to the journal, knows which alarms are open, and ends shelves when their time is over.
 
@@ -143,10 +156,7 @@ class Alarms:
         self._set_by_us: dict[tuple[str, AlarmKey], int] = {}
         """How far the clock had been set when an alarm was raised, of those that are open"""
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
-        self._waiting: dict[tuple[str, AlarmKey], AxisAlarm] = {}
-        self._refused: set[tuple[str, AlarmKey]] = set()
-        self._promised: dict[tuple[str, AlarmKey], int] = {}
-        self._acknowledged: dict[tuple[str, AlarmKey], Note] = {}
+        self._waiting: dict[tuple[str, AlarmKey], _Waiting] = {}
         self._next_try = self._next_look = -RETRY_S
         self._revision = -1
         self._recorded = NO_ALARMS
@@ -175,13 +185,9 @@ class Alarms:
     ) -> None:
         """These axes have other nominal values from now on, and no open alarm in the journal; or they are gone."""
         self._open = {key: change for key, change in self._open.items() if key[0] not in axis_ids}
-        self._waiting = {key: change for key, change in self._waiting.items() if key[0] not in axis_ids}
-        self._refused = {key for key in self._refused if key[0] not in axis_ids}
-        self._promised = {key: n for key, n in self._promised.items() if key[0] not in axis_ids}
-        self._acknowledged = {key: note for key, note in self._acknowledged.items() if key[0] not in axis_ids}
-        self._quantities = {k: q for k, q in self._quantities.items() if k[0] not in axis_ids} | {
-            **quantities
-        }
+        self._waiting = {key: waiting for key, waiting in self._waiting.items() if key[0] not in axis_ids}
+        known = {key: q for key, q in self._quantities.items() if key[0] not in axis_ids}
+        self._quantities = {**known, **quantities}
         self._rules = {key: own for key, own in self._rules.items() if key[0] not in axis_ids} | {**rules}
 
     def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
@@ -190,13 +196,15 @@ class Alarms:
 
     def open(self, axis_id: str) -> tuple[Alarm, ...]:
         """The open alarms of an axis: those of the journal, and those that it does not have yet."""
-        changes = [*self._open.values(), *(c for c in self._unrecorded() if c.alarm.ended_us is None)]
-        return tuple(change.alarm for change in changes if change.axis_id == axis_id)
+        changes = [*self._open.values(), *(waiting.change for waiting in self._unrecorded())]
+        new = [change for change in changes if change.axis_id == axis_id]
+        return tuple(change.alarm for change in new if change.alarm.ended_us is None)
 
     def record(self, changes: Iterable[AxisAlarm]) -> None:
         """Add changes, and write all waiting ones, unless the last try has failed a moment ago."""
         for change in changes:
-            self._waiting[change.key] = self._lasting(change)
+            lasting = self._lasting(change)
+            self._waiting.setdefault(change.key, _Waiting(lasting)).change = lasting
         if self._waiting and self._clock() >= self._next_try:
             self._write()
 
@@ -220,11 +228,11 @@ class Alarms:
         Raises:
             AlarmTransitionError: that is not possible in its present state.
         """
-        for change in self._unrecorded():
-            if self._promised.get(change.key) == alarm_id:
-                transition(self._shown_alarm(change).life, AlarmEvent.ACKNOWLEDGE)
-                self._acknowledged[change.key] = note
-                return self._shown_alarm(change)
+        for waiting in self._unrecorded():
+            if waiting.promised == alarm_id:
+                transition(self._shown_alarm(waiting).life, AlarmEvent.ACKNOWLEDGE)
+                waiting.acknowledged = note
+                return self._shown_alarm(waiting)
         return None
 
     def removed(self, axis_id: str) -> Note | None:
@@ -253,40 +261,41 @@ class Alarms:
         self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states), removed=removed)
         self._revision, self._next_look = revision, -RETRY_S
 
-    def _unrecorded(self) -> list[AxisAlarm]:
-        return [change for key, change in self._waiting.items() if key not in self._open]
+    def _unrecorded(self) -> list[_Waiting]:
+        return [waiting for key, waiting in self._waiting.items() if key not in self._open]
 
     def _write(self) -> None:
-        changes = list(self._waiting.values())
+        every = list(self._waiting.values())
         try:
-            self._journal.record([self._entry(change) for change in changes])
+            self._journal.record([self._entry(waiting) for waiting in every])
         except StoreError as error:
             self._next_try = self._clock() + RETRY_S
-            if new := [change for change in changes if change.key not in self._refused]:
+            if new := [waiting for waiting in every if not waiting.refused]:
                 log.error("alarms cannot be recorded", reason=str(error), alarms=f"alarm of {_names(new)}")
-                self._refused |= {change.key for change in new}
+                for waiting in new:
+                    waiting.refused = True
             self._promise()
             self.problem = sentence(
                 "alarm not recorded",
                 "alarm of {alarms}: cannot be recorded yet, is tried again: {why}",
-                alarms=_names(changes),
+                alarms=_names(every),
                 why=error,
             )
             return
-        for waited in (self._waiting, self._refused, self._promised, self._acknowledged):
-            waited.clear()
+        self._waiting.clear()
         self.problem = None
-        for change in changes:
-            self._show(change)
+        for waiting in every:
+            self._show(waiting.change)
 
     def _promise(self) -> None:
         """Give the alarms that the journal does not have yet the ids that they will have there."""
-        new = [c.key for c in self._unrecorded() if c.key not in self._promised]
+        new = [waiting for waiting in self._unrecorded() if not waiting.promised]
         try:
-            last = max([self._journal.last_id(), *self._promised.values()])
+            last = max([self._journal.last_id(), *(waiting.promised for waiting in self._waiting.values())])
         except StoreError:
             return
-        self._promised |= {key: number for number, key in enumerate(new, last + 1)}
+        for number, waiting in enumerate(new, last + 1):
+            waiting.promised = number
 
     def _show(self, change: AxisAlarm) -> None:
         """Show the alarm as it is in the journal, and log the change."""
@@ -314,16 +323,16 @@ class Alarms:
         ended = None if alarm.ended_us is None else alarm.ended_us - step
         return change._replace(alarm=replace(alarm, updated_us=alarm.updated_us - step, ended_us=ended))
 
-    def _entry(self, change: AxisAlarm) -> Entry:
-        unit, nominal = self._quantities[change.axis_id, change.alarm.parameter]
-        rules = self._rules.get((change.axis_id, change.alarm.parameter), _PLAIN)
-        promised, note = self._promised.get(change.key, 0), self._acknowledged.get(change.key)
-        return Entry(change.axis_id, unit, nominal, change.alarm, rules, promised, note)
+    def _entry(self, waiting: _Waiting) -> Entry:
+        axis_id, alarm = waiting.change
+        unit, nominal = self._quantities[axis_id, alarm.parameter]
+        rules = self._rules.get((axis_id, alarm.parameter), _PLAIN)
+        return Entry(axis_id, unit, nominal, alarm, rules, waiting.promised, waiting.acknowledged)
 
-    def _shown_alarm(self, change: AxisAlarm) -> RecordedAlarm:
+    def _shown_alarm(self, waiting: _Waiting) -> RecordedAlarm:
         """The alarm as the journal will have it: it knows which axes persons have taken out of service."""
-        entry = self._entry(change)
-        if change.axis_id in self._recorded.removed:
+        entry = self._entry(waiting)
+        if entry.axis in self._recorded.removed:
             entry = entry._replace(rules=entry.rules._replace(out_of_service=True))
         return as_recorded(entry, entry.promised, recorded=False)
 
@@ -354,6 +363,7 @@ def _onset(e: Alarm) -> dict[str, str]:
     return {name: iso(t_us) for name, t_us in times.items() if t_us is not None}
 
 
-def _names(changes: Iterable[AxisAlarm]) -> str:
-    names = (f"{c.axis_id} {c.alarm.parameter} {c.alarm.direction}" for c in changes)
+def _names(waiting: Iterable[_Waiting]) -> str:
+    alarms = (w.change for w in waiting)
+    names = (f"{axis_id} {alarm.parameter} {alarm.direction}" for axis_id, alarm in alarms)
     return ", ".join(dict.fromkeys(names))

@@ -97,8 +97,7 @@ class Baselines:
     Args:
         configured: axes as configured.
         in_force: axes as they are monitored.
-        monitors: of the worker; used by its thread only.
-        worker: exchanges monitors.
+        worker: has the monitors, and exchanges them.
         epochs: where they are kept.
         now_us: wall clock.
     """
@@ -107,17 +106,20 @@ class Baselines:
         self,
         configured: Sequence[NamedAxis],
         in_force: Sequence[NamedAxis],
-        monitors: AxisMonitors,
         worker: Worker,
         epochs: Epochs,
         now_us: Callable[[], int],
     ) -> None:
         self._configured = {axis.id: axis for axis in configured}
         self._in_force = {axis.id: axis for axis in in_force}
-        self._monitors, self._worker, self.epochs, self._now_us = monitors, worker, epochs, now_us
+        self._worker, self.epochs, self._now_us = worker, epochs, now_us
         self._lock = threading.Lock()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="baselines", daemon=True)
+
+    @property
+    def _monitors(self) -> AxisMonitors:
+        return self._worker.pipeline.monitors
 
     def start(self) -> None:
         """Look after the windows from now on."""
@@ -182,8 +184,8 @@ class Baselines:
 
             def begin() -> Epoch:
                 epoch = self.epochs.learn(plan, note)
-                window = LearningWindow(self._monitors.by_id[axis_id].model, length_s)
-                self._monitors.epochs[axis_id].learning = Learning(epoch.number, window)
+                window = LearningWindow(self._monitors.axes[axis_id].monitor.model, length_s)
+                self._monitors.axes[axis_id].epoch.learning = Learning(epoch.number, window)
                 return epoch
 
             epoch = self.between_blocks(begin)
@@ -256,7 +258,7 @@ class Baselines:
         def end() -> Epoch | None:
             event, reason = ("refused", refused) if refused else ("cancelled", CANCELLED)
             epoch = self.epochs.cancel(axis_id, note, event, reason)  # type: ignore[arg-type]
-            self._monitors.epochs[axis_id].learning = None
+            self._monitors.axes[axis_id].epoch.learning = None
             return epoch
 
         epoch = self.between_blocks(end)
@@ -281,7 +283,7 @@ class Baselines:
                         self._verified(axis)
 
     def _finish(self, axis_id: str) -> None:
-        learning = self._monitors.epochs[axis_id].learning
+        learning = self._monitors.axes[axis_id].epoch.learning
         if learning is None or not learning.window.complete:
             return  # it was cancelled meanwhile
         # A window that is complete does not change any more, so that it can be read here.
@@ -305,7 +307,7 @@ class Baselines:
     def _verified(self, axis: AxisSnapshot) -> None:
         def end() -> None:
             self.epochs.verified(axis.id, axis.epoch.number, Note(self._now_us(), SERVICE))
-            epoch = self._monitors.epochs[axis.id]
+            epoch = self._monitors.axes[axis.id].epoch
             if epoch.number == axis.epoch.number:
                 epoch.verify_s = None
 
@@ -324,14 +326,14 @@ class Baselines:
         made.compile()
         made.compile_multimodel()
         if plan.verify_s:
-            made.epochs[axis_id].verify_s = plan.verify_s
+            made.axes[axis_id].epoch.verify_s = plan.verify_s
         axes = [axis if other.id == axis_id else other for other in self._in_force.values()]
 
         def exchange() -> Epoch:
-            if self._worker.waits_for_journal(axis_id):
+            if self._worker.alarms.waits_for_journal(axis_id):
                 words = "{axis}: alarms are not recorded yet; try again when they are"
                 raise BaselineConflictError(sentence("alarms first", words, axis=axis_id))
-            epoch = self.epochs.take_over(plan, note, self._worker.rules_of(axis_id))
+            epoch = self.epochs.take_over(plan, note, self._worker.alarms.rules_of(axis_id))
             self._worker.change(axes, made)
             return epoch
 

@@ -1,14 +1,55 @@
-"""The readers of all buses, of which another configuration exchanges some."""
+"""The readers of all buses, of which another configuration exchanges some, and what the worker takes of each."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
+from typing import Protocol
 
-from service.can.bus_reader import CanReader
+import structlog
+
+from service.can.bus_reader import BusSnapshot, CanReader
+from service.can.frames import FrameBlock
 from service.can.user_errors import BusError
 from service.config import Config
 from service.ingest.bus_samples import Ingest
 from service.pipeline.recording import Recording
-from service.pipeline.worker import BusIntake
+
+log = structlog.get_logger(__name__)
+
+
+class Reader(Protocol):
+    """Interface of service.can.bus_reader.CanReader as the worker uses it."""
+
+    def take(self, most: int = 4096) -> FrameBlock:
+        """About that many of the waiting frames, oldest first."""
+
+    def stats(self) -> BusSnapshot:
+        """State and counters."""
+
+
+class BusIntake:
+    """One bus: its frames, and its state, which is shown and logged."""
+
+    def __init__(self, name: str, reader: Reader, ingest: Ingest, recording: Recording) -> None:
+        self.name = name
+        self._reader, self._ingest, self._recording = reader, ingest, recording
+        self._state = "up"
+
+    def take(self, most: int) -> FrameBlock:
+        """The waiting frames, recorded."""
+        frames = self._reader.take(most)
+        if frames:
+            self._recording.write(self.name, frames)
+        return frames
+
+    def snapshot(self) -> BusSnapshot:
+        """State of the bus now; a change is logged."""
+        stats = self._reader.stats()
+        if stats.state != self._state:
+            self._state = stats.state
+            say = log.info if stats.up or stats.state == "closed" else log.error
+            say("bus", bus=self.name, state=stats.state)
+        return replace(stats, name=self.name, dropped={**stats.dropped, **self._ingest.dropped})
 
 
 class BusReaders:

@@ -95,7 +95,7 @@ class Checkpointer:
         interval_s: float,
         now_us: Callable[[], int],
     ) -> None:
-        self._checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
+        self.checkpoints, self._monitors, self._interval_s = checkpoints, monitors, interval_s
         self._now_us = now_us
         self._due = monotonic() + interval_s
         self.saved_us: int | None = None
@@ -118,7 +118,7 @@ class Checkpointer:
         now_us = self._now_us()
         states = [*giving_way(self._states()), *giving_way(self._monitors.trends.to_save())]
         try:
-            self._checkpoints.save(states, now_us)
+            self.checkpoints.save(states, now_us)
         except StoreError as error:
             if self.problem is None:
                 log.error("checkpoint failed; it is tried again", reason=str(error))
@@ -132,9 +132,8 @@ class Checkpointer:
         self._monitors.trends.saved()
 
     def _states(self) -> Iterator[AxisState]:
-        for axis_id, monitor in self._monitors.by_id.items():
-            epoch = self._monitors.epochs[axis_id]
-            for state in states_of(axis_id, monitor, self._monitors.operating(axis_id), epoch):
+        for axis_id, axis in self._monitors.axes.items():
+            for state in states_of(axis_id, axis.monitor, axis.operating, axis.epoch):
                 arrays = state.arrays()
                 if arrays is not None:
                     yield AxisState(state.name, state.key, arrays)
@@ -222,8 +221,9 @@ def restore(
     loader, times = _Loader(checkpoints, now_us), list[int]()
     opened: list[AxisAlarm] = []
     changes: list[AxisAlarm] = []
-    for axis_id, monitor in monitors.by_id.items():
-        for state in states_of(axis_id, monitor, monitors.operating(axis_id), monitors.epochs[axis_id]):
+    for axis_id, axis in monitors.axes.items():
+        monitor = axis.monitor
+        for state in states_of(axis_id, monitor, axis.operating, axis.epoch):
             at = Loss(axis_id, state.part, "")
             found = loader.load(at, state.name, state.key)
             if found is not None and loader.use(at, state.name, state.restore, found.arrays):

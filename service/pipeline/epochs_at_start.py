@@ -1,15 +1,19 @@
 """Which epochs are in force when the daemon starts or reads its configuration again, and what goes on of them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.trend import LearningWindow
 from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.config.epoch_values import EpochValuesError, content_of, fingerprint_of, values_of, with_epoch
+from service.pipeline.alarm_recording import alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.checkpointing import Restored, restore
 from service.pipeline.epoch_progress import Learning
+from service.store.checkpoints import Checkpoints
 from service.store.epochs import Configured, Epoch, Epochs, EpochValue
+from service.store.journal import Journal
 
 
 class AtStart(NamedTuple):
@@ -81,25 +85,37 @@ def nominal_values(axis: NamedAxis, before: NamedAxis | None = None) -> tuple[Ep
     )
 
 
-def resume(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch]) -> None:
-    """Let windows that were under way go on, before their state is restored.
+def bring_back(
+    monitors: AxisMonitors,
+    begun: AtStart,
+    checkpoints: Checkpoints,
+    journal: Journal,
+    now_us: int,
+    configured: Collection[str] | None = None,
+) -> Restored:
+    """Let the monitors of these axes go on where the last run has ended: ``restore``, and windows that were under way.
 
     Raises:
-        StoreError: the epochs cannot be read.
+        StoreError: a file cannot be read or written.
     """
-    for axis_id, epoch in in_force.items():
-        if epoch.state == "verifying":
-            monitors.epochs[axis_id].verify_s = epoch.verify_s
-    for epoch in epochs.learning():
-        if epoch.axis in monitors.by_id and epoch.learn_s is not None:
-            window = LearningWindow(monitors.by_id[epoch.axis].model, epoch.learn_s)
-            monitors.epochs[epoch.axis].learning = Learning(epoch.number, window)
-
-
-def note_begun_again(monitors: AxisMonitors) -> None:
-    """Let the windows of ``resume`` of which nothing could be restored have a message, for as long as they run."""
-    for axis_id, epoch in monitors.epochs.items():
-        if epoch.learning is not None and not epoch.learning.window.done_s:
+    _resume(monitors, journal.epochs, begun.epochs)
+    restored = restore(monitors, checkpoints, journal, now_us, configured)
+    journal.obey(alarm_rules(begun.axes, quantities(monitors.by_id)), now_us)
+    for axis_id, axis in monitors.axes.items():
+        epoch = axis.epoch
+        if epoch.learning is not None and not epoch.learning.window.done_s:  # nothing of it could be restored
             words = "{axis}: the learning window of epoch {epoch} begins again"
             again = sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
             epoch.learning = epoch.learning._replace(again=again)
+    return restored
+
+
+def _resume(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch]) -> None:
+    """Let windows that were under way go on, before their state is restored."""
+    for axis_id, epoch in in_force.items():
+        if epoch.state == "verifying":
+            monitors.axes[axis_id].epoch.verify_s = epoch.verify_s
+    for epoch in epochs.learning():
+        if epoch.learn_s is not None and (axis := monitors.axes.get(epoch.axis)) is not None:
+            window = LearningWindow(axis.monitor.model, epoch.learn_s)
+            axis.epoch.learning = Learning(epoch.number, window)

@@ -170,7 +170,7 @@ class RecordingFolder:
         while len(files) > 1 and sum(sizes) > self._most_bytes:  # the newest stays
             for file in (files[0], *reports[0]):
                 file.unlink(missing_ok=True)
-            log.info("the oldest recording is removed, all take too much", file=files[0].name)
+            log.info("the oldest recording is removed: all of them exceed recordings_mb", file=files[0].name)
             del files[0], reports[0], sizes[0]
 
 

@@ -19,14 +19,12 @@ from service.config.axis_settings import AxisError
 from service.config.bus_messages import Files, files_of
 from service.config.drive_sources import Modelled, model_of_axis
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import alarm_groups, alarm_rules, quantities
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.alarm_recording import alarm_groups
+from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.baselines import Baselines
-from service.pipeline.bus_readers import BusReaders
-from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.epochs_at_start import at_start, note_begun_again, resume
-from service.pipeline.worker import BusIntake, Worker
-from service.store.checkpoints import Checkpoints
+from service.pipeline.bus_readers import BusIntake, BusReaders
+from service.pipeline.epochs_at_start import at_start, bring_back
+from service.pipeline.worker import Worker
 from service.store.journal import Journal
 
 log = structlog.get_logger(__name__)
@@ -57,13 +55,10 @@ class Reloading:
 
     Args:
         config: the configuration that the daemon has started with.
-        pipeline: of the worker; used by its thread only.
         worker: exchanges monitors.
         baselines: know which values are in force.
         buses: the readers.
         journal: of the alarms and epochs.
-        checkpoints: where the states of the monitors are.
-        checkpointer: saves them.
         now_us: wall clock.
         parts: what else is exchanged.
     """
@@ -71,20 +66,16 @@ class Reloading:
     def __init__(
         self,
         config: Config,
-        pipeline: FramePipeline,
         worker: Worker,
         baselines: Baselines,
         buses: BusReaders,
         journal: Journal,
-        checkpoints: Checkpoints,
-        checkpointer: Checkpointer,
         now_us: Callable[[], int],
         parts: Sequence[Part] = (),
     ) -> None:
-        self._config, self._pipeline, self._worker, self._baselines = config, pipeline, worker, baselines
-        self._journal, self._checkpoints, self._checkpointer = journal, checkpoints, checkpointer
-        self._buses, self._now_us, self._parts = buses, now_us, parts
-        self._filters = {name: frozenset(ingest.filter) for name, ingest in pipeline.ingests.items()}
+        self._config, self._worker, self._baselines, self._buses = config, worker, baselines, buses
+        self._journal, self._now_us, self._parts = journal, now_us, parts
+        self._filters = {name: frozenset(ingest.filter) for name, ingest in worker.pipeline.ingests.items()}
         self._files = {bus.name: files_of(config, bus.name) for bus in config.bus}
         self._drives = _drives(config)
 
@@ -183,24 +174,21 @@ class Reloading:
         ids = [axis.id for axis in axes]
 
         def exchange() -> tuple[str, ...]:
-            now_us = self._now_us()
-            self._worker.take_all()
-            if late := [a for a in (*in_force, *removed) if self._worker.waits_for_journal(a)]:
+            now_us, worker = self._now_us(), self._worker
+            worker.take_all()
+            if late := [a for a in (*in_force, *removed) if worker.alarms.waits_for_journal(a)]:
                 raise ReloadError(
                     f"alarms of {', '.join(late)} are not recorded yet; try again when they are"
                 )
-            self._checkpointer.save()
-            resume(made, self._journal.epochs, begun.epochs)
-            restored = restore(made, self._checkpoints, self._journal, now_us, ids)
-            rules = alarm_rules(begun.axes, quantities(made.by_id))
-            self._journal.obey(rules, now_us)
+            worker.checkpointer.save()
+            restored = bring_back(made, begun, worker.checkpointer.checkpoints, self._journal, now_us, ids)
             self._journal.group(alarm_groups(new.axes))
-            self._worker.change_buses([bus.name for bus in new.bus], intakes, ingests)
-            for name, ingest in self._pipeline.ingests.items():
+            worker.change_buses([bus.name for bus in new.bus], intakes, ingests)
+            for name, ingest in worker.pipeline.ingests.items():
                 ingest.change([axis for axis in axes if axis.config.bus == name], in_force.keys())
-            self._worker.change(axes, made)
-            self._worker.adopt(restored.open, restored.changes)
-            note_begun_again(made)
+            worker.change(axes, made)
+            worker.alarms.adopt(restored.open)
+            worker.alarms.record(restored.changes)
             return restored.messages
 
         messages = self._baselines.between_blocks(exchange)

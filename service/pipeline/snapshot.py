@@ -14,9 +14,11 @@ from service.config import NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
-from service.pipeline.axis_monitors import FramePipeline, Heat
+from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axis_pipeline import AxisPipeline, Heat
 from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
 from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
+from service.pipeline.trends import Trends
 from service.store.alarm_transitions import CONFIGURATION, Note
 
 
@@ -137,54 +139,69 @@ def out_of_service(axes: Iterable[AxisSnapshot]) -> Iterator[str]:
 # --- How they are made: status of the monitor, alarms as they are shown ---------------------------------------------
 
 
+def axis_snapshot(
+    axis: AxisPipeline,
+    trends: Trends,
+    status: AxisStatus,
+    open_alarms: tuple[Alarm, ...],
+    dropped: Mapping[str, int],
+    clock: Mapping[str, int],
+    stamps: Stamps,
+) -> AxisSnapshot:
+    """What the monitor of an axis, its trends, its alarms and its input show now."""
+    named, drive = axis.config, axis.monitor.model.drive
+    return AxisSnapshot(
+        id=named.id,
+        robot=named.robot,
+        name=named.config.name,
+        bus=named.config.bus,
+        drive=drive.name,
+        output=drive.output,
+        interval_s=named.config.sample_interval_s,
+        nominal=axis.nominal,
+        status=status,
+        open_alarms=open_alarms,
+        dropped={**dropped, **axis.dropped},
+        clock=clock,
+        gated_by=axis.gated_by,
+        outside_calibration=axis.outside_calibration,
+        heat=axis.heat,
+        stamps=stamps,
+        causes=axis.causes,
+        trends=trends.for_axis(named.id),
+        histories_lost=trends.lost[named.id],
+        epoch=axis.epoch.shown(status),
+    )
+
+
 class AxisView:
-    """Snapshots of one axis, from its input, its monitor and its alarms."""
+    """Snapshots of one axis of the daemon."""
 
     def __init__(
         self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording
     ) -> None:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
-        monitor = pipeline.monitors.by_id[axis.id]
-        self._model = model = monitor.model
-        self._watched = MonitoredDrive(model, monitor.settings, model_of_axis(axis.config).components)
-        self._nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
-        self._causes = tuple(dict.fromkeys((*(p.name for p in model.parameters), *monitor.causes)))
+        self._monitored = pipeline.monitors.axes[axis.id]
+        monitor, components = self._monitored.monitor, model_of_axis(axis.config).components
+        self._watched = MonitoredDrive(monitor.model, monitor.settings, components)
         self._by_configuration = Note(0, CONFIGURATION) if axis.config.alarms.out_of_service else None
 
     def take_point(self) -> None:
         """Give the history a point of the axis, if one is due."""
-        axis_id, monitors = self._axis.id, self._pipeline.monitors
-        monitor = monitors.by_id[axis_id]
+        axis_id, monitor = self._axis.id, self._monitored.monitor
         if self._history.is_due(axis_id, monitor.time_us):
-            self._history.take(axis_id, monitor.status(), bool(monitors.waits_for(axis_id)))
+            self._history.take(axis_id, monitor.status(), bool(self._monitored.gated_by))
 
     def snapshot(self) -> AxisSnapshot:
         """Snapshot of the axis now."""
-        axis, drive, monitors = self._axis, self._model.drive, self._pipeline.monitors
-        monitor = monitors.by_id[axis.id]
+        axis, trends = self._axis, self._pipeline.monitors.trends
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
-        status, open_alarms = monitor.status(), self._alarms.open(axis.id)
-        return AxisSnapshot(
-            id=axis.id,
-            robot=axis.robot,
-            name=axis.config.name,
-            bus=axis.config.bus,
-            drive=drive.name,
-            output=drive.output,
-            interval_s=axis.config.sample_interval_s,
-            nominal=self._nominal,
-            status=_as_recorded(status, open_alarms),
-            open_alarms=open_alarms,
-            dropped={**source.dropped, **monitors.dropped(axis.id)},
-            clock=source.events,
-            gated_by=monitors.waits_for(axis.id),
-            outside_calibration=monitors.outside_calibration(axis.id),
-            heat=monitors.heat(axis.id),
-            stamps=source.stamps,
-            causes=self._causes,
-            trends=monitors.trends.for_axis(axis.id),
-            histories_lost=monitors.trends.lost[axis.id],
-            epoch=monitors.epochs[axis.id].shown(status),
+        open_alarms = self._alarms.open(axis.id)
+        status = _as_recorded(self._monitored.monitor.status(), open_alarms)
+        return replace(
+            axis_snapshot(
+                self._monitored, trends, status, open_alarms, source.dropped, source.events, source.stamps
+            ),
             out_of_service=self._alarms.removed(axis.id) or self._by_configuration,
             watched=self._watched,
         )

@@ -45,8 +45,8 @@ class WallClock:
         way = "back" if step_us < 0 else "forward"
         self.message = sentence(
             "clock set back" if step_us < 0 else "clock set forward",
-            "the clock of this machine was set {way} by {by}; {at} is the first time after it. An alarm of before ends"
-            " so long after it was raised as it has lasted",
+            "the clock of this machine was set {way} by {by}, to {at}. Alarms that were raised before are recorded with"
+            " their true duration",
             way=way,
             by=duration(abs(step_us) * 1e-6),
             by_s=abs(step_us) * 1e-6,

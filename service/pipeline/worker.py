@@ -10,28 +10,24 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 from time import perf_counter, thread_time
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import structlog
 
-from monitor_core.monitoring import AlarmRules
 from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
-from service.can.frames import FrameBlock
 from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot, AxisAlarm, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.giving_way import giving_way
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
-from service.store.alarm_table import RecordedAlarm
-from service.store.alarm_transitions import Note
 
 LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
 """Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
@@ -61,41 +57,6 @@ COMPILING_MULTIMODEL = sentence(
 )
 
 log = structlog.get_logger(__name__)
-
-
-class Reader(Protocol):
-    """Interface of service.can.bus_reader.CanReader as the worker uses it."""
-
-    def take(self, most: int = 4096) -> FrameBlock:
-        """About that many of the waiting frames, oldest first."""
-
-    def stats(self) -> BusSnapshot:
-        """State and counters."""
-
-
-class BusIntake:
-    """One bus: its frames, and its state, which is shown and logged."""
-
-    def __init__(self, name: str, reader: Reader, ingest: Ingest, recording: Recording) -> None:
-        self.name = name
-        self._reader, self._ingest, self._recording = reader, ingest, recording
-        self._state = "up"
-
-    def take(self, most: int) -> FrameBlock:
-        """The waiting frames, recorded."""
-        frames = self._reader.take(most)
-        if frames:
-            self._recording.write(self.name, frames)
-        return frames
-
-    def snapshot(self) -> BusSnapshot:
-        """State of the bus now; a change is logged."""
-        stats = self._reader.stats()
-        if stats.state != self._state:
-            self._state = stats.state
-            say = log.info if stats.up or stats.state == "closed" else log.error
-            say("bus", bus=self.name, state=stats.state)
-        return replace(stats, name=self.name, dropped={**stats.dropped, **self._ingest.dropped})
 
 
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
@@ -163,6 +124,8 @@ class _Action(NamedTuple, Generic[T]):
 class Worker:
     """Owns the pipeline from ``start`` until ``stop`` returns.
 
+    ``pipeline``, ``alarms`` and ``checkpointer`` are used by its thread only: others use them ``between_blocks``.
+
     Args:
         config: the whole configuration.
         pipeline: decoding and monitors, restored.
@@ -191,8 +154,8 @@ class Worker:
         messages: Sequence[str],
         on_failure: Callable[[], None],
     ) -> None:
-        self._pipeline, self._buses, self._recording = pipeline, buses, recording
-        self._alarms, self._checkpointer, self._compiled = alarms, checkpointer, compiled
+        self.pipeline, self._buses, self._recording = pipeline, buses, recording
+        self.alarms, self.checkpointer, self._compiled = alarms, checkpointer, compiled
         self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
         self._block_s = config.block_s
         self._judge_s = self._took_s = 0.0
@@ -249,18 +212,6 @@ class Worker:
             done.cancel()
         return done
 
-    def waits_for_journal(self, axis_id: str) -> bool:
-        """Whether the journal does not have all of the alarms of an axis yet; between two blocks."""
-        return self._alarms.waits_for_journal(axis_id)
-
-    def acknowledge(self, alarm_id: int, note: Note) -> RecordedAlarm | None:
-        """As ``Alarms.acknowledge``; between two blocks."""
-        return self._alarms.acknowledge(alarm_id, note)
-
-    def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
-        """What the configuration says of the alarms of an axis, by their causes; between two blocks."""
-        return self._alarms.rules_of(axis_id)
-
     def change(self, axes: Sequence[NamedAxis], made: AxisMonitors) -> None:
         """Monitor these axes from now on, those of ``made`` by its monitors; between two blocks.
 
@@ -270,13 +221,13 @@ class Worker:
         gone = [axis_id for axis_id in self._views if axis_id not in ids]
         new = [axis for axis in axes if axis.id in made.by_id]
         known = quantities(made.by_id)
-        self._pipeline.monitors.change(ids, made)
-        self._pipeline.live.forget({*made.by_id, *gone})
-        self._alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
+        self.pipeline.monitors.change(ids, made)
+        self.pipeline.live.forget({*made.by_id, *gone})
+        self.alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
         self._views = {axis_id: view for axis_id, view in self._views.items() if axis_id in ids}
         self._views |= {axis.id: self._view(axis) for axis in new}
         self._views = {axis_id: self._views[axis_id] for axis_id in ids}
-        self._checkpointer.save_soon()
+        self.checkpointer.save_soon()
 
     def take_all(self) -> None:
         """Take all frames that wait; between two blocks."""
@@ -288,7 +239,7 @@ class Worker:
     ) -> None:
         """Take frames of these buses from now on, those of ``new`` in place of the former; between two blocks."""
         kept = {bus.name: bus for bus in self._buses}
-        self._pipeline.change_buses(names, ingests)
+        self.pipeline.change_buses(names, ingests)
         self._buses = [new.get(name) or kept[name] for name in names]
 
     @property
@@ -296,13 +247,8 @@ class Worker:
         """Whether frames wait for the compiler; from any thread."""
         return not self._compiled.estimates.done()
 
-    def adopt(self, open_alarms: Iterable[AxisAlarm], changes: Iterable[AxisAlarm]) -> None:
-        """Alarms of changed axes that are open in the journal, and what it does not have yet; between two blocks."""
-        self._alarms.adopt(open_alarms)
-        self._alarms.record(changes)
-
     def _view(self, axis: NamedAxis) -> AxisView:
-        return AxisView(axis, self._pipeline, self._alarms, self._history)
+        return AxisView(axis, self.pipeline, self.alarms, self._history)
 
     def _run(self) -> None:
         try:
@@ -338,15 +284,15 @@ class Worker:
             view.take_point()
         self._publish(at_once=acted)
         # While samples wait for the detectors, these would be older than the estimates.
-        if not self._pipeline.monitors.deferred_samples:
-            self._checkpointer.save_if_due()
+        if not self.pipeline.monitors.deferred_samples:
+            self.checkpointer.save_if_due()
         return busy
 
     def _waits(self) -> bool:
         """Whether frames wait for the compiler."""
         if self.compiles:
             return True
-        full = self._pipeline.monitors.deferred_samples >= MOST_DEFERRED
+        full = self.pipeline.monitors.deferred_samples >= MOST_DEFERRED
         return full and not self._compiled.multimodel.done()
 
     def _block(self) -> bool:
@@ -354,10 +300,10 @@ class Worker:
         start, before_s = perf_counter(), thread_time()
         self._now_us()  # if the clock was set, this is known before the frames with the new times
         counts = [self._take(bus) for bus in self._buses]
-        self._record(self._pipeline.update())
+        self._record(self.pipeline.update())
         if start >= self._judge_s:
             self._judge()
-        self._record(self._pipeline.monitors.trends.update(1))
+        self._record(self.pipeline.monitors.trends.update(1))
         if any(counts):
             self._time.observe(perf_counter() - start)
         self._took_s = thread_time() - before_s
@@ -367,17 +313,17 @@ class Worker:
         """Let the multi-model detectors take the samples that wait for them."""
         if self._compiled.multimodel.done():
             self._compiled.multimodel.result()
-            self._record(self._pipeline.monitors.update_multimodel())
+            self._record(self.pipeline.monitors.update_multimodel())
             self._judge_s = perf_counter() + JUDGE_S
 
     def _record(self, changes: Iterable[AxisAlarm]) -> None:
         changes = list(changes)
-        self._alarms.record(changes)
+        self.alarms.record(changes)
         self._recording.follow(changes)
 
     def _take(self, bus: BusIntake) -> int:
         frames = bus.take(MOST_FRAMES)
-        self._pipeline.take(bus.name, frames)
+        self.pipeline.take(bus.name, frames)
         return frames.size
 
     def _finish(self) -> None:
@@ -385,15 +331,15 @@ class Worker:
         if self._compiled.estimates.done():
             while self._block():
                 pass
-            self._pipeline.flush()
-            self._record(self._pipeline.update())
-            self._record(self._pipeline.monitors.trends.update())
+            self.pipeline.flush()
+            self._record(self.pipeline.update())
+            self._record(self.pipeline.monitors.trends.update())
             self._judge()
-        if left := self._pipeline.monitors.deferred_samples:
+        if left := self.pipeline.monitors.deferred_samples:
             log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
         for view in self._views.values():
             view.take_point()
-        self._checkpointer.save()
+        self.checkpointer.save()
         self._publish(at_once=True)
 
     def _publish(self, at_once: bool) -> None:
@@ -418,7 +364,7 @@ class Worker:
 
     def _news(self, now_us: int) -> _News:
         history, buses = self._history.state(), tuple(bus.snapshot() for bus in self._buses)
-        return _News(now_us, buses, self._alarms.snapshot(now_us), history, self._all_messages(history))
+        return _News(now_us, buses, self.alarms.snapshot(now_us), history, self._all_messages(history))
 
     def _snapshot(self, news: _News) -> Snapshot:
         axes = tuple(view.snapshot() for view in giving_way(self._views.values()))
@@ -428,18 +374,18 @@ class Worker:
             axes=axes,
             buses=news.buses,
             processing=self._time.histogram(),
-            checkpoint_us=self._checkpointer.saved_us,
+            checkpoint_us=self.checkpointer.saved_us,
             messages=(*out_of_service(axes), *news.messages),
             alarms=news.alarms,
             history=news.history,
         )
 
     def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
-        alarms = self._alarms.problem, self._alarms.clock_message
-        now = (*alarms, self._checkpointer.problem, history.problem, *self._recording.problems)
+        alarms = self.alarms.problem, self.alarms.clock_message
+        now = (*alarms, self.checkpointer.problem, history.problem, *self._recording.problems)
         compiling = [COMPILING] if self._waits() else []
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
             compiling.append(COMPILING_MULTIMODEL)
         problems = (problem for problem in now if problem)
-        again = self._pipeline.monitors.begun_again
+        again = self.pipeline.monitors.begun_again
         return (*compiling, *problems, *self._messages, *again, *history.messages)

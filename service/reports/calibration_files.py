@@ -62,7 +62,7 @@ def _tables(calibration: Calibration) -> Iterator[str]:
     yield toml_table("[nominal]", result.model.nominal)
     made = {"axiswatch": provenance.version, "command": provenance.command}
     records = [
-        toml_table("[[record]]", {"file": s.text, "sha256": s.sha256, "samples": s.samples})
+        toml_table("[[record]]", {"file": s.text, "sha256": s.sha256, "samples": s.used})
         for s in calibration.sources
     ]
     yield toml_table("[provenance]", made) + "".join(records)
@@ -107,7 +107,10 @@ def as_json(calibration: Calibration) -> str:
             "made_with": made_with(result.model, result.settings),
             "nominal": result.model.nominal,
             "conditions": [r._asdict() for r in calibration.ranges],
-            "records": calibration.sources,
+            "records": [
+                {"text": s.text, "sha256": s.sha256, "samples": s.used, "seconds": s.end_s - s.start_s}
+                for s in calibration.sources
+            ],
             "warnings": calibration.warnings,
             "provenance": {"version": made.version, "date": made.date, "command": made.command},
         }

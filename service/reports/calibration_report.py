@@ -16,7 +16,7 @@ from monitor_core.monitoring import RMS_SPEED, Range
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
-from service.ingest.loaded_records import SamplesOrigin
+from service.ingest.loaded_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, plain
 
 
@@ -26,7 +26,7 @@ class Calibration:
 
     axis: NamedAxis
     result: CalibrationResult
-    sources: Sequence[SamplesOrigin]
+    sources: Sequence[RecordOrigin]
     warnings: Sequence[str]
     provenance: Provenance
     alarms: DetectorName = "cusum"
@@ -252,9 +252,9 @@ def warnings(result: CalibrationResult) -> Iterator[str]:
     rows = zip(result.model.monitored, result.scatter.mean_d, beyond, strict=True)
     if off := [f"{name} by {100 * mean:+.2g} %" for name, mean, more in rows if more > 0]:
         yield (
-            f"Off its nominal value all along, in parts of its size: {', '.join(off)}. nu allows for it. Nominal values"
-            " from these records, by `axiswatch identify` with `--start values --free"
-            f" {','.join(result.model.monitored)}`, let smaller faults be found."
+            f"Off the nominal value in all records, in parts of the size: {', '.join(off)}. nu allows for it. With"
+            " nominal values from these records, by `axiswatch identify` with `--start values --free"
+            f" {','.join(result.model.monitored)}`, smaller faults can be found."
         )
     for name, allowed in zip(result.model.monitored, result.allowance - beyond, strict=True):
         if allowed > 0:

@@ -88,4 +88,4 @@ def _gained(experiment: PlannedExperiment) -> Iterator[str]:
         yield "A flat spectrum is the best that was found within these limits."
         return
     each = ", ".join(f"{name} {gain:.2g}" for name, gain in experiment.gains.items())
-    yield f"The spectrum is made for what is to be found: so many times as accurate as a flat one: {each}."
+    yield f"The spectrum is shaped for what is to be found. Times as accurate as with a flat one: {each}."

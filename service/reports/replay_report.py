@@ -11,7 +11,7 @@ from rich.text import Text
 
 from monitor_core.monitoring import ParameterStatus, Status
 from monitor_core.wording import percent
-from service.pipeline.axis_monitors import Heat
+from service.pipeline.axis_pipeline import Heat
 from service.reports.formats import Table, for_terminal, json_text, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
 from service.reports.replay_result import Replayed, ReplayedAxis

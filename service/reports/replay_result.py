@@ -18,7 +18,7 @@ from service.ingest.records import Record
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
 from service.pipeline.alarm_recording import Quantity, as_recorded, quantities
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.snapshot import AxisSnapshot
+from service.pipeline.snapshot import AxisSnapshot, axis_snapshot
 from service.reports.formats import Provenance
 from service.reports.replay_course import Course, TimeUnit
 from service.store.alarm_entries import Entry
@@ -140,28 +140,17 @@ class Replay:
         return Replayed(axes, self._frames_dropped, records, config, Provenance.now())
 
     def _axis(self, axis: NamedAxis) -> ReplayedAxis:
-        monitors, stamps = self._monitors, self._stamps.get(axis.id, NOT_KNOWN)
-        monitor = monitors.by_id[axis.id]
-        model, status = monitor.model, monitor.status()
+        monitored, stamps = self._monitors.axes[axis.id], self._stamps.get(axis.id, NOT_KNOWN)
+        status = monitored.monitor.status()
         alarms = self._recorded(axis, status)
-        snapshot = AxisSnapshot(
-            id=axis.id,
-            robot=axis.robot,
-            name=axis.config.name,
-            bus=axis.config.bus,
-            drive=model.drive.name,
-            output=model.drive.output,
-            interval_s=axis.config.sample_interval_s,
-            nominal={p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters},
-            status=status,
-            open_alarms=tuple(alarm for alarm in alarms if alarm.active),
-            dropped={**self._dropped[axis.id], **monitors.dropped(axis.id)},
-            clock=self._clock[axis.id],
-            gated_by=monitors.waits_for(axis.id),
-            outside_calibration=monitors.outside_calibration(axis.id),
-            heat=monitors.heat(axis.id),
-            stamps=stamps,
-            trends=monitors.trends.for_axis(axis.id),
+        snapshot = axis_snapshot(
+            monitored,
+            self._monitors.trends,
+            status,
+            tuple(alarm for alarm in alarms if alarm.active),
+            self._dropped[axis.id],
+            self._clock[axis.id],
+            stamps,
         )
         doubts = remarks(axis.config.sample_interval_s, stamps)
         outside = [

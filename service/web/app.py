@@ -1,5 +1,6 @@
 """The web application: REST API, health and metrics, pages that ask no other host, answers to failed requests."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -230,8 +231,26 @@ def _describe_webhook(app: FastAPI) -> None:
         """A transition of an alarm, again and again until the answer is 2xx, or 4xx other than 408, 425 and 429."""
 
 
+_STATUS: Mapping[type[Exception], int] = {
+    ShelfEndError: 400,
+    ForbiddenError: 403,
+    AlarmTransitionError: 409,
+    BaselineConflictError: 409,
+    BaselineError: 422,
+    BaselineUnavailableError: 503,
+    NoLookError: 503,
+}
+"""Of the answer to a request that raises such an error, whose text is its first argument"""
+
+
 def _answer_errors(app: FastAPI) -> None:
     """Answer failed requests with the reason and the resources that exist."""
+
+    async def refused(_: Request, error: Exception) -> JSONResponse:
+        return answer(_STATUS[type(error)], error.args[0])
+
+    for kind in _STATUS:
+        app.add_exception_handler(kind, refused)
 
     @app.exception_handler(UnknownResourceError)
     async def not_known(_: Request, error: UnknownResourceError) -> JSONResponse:
@@ -240,27 +259,6 @@ def _answer_errors(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def not_as_described(_: Request, error: RequestValidationError) -> JSONResponse:
         return answer(422, mistakes(error.errors()))
-
-    @app.exception_handler(ForbiddenError)
-    async def not_allowed(_: Request, error: ForbiddenError) -> JSONResponse:
-        return answer(403, error.args[0])
-
-    @app.exception_handler(AlarmTransitionError)
-    async def not_possible(_: Request, error: AlarmTransitionError) -> JSONResponse:
-        return answer(409, error.args[0])
-
-    @app.exception_handler(ShelfEndError)
-    async def no_such_time(_: Request, error: ShelfEndError) -> JSONResponse:
-        return answer(400, str(error))
-
-    @app.exception_handler(BaselineError)
-    async def no_baseline(_: Request, error: BaselineError) -> JSONResponse:
-        statuses = {BaselineConflictError: 409, BaselineUnavailableError: 503}
-        return answer(statuses.get(type(error), 422), error.args[0])
-
-    @app.exception_handler(NoLookError)
-    async def no_look(_: Request, error: NoLookError) -> JSONResponse:
-        return answer(503, error.args[0])
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:

@@ -13,7 +13,7 @@ from starlette.exceptions import HTTPException
 
 from service.config import NamedAxis
 from service.config.commissioned import RECORDS, REPORT, motion_file, pages_of
-from service.web.app_state import OLDEST_SAMPLE_S, AppState, sample_age_s
+from service.web.app_state import AppState, is_silent
 from service.web.models import Body
 from service.web.problem_details import described
 from service.web.report_pages import ReportPages
@@ -93,44 +93,25 @@ def router(state: AppState) -> APIRouter:
 def _steps(
     state: AppState, setup: RobotSetup, axes: tuple[NamedAxis, ...], folder: Path
 ) -> list[CommissioningStep]:
-    name, total = setup.file.name, len(axes)
-    silent = sum(_is_silent(state, axis.id) for axis in axes)
+    own, total = f"--config {shlex.quote(setup.file.name)}", len(axes)
+    heard = [state.snapshot().axis(axis.id) for axis in axes]
+    silent = sum(axis is None or is_silent(axis, state.now_us()) for axis in heard)
     records = len(list((folder / RECORDS).glob("*.log")))
     models = [axis.config.model for axis in axes]
     # Where a commissioned robot lacks something, all of it is written again, beside the same configuration.
     where = "." if (folder / REPORT).is_file() else "commissioned"
-    commission = shlex.join(
-        ["axiswatch", "commission", "--config", name, "--minutes", "10", "--output", where]
-    )
-    own = shlex.quote(name)
-    return [
-        CommissioningStep(
-            name="configure", done=total, total=total, command=f"axiswatch check --config {own}"
-        ),
-        CommissioningStep(
-            name="signals", done=total - silent, total=total, command=f"axiswatch listen --config {own}"
-        ),
-        CommissioningStep(name="record", done=records, total=None, command=commission),
-        CommissioningStep(
-            name="identify",
-            done=sum(m.nominal_file is not None for m in models),
-            total=total,
-            command=commission,
-        ),
-        CommissioningStep(
-            name="calibrate",
-            done=sum(m.thresholds_file is not None for m in models),
-            total=total,
-            command=commission,
-        ),
-        CommissioningStep(name="run", done=total, total=total, command=f"axiswatch run --config {own}"),
+    commission = f"axiswatch commission {own} --minutes 10 --output {where}"
+    identified = sum(model.nominal_file is not None for model in models)
+    calibrated = sum(model.thresholds_file is not None for model in models)
+    steps: list[tuple[StepName, int, int | None, str]] = [
+        ("configure", total, total, f"axiswatch check {own}"),
+        ("signals", total - silent, total, f"axiswatch listen {own}"),
+        ("record", records, None, commission),
+        ("identify", identified, total, commission),
+        ("calibrate", calibrated, total, commission),
+        ("run", total, total, f"axiswatch run {own}"),
     ]
-
-
-def _is_silent(state: AppState, axis_id: str) -> bool:
-    axis = state.snapshot().axis(axis_id)
-    age_s = None if axis is None else sample_age_s(axis, state.now_us())
-    return age_s is None or age_s > OLDEST_SAMPLE_S
+    return [CommissioningStep(name=n, done=done, total=most, command=does) for n, done, most, does in steps]
 
 
 def _axis(axis: NamedAxis, folder: Path, reports: ReportPages | None) -> AxisCommissioning:

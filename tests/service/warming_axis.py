@@ -13,7 +13,8 @@ from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
 from monitor_core.samples import SampleBlock
 from service.commands.options import configuration
-from service.pipeline.axis_monitors import AxisMonitors, Heat
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axis_pipeline import Heat
 from tests.core.mismatch import INTERVAL_S, MOVING, STEP, Block, FaultAlarm, alarm_of
 from tests.core.warming import WarmingPlant
 from tests.service.by_commands import RefusedError, restarted, write_thresholds
@@ -118,12 +119,12 @@ class Watcher:
     @property
     def heat(self) -> Heat | None:
         """How warm it believes the axis to be."""
-        return self._monitors.heat(AXIS_ID)
+        return self._monitors.axes[AXIS_ID].heat
 
     @property
     def outside(self) -> tuple[str, ...]:
         """Conditions that are outside those of its records."""
-        return self._monitors.outside_calibration(AXIS_ID)
+        return self._monitors.axes[AXIS_ID].outside_calibration
 
     def restarted(self) -> Watcher:
         """Another one that carries on from the checkpoint of this one."""

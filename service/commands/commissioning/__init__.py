@@ -1,6 +1,6 @@
 """From records of a healthy robot to its configuration: what ``axiswatch commission`` does, axis by axis.
 
-Signals: ``checked_axis``, ``signal_proposals`` (by ``signal_units``, ``signal_faults``), ``signal_look`` of the daemon.
-On a bus: ``live_look``, ``live_recording``, ``bus_recording``.  An axis: ``axis_commissioning``, with
-``commissioning_remedies`` and ``link_load``; several at once: ``axis_processes``.
+Signals: ``checked_axis``, ``signal_proposals`` (by ``signal_units``, ``signal_faults``).  On a bus: ``bus_recording``,
+``live_recording``, and ``axis_look`` (shown by ``live_look``, and on the page by ``signal_look``).  An axis:
+``axis_commissioning``, with ``commissioning_remedies`` and ``link_load``; several at once: ``axis_processes``.
 """

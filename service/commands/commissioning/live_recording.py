@@ -13,6 +13,7 @@ from rich.console import Console
 from monitor_core.wording import duration
 from service.can.frame_recorder import span_s
 from service.can.user_errors import RecordError
+from service.commands.commissioning.axis_look import AxisLook
 from service.commands.commissioning.bus_recording import record_buses
 from service.commands.commissioning.live_look import Look, look_at
 from service.commands.progress import steps_bar
@@ -72,7 +73,7 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
         console.print(words, markup=False)
     if stop.is_set():
         raise typer.Exit
-    if not any(axis.has_signals for axis in look.axes):
+    if not any(axis.loaded for axis in look.axes):
         raise RecordError("nothing is recorded: no axis has its signals on the buses; see above what to do")
     paths = [folder / motion_file(axis.id) for axis in config.axes]
     motions = {path: _length_s(path) for path in paths if path.exists()}
@@ -102,12 +103,17 @@ def _length_s(motion: Path) -> float:
 def _words(look: Look) -> Iterator[str]:
     yield from map(_sentence, look.buses)
     for axis in look.axes:
-        found = (
-            axis.facts,
-            *axis.problems,
-            *(f"{words}; proposed after the recording" for words in axis.proposals),
-        )
-        yield from (f"{axis.axis_id}: {_sentence(words)}" for words in found if words)
+        proposals = (f"{words}; proposed after the recording" for words in axis.proposals)
+        for words in (*_facts(axis), *axis.problems, *proposals):
+            yield f"{axis.axis.id}: {_sentence(words)}"
+
+
+def _facts(axis: AxisLook) -> Iterator[str]:
+    if axis.loaded is not None:
+        rate_hz, bus = 1 / axis.loaded.record.mean_interval_s, axis.axis.config.bus
+        ranges = ", ".join(f"{r.signal} {r.low:.3g} to {r.high:.3g} {r.unit}" for r in axis.ranges)
+        moving = "it moves" if axis.moves else "it does not move"
+        yield "; ".join((f"{rate_hz:.4g} samples a second on {bus}", ranges, moving, *axis.remarks))
 
 
 def _sentence(words: str) -> str:

@@ -6,7 +6,7 @@ The frames are those that the daemon keeps for recordings, so that a look costs 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import TimeoutError as NotGivenError
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,21 +14,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor_core.arrays import Floats
 from monitor_core.wording import replaced, sentence
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.messages import MessageSet
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis
-from service.config.schema import SignalConfig
-from service.config.unit_names import UNITS
 from service.pipeline.recording import Extracts, Frames
 from service.web.models import sentence_bodies
 from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
 if TYPE_CHECKING:
+    from service.commands.commissioning.axis_look import AxisLook
     from service.ingest.axis_input import AxisInput
     from service.ingest.loaded_records import Loaded
 
@@ -82,45 +80,36 @@ class SignalLook:
 
 
 def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> SignalCheck:
-    from service.commands.commissioning.live_look import lossy, missing_messages, no_samples, unmoved
-    from service.commands.commissioning.signal_proposals import first_review
+    from service.commands.commissioning.axis_look import look_at_axis, missing_messages
+    from service.commands.commissioning.signal_proposals import Review, first_review
     from service.config.conditions import needed
     from service.ingest.bus_samples import Ingest
-    from service.ingest.timestamp_jitter import remarks
 
     ingest = Ingest(config, axis.config.bus, {axis.id: needed(axis)})
     inputs, known = ingest.axes[axis.id], ingest.decoder.known
     own = _own(concatenate_frames([frames for bus, frames in kept if bus == axis.config.bus]), inputs, known)
-    missing: tuple[str, ...] = (_NOTHING,)
+    problems: list[str] = [_NOTHING]
     if kept:  # the daemon may have begun a moment ago
         times = [int(t_us) for _, frames in kept for t_us in (frames.t_us.min(), frames.t_us.max())]
         span_s = (max(times) - min(times)) / 1e6
-        missing = tuple(missing_messages(axis, inputs, known.counted(own.counts()), span_s))
+        problems = [*missing_messages(axis, inputs, known.counted(own.counts()), span_s)]
     for _ in ingest.feed_values(own):
         pass
-    stamps = inputs.stamps
-    problems: list[str] = [*missing]
     if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
         words = "nothing has come for {age_s} s: what follows is how it was before"
         problems.insert(0, sentence("frames old", words, age_s=f"{age_s:.0f}"))
     with TemporaryDirectory(prefix="axiswatch-look-") as folder:
         path = Path(folder) / "look.log"
-        loaded, lost = _loaded(config, axis, own, path)
-        if loaded is None:
-            return _without_samples(axis.id, problems or [no_samples(lost)])
-        problems += [*unmoved(axis, loaded), *lossy(loaded)]
-        proposals: list[str] = [*remarks(axis.config.sample_interval_s, stamps)]
-        doubts = tuple[str, ...]()
-        if not missing and not any(unmoved(axis, loaded)):
-            review = first_review(config, axis, str(path))
+
+        def review() -> Review:
+            found = first_review(config, axis, str(path))
             # The name of a file that is gone tells nobody anything.
-            problems += [replaced(words, str(path), "the last seconds") for words in review.faults]
-            proposals += [
-                sentence("proposal", "{reason}. -> {change}", reason=c.reason, change=c.change)
-                for c in review.corrections
-            ]
-            doubts = review.doubts
-    return _with_samples(axis, loaded, stamps.scatter_s, problems, proposals, doubts)
+            faults = (replaced(words, str(path), "the last seconds") for words in found.faults)
+            return found._replace(faults=tuple(faults))
+
+        return _signal_check(
+            look_at_axis(axis, inputs.stamps, _loaded(config, axis, own, path), problems, review)
+        )
 
 
 def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:
@@ -130,55 +119,33 @@ def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock
     return frames.select(np.isin(frames.ids, wanted))
 
 
-def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> tuple[Loaded | None, str]:
+def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> Loaded | str:
     """The samples of the axis; or why there are none."""
     from service.ingest.loaded_records import load
 
     try:
         with FrameRecorder(path) as recorder:
             recorder.write(axis.config.bus, own)
-        return load(str(path), config, axis.id), ""
+        return load(str(path), config, axis.id)
     except RecordError as error:
-        return None, str(error).replace(str(path), "the last seconds")
+        return str(error).replace(str(path), "the last seconds")
 
 
-def _without_samples(axis_id: str, problems: list[str]) -> SignalCheck:
+def _signal_check(look: AxisLook) -> SignalCheck:
+    """For the page."""
+    record = None if look.loaded is None else look.loaded.record
+    proposals = () if record is None else (*look.remarks, *look.proposals)
     return SignalCheck(
-        axis=axis_id, seconds=0.0, samples=0, rate_hz=None, scatter_s=None, missing=None, moves=None,
-        signals=[], problems=problems, proposals=[], doubts=[], sentences=sentence_bodies(problems),
-    )  # fmt: skip
-
-
-def _with_samples(
-    axis: NamedAxis,
-    loaded: Loaded,
-    scatter_s: float | None,
-    problems: list[str],
-    proposals: list[str],
-    doubts: Sequence[str],
-) -> SignalCheck:
-    from service.commands.commissioning.checked_axis import moves
-
-    record, lost, output = loaded.record, loaded.source.dropped.get("missing", 0), axis.config.output
-    return SignalCheck(
-        axis=axis.id,
-        seconds=float(record.t[-1] - record.t[0]),
-        samples=len(record),
-        rate_hz=1 / record.mean_interval_s,
-        scatter_s=scatter_s,
-        missing=lost / (lost + len(record)),
-        moves=moves(record.y, output),
-        signals=[
-            _range(axis.config.torque, "N m", record.u),
-            _range(axis.config.motion, UNITS[output], record.y[record.measured]),
-        ],
-        problems=problems,
-        proposals=proposals,
-        doubts=list(doubts),
-        sentences=sentence_bodies([*problems, *proposals, *doubts]),
+        axis=look.axis.id,
+        seconds=0.0 if record is None else record.duration_s,
+        samples=0 if record is None else len(record),
+        rate_hz=None if record is None else 1 / record.mean_interval_s,
+        scatter_s=None if record is None else look.stamps.scatter_s,
+        missing=None if record is None else look.missing,
+        moves=None if record is None else look.moves,
+        signals=[SignalRange(**found._asdict()) for found in look.ranges],
+        problems=list(look.problems),
+        proposals=list(proposals),
+        doubts=list(look.doubts),
+        sentences=sentence_bodies([*look.problems, *proposals, *look.doubts]),
     )
-
-
-def _range(source: SignalConfig, unit: str, values: Floats) -> SignalRange:
-    low, high = float(values.min()), float(values.max())
-    return SignalRange(signal=f"{source.message}.{source.signal}", unit=unit, low=low, high=high)

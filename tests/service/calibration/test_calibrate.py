@@ -124,9 +124,9 @@ def test_outside_the_speed_of_the_records_the_axis_is_marked_or_waits(
         for step in read_record(robot.parent / "healthy.csv", config).steps():
             monitors.update(step.samples)
         (axis_id,) = monitors.by_id
-        words = "; ".join(monitors.outside_calibration(axis_id))
+        words = "; ".join(monitors.axes[axis_id].outside_calibration)
         assert words.startswith("rms speed = ") == outside
-        assert monitors.waits_for(axis_id) == (words if configured == "wait" else "")
+        assert monitors.axes[axis_id].gated_by == (words if configured == "wait" else "")
         gated = monitors.by_id[axis_id].status().counters["gated"]
         assert (gated > 1000) == (outside and configured == "wait")
 

@@ -201,7 +201,7 @@ def test_a_certificate_that_is_not_trusted_is_no_silence() -> None:
 def test_a_token_that_no_header_can_hold_is_not_shown(url: str) -> None:
     for token in ("axw_secret\n axw", "axw_secret\u00e9"):
         message = refused("status", "--url", url, "--token", token, code=2)
-        assert "the token is none" in message
+        assert "this is no token" in message
         assert "secret" not in message
     assert "ready" in shown("status", "--token", " axw_of_a_file\n", code=4)
 

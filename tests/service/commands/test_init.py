@@ -197,7 +197,7 @@ def test_units_below_the_names(record: Path) -> None:
     written = Path("axis.toml").read_text(encoding="utf-8")
     assert "a current: add kT_Nm_per_A" in written
     assert "in percent of the rated torque; factor is rated torque / 100 [N m]" in written
-    assert "in mm of a linear axis; factor is 2 pi / mm that a turn of the motor moves it" in written
+    assert "in mm of a linear axis; factor is 2 pi / (mm that a turn of the motor moves it)" in written
 
 
 @pytest.mark.parametrize(

@@ -88,7 +88,7 @@ def test_a_range_counts_from_the_first_sample(tmp_path: Path, seed: int) -> None
     assert (found.source.used, found.source.start_s, found.source.end_s) == (10001, 10.0, 60.0)
     assert found.source.words == f"{path}: {N} samples, 10001 of them from 10 to 60 s; dropped: nothing"
     with pytest.raises(
-        RecordError, match=rf"{path}: record a.csv has no two samples from 500 s on: it is 99.995 s long"
+        RecordError, match=rf"{path}@500:: 0 samples of axis r.one in that range; the record is 99.995 s long"
     ):
         load(f"{path}@500:", timed(tmp_path), "r.one")
 

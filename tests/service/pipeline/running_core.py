@@ -14,12 +14,13 @@ from service.config import Config
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.baselines import Baselines
-from service.pipeline.checkpointing import Checkpointer, restore
-from service.pipeline.epochs_at_start import at_start, note_begun_again, resume
+from service.pipeline.bus_readers import BusIntake
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.epochs_at_start import at_start, bring_back
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisSnapshot
-from service.pipeline.worker import BusIntake, Compiled, Worker
+from service.pipeline.worker import Compiled, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoints
 from service.store.epochs import Epoch
@@ -75,9 +76,7 @@ class RunningCore:
         begun = at_start(config.axes, self.journal.epochs, self.now_us)
         self.core = FramePipeline(config, begun.axes)
         monitors = self.core.monitors
-        resume(monitors, self.journal.epochs, begun.epochs)
-        restored = restore(monitors, self.checkpoints, self.journal, self.now_us)
-        note_begun_again(monitors)
+        restored = bring_back(monitors, begun, self.checkpoints, self.journal, self.now_us)
         self.messages = (*begun.messages, *restored.messages)
         alarms = Alarms(self.journal, quantities(monitors.by_id))
         alarms.adopt(restored.open)
@@ -102,7 +101,7 @@ class RunningCore:
             self.failed.set,
         )
         self.baselines = Baselines(
-            config.axes, begun.axes, monitors, self.worker, self.journal.epochs, lambda: self.now_us
+            config.axes, begun.axes, self.worker, self.journal.epochs, lambda: self.now_us
         )
         self.worker.start()
 

@@ -171,7 +171,7 @@ def test_a_window_that_is_refused_or_cancelled_leaves_the_epoch_in_force(
 
     d.baselines.learn(AXIS, WINDOW_S, 8.0, REPAIR)
     wait_for(lambda: d.axis().epoch.state == "learning")
-    learning = d.core.monitors.epochs[AXIS].learning
+    learning = d.core.monitors.axes[AXIS].epoch.learning
     assert learning is not None
     learning.window.from_arrays(
         {"sums": np.zeros((3, 12, 3)), "rho": np.zeros(3), "counts": np.array([WINDOW_S, 2, 12, 0])}

@@ -219,11 +219,11 @@ def test_nothing_is_learned_in_another_mode(file: Path, broken: list[Frame]) -> 
     core, raised = ran(load(file, {}), frames)
     assert raised == set(), "the fault is behind the gate"
     assert counters(core.monitors)["gated"] == pytest.approx((LENGTH_S - 22.0) * 200, abs=FEW)
-    assert core.monitors.waits_for("demo.axis1") == "mode = 1"
-    assert core.monitors.waits_for("demo.axis2") == ""
+    assert core.monitors.axes["demo.axis1"].gated_by == "mode = 1"
+    assert core.monitors.axes["demo.axis2"].gated_by == ""
     open_again, raised = ran(load(file, {}), with_state(broken, {"from": 22.0, "to": 32.0, "mode": 1}))
     assert ("demo.axis1", "fm", "up") in raised
-    assert open_again.monitors.waits_for("demo.axis1") == ""
+    assert open_again.monitors.axes["demo.axis1"].gated_by == ""
 
 
 def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[Frame]) -> None:
@@ -231,7 +231,7 @@ def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[
     assert raised == set()
     # The mode is believed for half a second, the temperature for ten, so the gate closes first.
     assert counters(core.monitors)["gated"] == pytest.approx((LENGTH_S - 22.5) * 200, abs=FEW)
-    assert core.monitors.waits_for("demo.axis1") == "mode is not known"
+    assert core.monitors.axes["demo.axis1"].gated_by == "mode is not known"
 
 
 def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:

@@ -43,17 +43,7 @@ def reloading(core: RunningCore) -> Iterator[Reloading]:
     """With readers of real buses, beside the one that the test feeds, until one is opened again."""
     with closing(BusReaders(core.config, core.core.ingests)) as buses:
         buses.start(lambda: None)
-        yield Reloading(
-            core.config,
-            core.core,
-            core.worker,
-            core.baselines,
-            buses,
-            core.journal,
-            core.checkpoints,
-            core.checkpointer,
-            lambda: core.now_us,
-        )
+        yield Reloading(core.config, core.worker, core.baselines, buses, core.journal, lambda: core.now_us)
 
 
 def with_fm(config: Config, value: float) -> Config:

@@ -48,7 +48,7 @@ def test_each_step_is_recorded_and_slow_corrections_are_none() -> None:
     ]
     assert clock.set_by_us == -2 * HOUR_US
     assert clock.message is not None
-    assert "was set forward by an hour; 2025-" in clock.message
+    assert "was set forward by an hour, to 2025-" in clock.message
 
 
 class Stepping(Waiting):
@@ -84,7 +84,7 @@ def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame]
     reader = Stepping(frames, step_us, clocks)
     bench = Bench(tmp_path, demo(tmp_path, 1), reader)
     wall = WallClock(clocks.wall_us, clocks.steady)
-    bench.worker._alarms = Alarms(bench.journal, quantities(bench.core.monitors.by_id), wall=wall)
+    bench.worker.alarms = Alarms(bench.journal, quantities(bench.core.monitors.by_id), wall=wall)
     bench.worker._now_us = wall
     bench.compile()
     while reader.frames:

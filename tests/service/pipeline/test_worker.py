@@ -17,6 +17,7 @@ from service.config.schema_model import DetectorConfig
 from service.pipeline import worker as worker_module
 from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer, states_of
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.recording import Recording
@@ -26,7 +27,6 @@ from service.pipeline.worker import (
     COMPILING_MULTIMODEL,
     LOOKED_AT_S,
     UNSEEN_S,
-    BusIntake,
     Compiled,
     Worker,
 )
@@ -396,7 +396,7 @@ def test_a_disk_that_refuses_checkpoints_is_logged_once_and_when_it_takes_them_a
     def refuse(*_: object) -> None:
         raise StoreError("database or disk is full")
 
-    saver, save = bench.worker._checkpointer, bench.checkpoints.save
+    saver, save = bench.worker.checkpointer, bench.checkpoints.save
     with capture_logs() as logs:
         for way in (refuse, refuse, save, save, refuse):
             monkeypatch.setattr(bench.checkpoints, "save", way)

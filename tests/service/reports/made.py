@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from service.config import load
 from service.config.axis_settings import axis_settings
 from service.config.drive_sources import model_called
 from service.config.drives import axis_model
-from service.ingest.loaded_records import SamplesOrigin
+from service.ingest.loaded_records import RecordOrigin
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
 from tests.conftest import ROOT
@@ -100,8 +101,10 @@ def by_hand() -> Calibration:
         model, settings, 3600.0, WITHIN_S, scatter, rates, np.zeros(3), _by_tests(), ONSETS, 600.0,
         MultiModelCalibration(limits, _by_bank()),
     )  # fmt: skip
+    name, dropped = "healthy.csv", {"missing": 12}
+    record = RecordOrigin(name, Path(name), "ab12", 120000, 120000, 0.0, 600.0, dropped)
     return Calibration(
-        axis, result, (SamplesOrigin("healthy.csv", "ab12", 120000, 600.0),), ("Mind the gap.",),
+        axis, result, (record,), ("Mind the gap.",),
         Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate healthy.csv"), "multimodel",
     )  # fmt: skip
 

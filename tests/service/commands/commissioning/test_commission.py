@@ -304,5 +304,5 @@ def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
     words = " ".join(result.stderr.replace("│", " ").split())
     assert "1 proposed change, and nobody to ask: cell.a1: sample_interval_s = 0.005" in words
     command = f"axiswatch commission {record} --config {config} --budget 1y --output made --yes"
-    assert f"Take all with: {command}" in result.stdout.splitlines()
+    assert f"Accept all with: {command}" in result.stdout.splitlines()
     assert not list((folder / "made").iterdir())

@@ -66,7 +66,7 @@ def test_what_is_wrong_is_named_before_and_after_the_recording(folder: Path, two
     with moving(two_axes, config, change):
         result = axiswatch(*words, "--minutes", 0.02)
     looked, _, after = result.output.partition("Recording 1.2 s into made/records/")
-    assert "200 samples a second from 0x181 on can0" in looked
+    assert "200 samples a second on can0; Joint1." in looked
     assert "-> torque.factor = -1; proposed after the recording" in looked
     assert "cell.a2: 200 samples" in looked
     assert "Planned: made/motion/cell.a1.csv (36 s). Let the controller run it while this records." in looked
@@ -167,8 +167,8 @@ def test_an_axis_that_is_not_right(
     change: Callable[[Floats], object], problem: str, folder: Path, config: Path, two_axes: Path
 ) -> None:
     first, second = looked_at(folder, config, two_axes, change).axes
-    assert (first.has_signals, first.problems, first.proposals) == (True, (), ())
-    assert second.has_signals
+    assert (first.problems, first.proposals) == ((), ())
+    assert second.loaded is not None
     assert problem in second.problems[0]
 
 
@@ -177,7 +177,7 @@ def test_frames_that_are_lost(folder: Path, config: Path, two_axes: Path) -> Non
         rows[5::10] = np.nan
 
     for axis in looked_at(folder, config, two_axes, every_tenth).axes:
-        assert axis.has_signals
+        assert axis.loaded is not None
         share, _, words = axis.problems[0].partition(" % of its")
         assert words.startswith(" samples never came")
         assert float(share) == pytest.approx(10, abs=1)
@@ -191,7 +191,7 @@ def test_a_silent_axis(folder: Path, config: Path, two_axes: Path) -> None:
     with moving(two_axes, single):
         look = look_at(load(config, {}), text, folder, LOOK_S, threading.Event())
     first, second = look.axes
-    assert (first.has_signals, second.has_signals) == (True, False)
+    assert (first.loaded is None, second.loaded is None) == (False, True)
     assert "no torque and angle: message Joint2 (0x182) never came on bus can0" in second.problems[0]
 
 
@@ -205,7 +205,7 @@ def test_a_silent_bus_and_the_dbc_of_another_robot(folder: Path, config: Path, t
     with moving(two_axes, config):
         look = look_at(load(folder / "other.toml", {}), text, folder, LOOK_S, threading.Event())
     assert "none of their messages is in other.dbc: 0x181, 0x182" in look.buses[0]
-    assert not any(axis.has_signals for axis in look.axes)
+    assert not any(axis.loaded for axis in look.axes)
 
 
 @pytest.mark.vcan
@@ -276,7 +276,7 @@ def test_ctrl_c_ends_the_recording_and_goes_on(folder: Path, config: Path, two_a
     (record,) = recorded(folder / "made")
     assert f"made/records/{record.name}: " in result.stdout
     assert result.exit_code == MISTAKE
-    again = "Take all with: axiswatch commission --config"
+    again = "Accept all with: axiswatch commission --config"
     assert any(line.startswith(again) and line.endswith(" --yes") for line in result.stdout.splitlines())
     assert 'cell.a1: torque.message = "Joint2"' in words_of(result.stderr)
 

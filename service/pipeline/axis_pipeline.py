@@ -1,0 +1,109 @@
+"""One axis: its monitor, and what its samples pass before that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from monitor_core.drive import Operating
+from monitor_core.monitoring import NEVER, AxisMonitor, CalibratedRange, ConditionTracker, Range, WarmUp
+from monitor_core.samples import SampleBlock
+from monitor_core.wording import joined, sentence
+from service.config import NamedAxis, conditions_of
+from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
+from service.pipeline.epoch_progress import EpochProgress
+
+
+class Heat(NamedTuple):
+    """How warm an axis is, as the friction power that would keep it so, and its standard deviation [W]."""
+
+    heat_w: float
+    sd_w: float
+    known: bool
+    """Well enough to test its friction"""
+
+
+class AxisPipeline:
+    """An axis, from its samples as they come to those that its monitor takes."""
+
+    def __init__(self, axis: NamedAxis, monitor: AxisMonitor) -> None:
+        self.config, self.monitor, model = axis, monitor, monitor.model
+        self.nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
+        """All values of the model, by name, with their units"""
+        self.causes = tuple(dict.fromkeys((*(p.name for p in model.parameters), *monitor.causes)))
+        """Every cause that an alarm may name: the monitored parameters, then others"""
+        self.epoch = EpochProgress(axis.epoch, axis.configured)
+        """Which nominal values are in force, and what is under way"""
+        conditions, found = conditions_of(axis), axis.config.model.thresholds_file
+        self.operating = Operating(model, conditions) if conditions else None
+        """Its operating conditions; None: it has none"""
+        thermal = None if self.operating is None else self.operating.thermal
+        self._warm_up = None if self.operating is None or thermal is None else WarmUp(self.operating, monitor)
+        self._calibrated: CalibratedRange | None = None
+        if found is not None and found.range:
+            tracker = ConditionTracker(axis.config.output, monitor.settings, conditions.columns)
+            known = tuple(Range(r.condition, r.low, r.high) for r in found.range)
+            self._calibrated = CalibratedRange(known, tracker)
+        self._outside = axis.config.detector.outside_calibration
+        self._turns = turns_of(axis.config)
+        self._resumed = False
+
+    def unwrapped(self, block: SampleBlock) -> SampleBlock:
+        """The samples with a continuous angle, where it wraps after each turn."""
+        if self._turns is None:
+            return block
+        if not self._resumed:  # a saved state has been restored by now
+            self._resumed = True
+            if (motion := _motion(self.monitor)) is not None:
+                self._turns.resume(motion)
+        return self._turns.unwrapped(block)
+
+    def part(self, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
+        """The first samples, with the nominal values and the gate that their conditions require; and the others."""
+        more: SampleBlock | None = None
+        if self._warm_up is not None:
+            block, more = self._warm_up.part(block)
+        elif self.operating is not None:
+            block = self.operating.conditioned(block)
+        if self._calibrated is not None:
+            inside = self._calibrated.take(block)
+            block = block._replace(inside=inside)
+            if self._outside == "wait":
+                block = block._replace(gate=inside if block.gate is None else block.gate & inside)
+        return block, more
+
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """Samples that were refused before its monitor, by reason."""
+        return {} if self._turns is None else {AMBIGUOUS: self._turns.refused}
+
+    @property
+    def heat(self) -> Heat | None:
+        """How warm the axis is; None: it has no thermal model."""
+        thermal = None if self.operating is None else self.operating.thermal
+        return None if thermal is None else Heat(thermal.heat, thermal.sd, thermal.known)
+
+    @property
+    def outside_calibration(self) -> tuple[str, ...]:
+        """Conditions of the last sample that are outside the range of the calibration, in words."""
+        outside = () if self._calibrated is None else self._calibrated.outside
+        if self._outside == "widen" and self._warm_up is not None and self._warm_up.widened:
+            wider = sentence("wider", "{why}: tested with a wider allowance", why=self._warm_up.widened)
+            return (*outside, wider)
+        return outside
+
+    @property
+    def gated_by(self) -> str:
+        """The operating condition by which the last sample was not used; empty: it was used."""
+        reason = "" if self.operating is None else self.operating.reason
+        return reason or (joined(self.outside_calibration) if self._outside == "wait" else "")
+
+
+def _motion(monitor: AxisMonitor) -> Motion | None:
+    """Motion of the predictor of an axis at its last sample; None: there was none."""
+    state, lane = monitor.batch.state, monitor.lane
+    if state.t[lane] == NEVER:
+        return None
+    A, _, C = monitor.model.matrices()
+    angle, speed = float(C[0] @ state.x[:, lane]), float((C @ A)[0] @ state.x[:, lane])
+    return Motion(int(state.t[lane]), angle, speed * 1e-6)
