@@ -162,6 +162,26 @@ def begins_cold(axis: NamedAxis, texts: Sequence[str]) -> bool:
     return abs((want.start_s or 0.0) - first.range_s[0]) < _SAME_S and sha256_of(want.path) == first.sha256
 
 
+def samples_in(
+    text: str, config: Config, axis: NamedAxis, progress: Progress = lambda _: None
+) -> SampleBlock:
+    """The samples of an axis in a file, with a range or without: ``wanted``.
+
+    Raises:
+        RecordError: the file cannot be read, or has no samples of the axis there.
+        DescriptionError, IngestError: the configuration cannot be used.
+    """
+    want = wanted(text)
+    block = _samples(want, config, axis, needed(axis), progress).block._replace(name=want.path.name)
+    since = (block.t_us - block.t_us[0]) * 1e-6
+    end_s = np.inf if want.end_s is None else want.end_s
+    start, end = np.searchsorted(since, [want.start_s or 0.0, end_s])
+    block = block.select(slice(int(start), int(end)))
+    if block.size < 2:
+        raise RecordError(f"{text}: {block.size} samples of axis {axis.id} in that range")
+    return block
+
+
 def load_samples(
     texts: Sequence[str],
     config: Config,
@@ -177,22 +197,14 @@ def load_samples(
     """
     samples, sources = [], []
     for number, text in enumerate(texts):
-        want = wanted(text)
 
         def part(done: float, before: int = number) -> None:
             progress((before + done) / len(texts))
 
-        block = _samples(want, config, axis, needed(axis), part).block._replace(name=want.path.name)
-        since = (block.t_us - block.t_us[0]) * 1e-6
-        start, end = np.searchsorted(
-            since, [want.start_s or 0.0, np.inf if want.end_s is None else want.end_s]
-        )
-        block = block.select(slice(int(start), int(end)))
-        if block.size < 2:
-            raise RecordError(f"{text}: {block.size} samples of axis {axis.id} in that range")
+        block = samples_in(text, config, axis, part)
         samples.append(block)
         seconds = float(block.t_us[-1] - block.t_us[0]) * 1e-6
-        sources.append(SamplesOrigin(text, sha256_of(want.path), block.size, seconds))
+        sources.append(SamplesOrigin(text, sha256_of(wanted(text).path), block.size, seconds))
     conditions = conditions_of(axis)
     if conditions:
         samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)

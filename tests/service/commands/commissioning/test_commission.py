@@ -159,6 +159,21 @@ def test_an_axis_that_is_not_tested_in_its_own_records_is_not_ready(
     assert load(folder / "made" / "axiswatch.toml").axes
 
 
+def test_of_a_range_nothing_else_is_replayed(
+    folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole file would be long enough to count as tested."""
+    monkeypatch.setattr(axis_status, "MIN_TESTED_MEMORIES", 45)
+    table(folder / "healthy.csv", seed, 80.0)
+    axis = AXIS.format(n=1, interval=H).replace("output_noise", "memory_s = 1.0, output_noise")
+    config = configured(folder / "robot.toml", axis)
+    result = axiswatch("commission", "healthy.csv@:40", "--config", config, "--output", "made", "--yes")
+    assert result.exit_code == NOT_TESTED, result.output
+    assert "nothing is tested in its own records" in (folder / "made" / "report.html").read_text("utf-8")
+    replayed = axiswatch("replay", "healthy.csv", "--config", folder / "made" / "axiswatch.toml")
+    assert replayed.exit_code == 0, replayed.output
+
+
 FULL = OSError(28, "No space left on device", "made/cell.a1.json")
 
 
