@@ -249,8 +249,7 @@ class MultiModelDetector:
             return
         facts["causes"] = _reported(event)
         if unnamed is not None:
-            onset = event.onset if unnamed.reopened_us is None else unnamed.onset
-            yield unnamed.named(*name, **(facts | onset._asdict()))
+            yield unnamed.named(*name, **(facts | unnamed.onset_by(event.onset)._asdict()))
         else:
             alarm = self._raised(event.since_us, event)
             yield replace(alarm, stage="named", updated_us=event.time_us, **facts)
@@ -275,7 +274,7 @@ class MultiModelDetector:
             size=None,
             size_sd=None,
             crossings=1,
-            **event.onset._asdict(),
+            **event.onset.until(since_us)._asdict(),
         )
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
