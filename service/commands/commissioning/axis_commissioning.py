@@ -258,7 +258,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
     first = found.detectors[0]
     return replace(
         outcome,
-        notes=(*outcome.notes, *found.warnings),
+        notes=tuple(dict.fromkeys((*outcome.notes, *found.warnings))),
         thresholds_file=values,
         budget_s=options.budget_s,
         promise=first.promise,
