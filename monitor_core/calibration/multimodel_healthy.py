@@ -22,7 +22,7 @@ from monitor_core.detection.multimodel.hypothesis import Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import MEMORIES, HypothesisBank
 from monitor_core.detection.multimodel.naming import CausePosterior
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
+from monitor_core.settings import MODEL_ERRORS, Settings
 
 COPIES = 8_000_000
 """Number of samples of copies over which the bank is run."""
@@ -64,7 +64,7 @@ def multimodel_statistics(
     """
     bank = HypothesisBank(*axis, default_hypotheses(*axis))
     found = [healthy_evidence(bank, moved) for moved in _as_they_may_be(axis, records)]
-    allowance, size_error = (np.max(values, axis=0) for values in zip(*found, strict=True))
+    allowance = np.max([each.allowance for each in found], axis=0)
     bank = HypothesisBank(*axis, bank.hypotheses, allowance=allowance)
     variance = axis.settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
     recorded, places = ExcursionPeaks(len(allowance)), _Blocks(axis.settings, records)
@@ -78,7 +78,7 @@ def multimodel_statistics(
     pooled = copied if copied.samples else recorded
     covariance = spectra.covariance()
     return MultiModelStatistics(
-        bank.hypotheses, allowance, size_error, recorded, pooled, covariance, places.many
+        bank.hypotheses, allowance, _with_model_error(found), recorded, pooled, covariance, places.many
     )
 
 
@@ -139,6 +139,16 @@ def _as_they_may_be(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iter
             move = np.where(np.arange(p) == i, step, 0.0)
             shifts = [np.zeros((r.size, p)) if r.shift is None else r.shift for r in records]
             yield [r._replace(shift=shift + move) for r, shift in zip(records, shifts, strict=True)]
+
+
+def _with_model_error(found: Sequence[HealthyEvidence]) -> Floats:
+    """Errors of sizes (H,), from the records and from those with moved nominal values.
+
+    The allowed model error is so many times its standard deviation, and sizes are off in proportion.
+    """
+    first, *moved = (each.size_error**2 for each in found)
+    more = np.max([np.maximum(squared - first, 0.0) for squared in moved], axis=0, initial=0.0)
+    return np.asarray(np.sqrt(first + more / MODEL_ERRORS**2))
 
 
 class _Blocks:

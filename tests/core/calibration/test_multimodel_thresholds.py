@@ -187,7 +187,8 @@ def _sized(
     t_us, u, y = (np.concatenate(pair)[:, 0] for pair in zip(healthy[:3], axis.take(FAULTY)[:3], strict=True))
     detector.bank.reset()
     book = AlarmTracker()
-    book.update(detector.bank.run(SampleBlock(t_us, u, y)), detector.interpret)
+    changes = book.update(detector.bank.run(SampleBlock(t_us, u, y)), detector.interpret)
+    assert all(change.alarm.onset_us <= change.alarm.raised_us for change in changes)
     nominal = detector.quantity(cause).nominal
     true = nominal * ((1 / factor if "/" in cause else factor) - 1)
     return ((alarm, true) for alarm in book.open if alarm.parameter == cause)
@@ -213,6 +214,10 @@ def test_allowances_are_for_nominal_values_that_follow_a_model(seed: int) -> Non
     assert all(moved[cause] >= plain[cause] for cause in plain)
     for size in (0.05, 0.1, -0.05, -0.1):
         assert moved["kT", size] > plain["kT", size] + 1e-4
+    # Sizes are off by the model error itself, not by twice that.
+    of_kT = [h.cause for h in found[0].hypotheses].index("kT")
+    healthy, followed = (float(result.size_error[of_kT]) for result in found)
+    assert followed == pytest.approx(math.hypot(healthy, 0.05), rel=0.2)
     largest = max(size for cause, size in plain if cause == "kT")
     assert moved["kT", largest] == pytest.approx(plain["kT", largest])
 
