@@ -4,8 +4,10 @@ The copies have the motion of the records, because model errors depend on the mo
 (innovation_bootstrap.py).
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,9 +19,10 @@ from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate_records import LANES, block_length, bootstrap_copies, copy_source
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
-from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.hypothesis_bank import MEMORIES, HypothesisBank
+from monitor_core.detection.multimodel.naming import CausePosterior
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
+from monitor_core.settings import MODEL_ERRORS, Settings
 
 COPIES = 8_000_000
 """Number of samples of copies over which the bank is run."""
@@ -34,12 +37,13 @@ _CHUNK = 10_000
 class MultiModelStatistics:
     """Excursions of a bank on healthy records (``recorded``) and on copies of them.
 
-    Without copies the records count twice.  ``allowance`` (H,); ``covariance`` (H, H) of log r (spectra.py);
-    ``places``: number of blocks of the motion.
+    Without copies the records count twice.  ``allowance``, ``size_error`` (H,): as of HealthyEvidence; ``covariance``
+    (H, H) of log r (spectra.py); ``places``: number of blocks of the motion.
     """
 
     hypotheses: tuple[Hypothesis, ...]
     allowance: Floats
+    size_error: Floats
     recorded: ExcursionPeaks
     copied: ExcursionPeaks
     covariance: Floats
@@ -59,7 +63,8 @@ def multimodel_statistics(
         ValueError: the detector is not available for the axis; no record has tested samples.
     """
     bank = HypothesisBank(*axis, default_hypotheses(*axis))
-    allowance = np.max([allowances(bank, moved) for moved in _as_they_may_be(axis, records)], axis=0)
+    found = [healthy_evidence(bank, moved) for moved in _as_they_may_be(axis, records)]
+    allowance = np.max([each.allowance for each in found], axis=0)
     bank = HypothesisBank(*axis, bank.hypotheses, allowance=allowance)
     variance = axis.settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
     recorded, places = ExcursionPeaks(len(allowance)), _Blocks(axis.settings, records)
@@ -72,29 +77,57 @@ def multimodel_statistics(
     copied = _run_copies(bank, records, places, copies, rng, lambda part: progress(0.2 + 0.8 * part))
     pooled = copied if copied.samples else recorded
     covariance = spectra.covariance()
-    return MultiModelStatistics(bank.hypotheses, allowance, recorded, pooled, covariance, places.many)
+    return MultiModelStatistics(
+        bank.hypotheses, allowance, _with_model_error(found), recorded, pooled, covariance, places.many
+    )
 
 
-def allowances(bank: HypothesisBank, records: Sequence[SampleBlock]) -> Floats:
-    """Amount subtracted from each log-likelihood ratio (H,).
+class HealthyEvidence(NamedTuple):
+    """What log-likelihood ratios of healthy records say for each hypothesis (H,)."""
 
-    With it the mean is positive in no part of a healthy record.
+    allowance: Floats
+    """Amount to be subtracted from each ratio: with it the mean is positive in no part of a record"""
+    size_error: Floats
+    """Standard deviation of the size of its cause that a healthy axis seems to have, beside that by the likelihood"""
+
+
+def healthy_evidence(bank: HypothesisBank, records: Sequence[SampleBlock]) -> HealthyEvidence:
+    """Evidence of a bank without allowances in healthy records.
+
+    Sizes are read where alarms read theirs, from the evidence of so many memory lengths.
     """
     most = np.zeros(len(bank.hypotheses))
+    window, spans = round(MEMORIES * bank.settings.memory), list[Floats]()
     for record in records:
-        N = len(record.t_us)
+        N, first = len(record.t_us), 0
         sums, counts = np.zeros((PARTS, len(most))), np.zeros(PARTS)
+        of_spans = np.zeros((1 + N // window, len(most)))
         bank.reset()
         for k in range(0, N, _CHUNK):
             part = record.select(slice(k, k + _CHUNK))
             _, trace = bank.run_traced(part)
             tested = np.isfinite(trace.llr).any(axis=1)
+            llr = np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0)
             index = (k + np.flatnonzero(tested)) * PARTS // N
-            np.add.at(sums, index, np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0))
+            np.add.at(sums, index, llr)
             np.add.at(counts, index, 1.0)
+            np.add.at(of_spans, (first + np.arange(len(llr))) // window, llr)
+            first += len(llr)
         means = sums[counts > 0] / counts[counts > 0, np.newaxis]
         most = np.maximum(most, 2 * means.max(axis=0, initial=0.0))
-    return most
+        spans.append(of_spans[: first // window])
+    return HealthyEvidence(most, _size_errors(bank.hypotheses, np.concatenate(spans)))
+
+
+def _size_errors(hypotheses: Sequence[Hypothesis], evidence: Floats) -> Floats:
+    """As of HealthyEvidence (H,), from the evidence of spans of the records (spans, H)."""
+    causes, found = CausePosterior(hypotheses), dict[str, list[float]]()
+    for of_span in evidence:
+        for share in causes.shares(of_span):
+            if math.isfinite(share.size_sd):
+                found.setdefault(share.cause, []).append(share.size**2 - share.size_sd**2)
+    errors = {cause: math.sqrt(max(float(np.mean(excess)), 0.0)) for cause, excess in found.items()}
+    return np.array([errors.get(hypothesis.cause, 0.0) for hypothesis in hypotheses])
 
 
 def _as_they_may_be(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iterator[Sequence[SampleBlock]]:
@@ -106,6 +139,16 @@ def _as_they_may_be(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iter
             move = np.where(np.arange(p) == i, step, 0.0)
             shifts = [np.zeros((r.size, p)) if r.shift is None else r.shift for r in records]
             yield [r._replace(shift=shift + move) for r, shift in zip(records, shifts, strict=True)]
+
+
+def _with_model_error(found: Sequence[HealthyEvidence]) -> Floats:
+    """Errors of sizes (H,), from the records and from those with moved nominal values.
+
+    The allowed model error is so many times its standard deviation, and sizes are off in proportion.
+    """
+    first, *moved = (each.size_error**2 for each in found)
+    more = np.max([np.maximum(squared - first, 0.0) for squared in moved], axis=0, initial=0.0)
+    return np.asarray(np.sqrt(first + more / MODEL_ERRORS**2))
 
 
 class _Blocks:

@@ -93,8 +93,14 @@ def limits_for_budget(
     less = root(excess, -_MOST, _MOST, xtol=_NEAR) if excess(-_MOST) > 0 > excess(_MOST) else 0.0
     h = h_for(less)
     own = tuple(
-        Limit(hypothesis.cause, hypothesis.size, float(height), float(allowance), hypothesis.alike)
-        for hypothesis, height, allowance in zip(statistics.hypotheses, h, statistics.allowance, strict=True)
+        Limit(hypothesis.cause, hypothesis.size, height, allowance, hypothesis.alike, size_error)
+        for hypothesis, height, allowance, size_error in zip(
+            statistics.hypotheses,
+            h.tolist(),
+            statistics.allowance.tolist(),
+            statistics.size_error.tolist(),
+            strict=True,
+        )
     )
     lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(total(h), [LOWER, 0.5, UPPER])))
     return BankLimits(own, most_likely, lower, upper)

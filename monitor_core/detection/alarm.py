@@ -116,6 +116,13 @@ class Onset(NamedTuple):
             low_us = None if low_us is None else min(low_us, high_us)
         return cls(best_us if low_us is None else max(best_us, low_us), low_us, high_us)
 
+    def until(self, latest_us: int) -> "Onset":
+        """The onset of a change that was there at this time: of an interval after it nothing is known but that."""
+        if self.onset_low_us is not None and self.onset_low_us > latest_us:
+            return Onset(latest_us, None, latest_us)
+        high_us = None if self.onset_high_us is None else min(self.onset_high_us, latest_us)
+        return Onset.within(min(self.onset_us, latest_us), self.onset_low_us, high_us)
+
 
 class Leading(NamedTuple):
     """The cause whose test is nearest its threshold, and its evidence g / h; an empty cause: no sample yet."""
@@ -183,6 +190,15 @@ class Alarm:
     def onset(self) -> Onset:
         """Onset with its interval."""
         return Onset(self.onset_us, self.onset_low_us, self.onset_high_us)
+
+    def onset_by(self, found: Onset) -> Onset:
+        """The onset by later evidence, as far as that is of the change that raised this alarm.
+
+        What began after the alarm was raised did not raise it: evidence for a cause that only later explained more, or
+        the same cause when it is back.
+        """
+        later = found.onset_low_us is not None and found.onset_low_us > self.raised_us
+        return self.onset if later or self.reopened_us is not None else found.until(self.raised_us)
 
     def detected_again(self, time_us: int, crossings: int = 1) -> "Alarm":
         """The alarm after its tests have crossed their thresholds again."""

@@ -56,7 +56,7 @@ from monitor_core.monitoring.calibrated_range import (
 )
 from monitor_core.monitoring.fleet import AxisTrace, Fleet
 from monitor_core.monitoring.heat_observer import WarmUp, conditioned_records
-from monitor_core.monitoring.not_tested import NotTested
+from monitor_core.monitoring.not_tested import MIN_TESTED_MEMORIES, NotTested
 from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,
     MIN_MEMORY_SAMPLES,

@@ -101,6 +101,8 @@ class AxisMonitor:
         self._status = LaneStatus(batch, lane, multimodel, source)
         self.look_alike: Mapping[str, str] = {}
         """What else a change of a parameter may be, for its alarms, by its name"""
+        self.judged_us: int | None = None
+        """When its heat, which is not known, is known at the latest [us]; None: not known yet"""
         self._models_wait = False
         self._open_us = NEVER  # time of the last sample that no gate left out
 
@@ -260,7 +262,10 @@ class AxisMonitor:
             for detector in (self.cusum, self.multimodel)
             if detector is not None
         )
-        return self._status.read(self._tracker, self._open_us, detectors)
+        status = self._status.read(self._tracker, self._open_us, detectors)
+        if self.judged_us is None or status.time_us is None or self.batch.judged[self.lane]:
+            return status
+        return replace(status, judged_in_s=max(0.0, (self.judged_us - status.time_us) * 1e-6))
 
     @property
     def multimodel_key(self) -> str:

@@ -101,6 +101,9 @@ class AxisStatus:
     """Memory of the estimates [s]"""
     covariance: tuple[tuple[float, ...], ...] = ()
     """Covariance lambda_0 P / (1 + lambda) of the estimates, in order and units of the parameters; empty: unknown"""
+    judged_in_s: float | None = None
+    """Where the heat is not known: time until it is, if friction does not show it sooner [s]; None: it is, or cannot be
+    said yet"""
 
     def untested(self) -> dict[NotTested, tuple[str, ...]]:
         """Parameters that are not tested now, by reason."""

@@ -14,6 +14,7 @@ What the thermal model lacks is part of what the tests tolerate (``Settings.mode
 records they tolerate all that the straight lines change there, too.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -86,7 +87,7 @@ class WarmUp:
         if self._thermal.since_us != self._since_us:
             self._since_us, self._learned = self._thermal.since_us, self._monitor.learned
             if self._thermal.known and (found := self._monitor.deviations()) is not None:
-                self._thermal.known = self._is_enough(self._thermal.sd_of_start, found)
+                self._thermal.known = self._wait_s(self._thermal.sd_of_start, found) == 0.0
         self._monitor.judge(self._thermal.known)
         return taken, block.select(slice(n, None)) if n < block.size else None
 
@@ -122,7 +123,9 @@ class WarmUp:
         if self._monitor.learned - self._learned >= self._needed:
             heat, sd = corrected(heat, sd, self._slopes(), found)
             self._learned = self._monitor.learned
-        known = self._is_enough(sd, found)
+        wait_s = self._wait_s(sd, found)
+        known = wait_s == 0.0
+        self._monitor.judged_us = now_us + round(1e6 * wait_s) if math.isfinite(wait_s) else None
         if known or heat != self._thermal.heat:
             before = self._operating.shift_at_heat(self._thermal.heat)
             self._thermal.observed(heat, sd, known)
@@ -130,9 +133,16 @@ class WarmUp:
             self._monitor.move_nominal(np.where(np.isfinite(step), step, 0.0))
             self._since_us = self._thermal.since_us
 
-    def _is_enough(self, sd: float, found: Deviations) -> bool:
-        """Whether a heat with this standard deviation [W] is known well enough for the tests."""
-        return bool(np.all(np.abs(self._slopes()) * sd <= SHARE * found.tolerated))
+    def _wait_s(self, sd: float, found: Deviations) -> float:
+        """Time until a heat with this standard deviation [W] is known well enough for the tests, if nothing shows it.
+
+        0: it is; inf: it never will be.
+        """
+        moved, tolerated = np.abs(self._slopes()) * sd, SHARE * found.tolerated
+        if (moved <= tolerated).all():
+            return 0.0
+        with np.errstate(divide="ignore"):
+            return float(self._thermal.model.tau_s * np.log(np.max(moved[moved > 0] / tolerated[moved > 0])))
 
     def _slopes(self) -> Floats:
         """Change of the nominal values (p,) for each watt."""

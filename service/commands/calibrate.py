@@ -132,7 +132,9 @@ def calibrate_axis(
     from service.commands.progress import Background
     from service.config import conditions_of
     from service.config.axis_settings import alarm_source_of, axis_settings, monitored_model
+    from service.ingest.axis_records import wanted
     from service.ingest.loaded_records import load_samples
+    from service.ingest.recorded_units import units_as_recorded
     from service.reports.calibration_report import Calibration, one_sided, warnings
 
     model = monitored_model(axis)
@@ -141,7 +143,8 @@ def calibrate_axis(
     result = find_thresholds(model, settings, records, options, progress, Background)
     alarms: DetectorName = "cusum" if result.bank is None else alarm_source_of(axis.config, True)
     found = ranges(model.drive.output, settings, conditions_of(axis).columns, records)
-    cautions = (*warnings(result), *one_sided(records, found))
+    units = units_as_recorded(config, axis, wanted(texts[0]).path)
+    cautions = (*warnings(result), *one_sided(records, found), *units)
     return Calibration(axis, result, sources, cautions, provenance, alarms, tuple(found))
 
 

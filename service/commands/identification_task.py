@@ -40,6 +40,7 @@ from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
 from service.ingest.loaded_records import Loaded, load
+from service.ingest.recorded_units import units_as_recorded
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
 
@@ -149,6 +150,7 @@ def prepare(
     count = len(selection.free)
     known = known_of(drive, nominal, count, speed_scale, unknown)
     warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
+    warnings += tuple(units_as_recorded(config, axis, used[0].source.path))
     scheduled = scheduled_terms(schedule, [item.record for item in used])
     used, kept_aside = (
         [item._replace(record=with_terms(item.record, scheduled)) for item in group]

@@ -228,9 +228,4 @@ def _unit_words(role: SignalRole) -> str:
         return f"by its name; it has no unit, so {UNITS[role.quantity]} is assumed"
     if unit.factor is not None:
         return f"in {unit.words}"
-    if unit.linear:
-        return f"in {unit.words}; factor is 2 pi / (mm that a turn of the motor moves it)"
-    if role.quantity != "torque":
-        return f"in {unit.words}; factor is 2 pi / ({unit.words} in a turn of the motor)"
-    part = "/ 1000" if unit.words.startswith("per mille") else "/ 100"
-    return f"in {unit.words}; factor is rated torque {part} [N m]"
+    return f"in {unit.words}; factor is {unit.missing}"

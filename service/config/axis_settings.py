@@ -193,7 +193,8 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     if source == "cusum" and not wanted.shadow:
         return Detectors("cusum", None, "")
     limits = tuple(
-        Limit(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike) for h in found
+        Limit(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike, h.size_error)
+        for h in found
     )
     try:
         multimodel = MultiModelDetector(

@@ -31,13 +31,17 @@ class ThresholdTable(FoundTable):
 
 
 class HypothesisTable(FoundTable):
-    """[[hypothesis]]: one of the multi-model detector; alarm when its g exceeds h.  Some have no size."""
+    """[[hypothesis]]: one of the multi-model detector; alarm when its g exceeds h.  Some have no size.
+
+    size_error is what the size of its cause is off by on the healthy axis, in the unit of size.
+    """
 
     cause: str
     size: Real | None = None
     h: Positive
     allowance: NotNegative = 0.0
     alike: tuple[str, ...] = ()
+    size_error: NotNegative = 0.0
 
 
 class RangeTable(FoundTable):

@@ -21,6 +21,15 @@ class Unit(NamedTuple):
     linear: bool = False
     """The unit of a path, as of a linear axis: the factor is 2 pi over the path of one turn of its motor"""
 
+    @property
+    def missing(self) -> str:
+        """Of a unit that depends on the drive: its factor, in words."""
+        if self.linear:
+            return "2 pi / mm that a turn of the motor moves it"
+        if "rated torque" not in self.words:
+            return f"2 pi / {self.words} of a turn of the motor"
+        return f"rated torque / {1000 if self.words.startswith('per mille') else 100} [N m]"
+
 
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
 _COUNTS = Unit("counts", None)
@@ -80,6 +89,12 @@ def unit_passed_over(text: str, quantity: Quantity, factor: float, current: bool
     """
     unit = Unit(text.strip(), current_in(text)) if current else unit_in(text, quantity)
     return None if unit is None or unit.factor in (None, 1.0) or abs(factor) != 1 else unit
+
+
+def unit_as_recorded(text: str, quantity: Quantity, factor: float) -> Unit | None:
+    """The unit in which values stay, as it depends on the drive and no factor converts it; None: there is none."""
+    unit = unit_in(text, quantity)
+    return None if unit is None or unit.factor is not None or abs(factor) != 1 else unit
 
 
 def unit_of(name: str, below: str = "") -> str:

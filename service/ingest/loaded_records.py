@@ -73,7 +73,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     """
     axis = _axis_named(config, axis_id)
     signals = _signals_in(wanted(text).path, axis)
-    block, source = _samples(text, config, axis, signals)
+    block, source = samples_in(text, config, axis, signals)
     # Times since the first sample of the file: those since 1970 have no digits left for microseconds.
     t = (block.t_us - block.t_us[0] + round(1e6 * source.start_s)) * 1e-6
     columns = () if block.signals is None else block.signals.T
@@ -101,7 +101,7 @@ def load_samples(
         def part(done: float, before: int = number) -> None:
             progress((before + done) / len(texts))
 
-        block, source = _samples(text, config, axis, needed(axis), part)
+        block, source = samples_in(text, config, axis, needed(axis), part)
         samples.append(block._replace(name=source.path.name))
         sources.append(source)
     conditions = conditions_of(axis)
@@ -110,14 +110,19 @@ def load_samples(
     return samples, sources
 
 
-def _samples(
+def samples_in(
     text: str,
     config: Config,
     axis: NamedAxis,
     signals: Sequence[FurtherSignalConfig],
     progress: Progress = lambda _: None,
 ) -> tuple[SampleBlock, RecordOrigin]:
-    """The samples of the axis in the range of a file, two at least."""
+    """The samples of an axis in a file, with a range or without: ``wanted``.
+
+    Raises:
+        RecordError: the file cannot be read, or has less than two samples of the axis there.
+        DescriptionError, IngestError: the configuration cannot be used.
+    """
     want = wanted(text)
     block, dropped, left_out = axis_record(want.path, config, axis, signals, progress)
     if block.size < 2:

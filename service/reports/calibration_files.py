@@ -52,7 +52,11 @@ def _tables(calibration: Calibration) -> Iterator[str]:
     if result.bank is not None and result.by_bank is not None:
         about = "g, the sum of log-likelihood ratios less the allowance, exceeds h."
         hypotheses = [toml_table("[[hypothesis]]", _hypothesis(own)) for own in result.bank.limits.own]
-        yield f"# Of the multi-model detector: alarm when {about}\n" + "".join(hypotheses)
+        yield (
+            f"# Of the multi-model detector: alarm when {about}\n"
+            "# size_error: what the size of its cause is off by on the healthy axis, in the unit of size\n"
+            + "".join(hypotheses)
+        )
         yield toml_table("[bank_false_alarms]", _rate(result.by_bank))
     if calibration.ranges:
         about = "# Conditions of the records (rms speed, signals): the promise holds within them.\n"

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from monitor_core.monitoring import AxisStatus, NotTested
-from monitor_core.wording import listed
+from monitor_core.monitoring import MIN_TESTED_MEMORIES, AxisStatus, NotTested
+from monitor_core.wording import duration, listed
 
 
 def not_tested_sentences(
@@ -32,6 +32,10 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
             joint = " and joint_state = true" if r.joint_state else ""
             needed += f"; or memory_s = {r.memory_s:g}{joint}, for which the motion so far suffices"
         return why, needed
+    if reason is NotTested.WARM_UP and status.judged_in_s is not None:
+        # Beside the time until then, that in which a parameter counts as tested.
+        left_s = status.judged_in_s + MIN_TESTED_MEMORIES * status.memory_s
+        return _WHY[reason], _WARMER.format(left=duration(left_s))
     if reason is NotTested.NOT_OBSERVED and status.confounded:
         return f"{_WHY[reason]} ({'; '.join(status.confounded)})", _NEEDED[reason]
     if reason is NotTested.CONDITIONS and gated_by:
@@ -40,6 +44,8 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
 
 
 _MORE_MOTION = "motion that accelerates and has several speeds within memory_s, or a longer memory_s"
+_COLD = '`start = "cold"` in [robot.axis.thermal], if it is cold at the beginning'
+_WARMER = f"{{left}} more of samples at most, as friction may tell it sooner; or {_COLD}"
 _FEWER = "to take {uncertain} out of `monitor`"
 _WHY: dict[NotTested, str] = {
     NotTested.NO_SAMPLE: "no sample has been received",
@@ -58,7 +64,7 @@ _NEEDED: dict[NotTested, str] = {
     NotTested.NO_SAMPLE: "torque and motion of this axis; `axiswatch listen` shows what is received",
     NotTested.SETTLING: "samples without gaps for longer than settling_time_s",
     NotTested.CONDITIONS: "samples at which every gate is open and every signal is known and within its range",
-    NotTested.WARM_UP: "some memories (memory_s) of motion",
+    NotTested.WARM_UP: f"samples for longer than P(0) takes, ten memories (memory_s) of motion; or {_COLD}",
     NotTested.UNIDENTIFIABLE: "nominal values from a record of several speeds and accelerations, or from `axiswatch"
     " identify --fix` with one of them, which is then held at its value in the configuration",
     NotTested.SEEDING: "a longer record",

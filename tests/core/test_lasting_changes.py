@@ -29,6 +29,19 @@ def test_an_onset_in_its_interval_stays(a: int, b: int, c: int) -> None:
     assert Onset.within(best, low, high) == Onset(best, low, high)
 
 
+@given(times, ends, ends, times)
+def test_an_onset_is_not_later_than_the_alarm(
+    best_us: int, low_us: int | None, high_us: int | None, raised_us: int
+) -> None:
+    onset = Onset.within(best_us, low_us, high_us)
+    sooner = onset.until(raised_us)
+    assert sooner.onset_us <= raised_us
+    assert sooner.onset_low_us is None or sooner.onset_low_us <= sooner.onset_us
+    assert sooner.onset_high_us is None or sooner.onset_us <= sooner.onset_high_us <= raised_us
+    if max(best_us, high_us or best_us) <= raised_us:
+        assert sooner == onset
+
+
 def test_a_lasting_change_is_one_alarm_with_its_size(seed: int) -> None:
     """Before, two of six changes were two and three alarms; tests/soak/test_lasting_changes.py has all of them."""
     for course in courses(seed, LASTING_S, REPAIRED_S, [("kT", 0.8), ("fm", 1.3)]):
@@ -42,6 +55,7 @@ def test_a_lasting_change_is_one_alarm_with_its_size(seed: int) -> None:
             low, high = form.onset_low_us, form.onset_high_us
             assert low is None or low <= form.onset_us
             assert high is None or form.onset_us <= high
+            assert form.onset_us <= form.raised_us
         sized = course.sized
         assert sized is not None
         assert sized.size is not None

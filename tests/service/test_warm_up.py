@@ -20,6 +20,7 @@ from service.commands.exit_codes import NOT_TESTED
 from service.config import conditions_of, load
 from service.ingest.loaded_records import begins_cold
 from service.texts.alarm_words import episode_words
+from service.texts.not_tested_words import not_tested_sentences
 from tests.core.mismatch import Block
 from tests.core.test_mismatch import FOUND
 from tests.core.warming import Warming, WarmingPlant
@@ -173,6 +174,32 @@ def test_a_start_at_an_unknown_heat_is_observed_from_the_motion(made: Made) -> N
     assert {p.not_tested for p in finds.monitor.status().parameters} == {None}
     assert knows.heat is not None
     assert abs(finds.heat.heat_w - knows.heat.heat_w) < 4 * np.hypot(finds.heat.sd_w, knows.heat.sd_w)
+
+
+def test_how_long_it_takes_at_most_is_stated_and_true(made: Made) -> None:
+    """Of an axis whose friction shows nothing, as what is allowed for hides it."""
+    plant, text = copy.deepcopy(made.plant), made.config.read_text(encoding="utf-8")
+    config = made.config.with_name("doubtful.toml")
+    config.write_text(text.replace("alpha_2 = 400.0", "alpha_1 = 0.3, alpha_2 = 4000.0"), encoding="utf-8")
+    finds, started = Watcher(config), None
+    for second in range(600):
+        finds.take(plant.take(1.0))
+        status = finds.monitor.status()
+        if status.judged_in_s is not None and started is None:
+            started = second, status.judged_in_s
+            (words,) = not_tested_sentences(status.untested(), status)
+            assert "more of samples at most" in words
+            assert 'or `start = "cold"` in [robot.axis.thermal]' in words
+        if started is not None and status.judged_in_s is None:
+            break
+    assert started is not None
+    print(f"after {started[0]} s: {started[1]:.0f} s more at most; it took {second - started[0]} s")
+    assert second - started[0] <= started[1] + 1.0
+    text = text.replace('unwatched = "stood"', 'unwatched = "stood", start = "cold"')
+    config.write_text(text, encoding="utf-8")
+    cold = Watcher(config)
+    cold.take(plant.take(20.0))
+    assert NotTested.WARM_UP not in cold.monitor.status().untested()
 
 
 def test_after_a_pause_the_models_wait_longer_than_the_tests_of_the_estimates(made: Made) -> None:

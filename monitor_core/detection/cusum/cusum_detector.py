@@ -223,11 +223,10 @@ def _onset(alarm: Alarm, e: Evidence, i: int, alone: bool) -> tuple[Onset, Kind]
         return alarm.onset, alarm.kind
     last_us = int(past.t_us[-1])
     low, best, high = (last_us + round(t) for t in (change.low, change.best, change.high))
-    high = min(high, alarm.raised_us)
     if low <= past.t_us[0]:  # older than what is kept
-        return Onset.within(alarm.onset_us, None, high), alarm.kind
+        return alarm.onset_by(Onset(alarm.onset_us, None, high)), alarm.kind
     kind: Kind = "" if abs(change.drift) < SURE else "drift" if change.drift > 0 else "step"
-    return Onset.within(best, low, high), kind
+    return alarm.onset_by(Onset.within(best, low, high)), kind
 
 
 def _causes(e: Evidence, alarm: Alarm, named: Sequence[Alarm] = ()) -> Causes:

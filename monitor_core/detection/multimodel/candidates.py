@@ -19,6 +19,7 @@ from monitor_core.detection.alarm import (
     OUTPUT_SIGN,
     OUTPUT_STUCK,
     SENSOR_FAULTS,
+    TORQUE_CONSTANT,
     TORQUE_LOST,
     TORQUE_OFFSET,
     TORQUE_SCALE,
@@ -96,9 +97,11 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
         # Any change looks like noise at first, while the state of the axis is still that of before.
         return Hypothesis(cause, size, variance=math.exp(2 * size), weight=_LAST)
     plain: dict[str, Callable[[], Hypothesis]] = {
-        TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size))),
+        TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size)), is_gain=True),
         # The scale of an encoder is fixed by design, and a change looks almost like one of kT: a last resort.
-        OUTPUT_SCALE: lambda: Hypothesis(cause, size, output=Distortion(math.exp(size)), weight=_LAST),
+        OUTPUT_SCALE: lambda: Hypothesis(
+            cause, size, output=Distortion(math.exp(size)), weight=_LAST, is_gain=True
+        ),
         TORQUE_SIGN: lambda: Hypothesis(cause, torque=Distortion(-1.0)),
         OUTPUT_SIGN: lambda: Hypothesis(cause, output=Distortion(-1.0)),
         DELAY: lambda: Hypothesis(cause, size, delay_s=size * settings.interval_s),
@@ -135,7 +138,9 @@ def _of_parameter(model: AxisModel, name: str, size: float) -> Hypothesis:
     """The parameter times exp(size), or, where it is zero or negative, plus size times its scale."""
     base, inverse = split_name(name)
     if model.nominal[base] > 0:
-        return Hypothesis(name, size, factors={base: math.exp(-size if inverse else size)})
+        # The acceleration is proportional to the torque constant, and to the inverse of an inertia.
+        is_gain = inverse or base == TORQUE_CONSTANT
+        return Hypothesis(name, size, factors={base: math.exp(-size if inverse else size)}, is_gain=is_gain)
     return Hypothesis(name, size, shifts={base: size * _scale(model, name)})
 
 

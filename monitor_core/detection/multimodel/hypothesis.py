@@ -38,11 +38,12 @@ class Hypothesis:
     """One change.
 
     ``size`` orders the hypotheses of a cause: the logarithm of a factor, or a difference in units of a scale; NaN where
-    a cause has no size.  ``factors`` and ``shifts`` are of parameters of the drive, by name.  ``torque`` turns the
-    measured torque into the acting one, ``delay_s`` is its additional delay; ``output`` turns the true output into the
-    measured one. ``frozen``: the output repeats itself in every digit.  ``still``: the hypothesis holds only while the
-    measured torque repeats itself.  ``K`` is the filter gain of the hypothesis, ``variance`` its innovation variance
-    over lambda_0. ``weight`` is its prior weight, ``alike`` names causes that produce the same data.
+    a cause has no size.  ``is_gain``: it is the logarithm of a factor, and the effect is proportional to that factor
+    less one.  ``factors`` and ``shifts`` are of parameters of the drive, by name.  ``torque`` turns the measured torque
+    into the acting one, ``delay_s`` is its additional delay; ``output`` turns the true output into the measured one.
+    ``frozen``: the output repeats itself in every digit.  ``still``: the hypothesis holds only while the measured
+    torque repeats itself.  ``K`` is the filter gain of the hypothesis, ``variance`` its innovation variance over
+    lambda_0.  ``weight`` is its prior weight, ``alike`` names causes that produce the same data.
 
     Raises:
         ValueError: a number that makes no sense.
@@ -61,6 +62,7 @@ class Hypothesis:
     variance: float = 1.0
     weight: float = 1.0
     alike: tuple[str, ...] = ()
+    is_gain: bool = False
 
     def __post_init__(self) -> None:
         numbers = [self.torque.scale, self.torque.offset, self.delay_s, self.output.offset, *(self.K or ())]
@@ -93,6 +95,7 @@ class Hypothesis:
             variance=self.variance * base.variance,
             weight=self.weight,
             alike=self.alike,
+            is_gain=self.is_gain,
         )
 
 

@@ -49,13 +49,17 @@ SCHEMA = 3
 
 @dataclass(frozen=True)
 class Limit:
-    """Threshold and allowance of one hypothesis, from a calibration."""
+    """Threshold and allowance of one hypothesis, from a calibration.
+
+    ``size_error``: standard deviation of what the size of its cause is off by on the healthy axis, as ``size``.
+    """
 
     cause: str
     size: float
     h: float
     allowance: float = 0.0
     alike: tuple[str, ...] = ()
+    size_error: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -166,6 +170,7 @@ class MultiModelDetector:
         self._model, self._settings, self._limits = model, settings, limits
         errors = settings.size_errors(len(model.monitored)) * model.scale
         self._off = dict(zip(model.monitored, errors.tolist(), strict=True))
+        self._size_errors = {limit.cause: limit.size_error for limit in limits.own}
         self.causes = causes_of(model)
         """Every cause that it may name"""
         if unknown := {limit.cause for limit in limits.own} - set(self.causes):
@@ -247,20 +252,20 @@ class MultiModelDetector:
             return
         facts["causes"] = _reported(event)
         if unnamed is not None:
-            onset = event.onset if unnamed.reopened_us is None else unnamed.onset
-            yield unnamed.named(*name, **(facts | onset._asdict()))
+            yield unnamed.named(*name, **(facts | unnamed.onset_by(event.onset)._asdict()))
         else:
             alarm = self._raised(event.since_us, event)
             yield replace(alarm, stage="named", updated_us=event.time_us, **facts)
 
     def _size(self, share: Share) -> tuple[float | None, float | None]:
         """Size of a cause and its standard deviation; None: it has none, or is not known."""
-        size, size_sd = (
-            known(value) for value in self.quantity(share.cause).change(share.size, share.size_sd)
-        )
+        quantity = self.quantity(share.cause)
+        size, size_sd = (known(value) for value in quantity.change(share.size, share.size_sd))
         if size is None or size_sd is None:
             return None, None
-        return size, math.hypot(size_sd, MODEL_ERROR * size, self._off.get(share.cause, 0.0))
+        _, healthy = quantity.change(share.size, self._size_errors.get(share.cause, 0.0))
+        off = max(self._off.get(share.cause, 0.0), healthy)
+        return size, math.hypot(size_sd, MODEL_ERROR * size, off)
 
     def _raised(self, since_us: int, event: ChangeDetected | CauseIdentified) -> Alarm:
         share = event.shares[0]
@@ -273,7 +278,7 @@ class MultiModelDetector:
             size=None,
             size_sd=None,
             crossings=1,
-            **event.onset._asdict(),
+            **event.onset.until(since_us)._asdict(),
         )
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:

@@ -20,6 +20,8 @@ another, within the 1/9 that a size between two loses and errors of the model ma
 out by however long a record: 1/9 of this is the evidence from which on a cause is sure (SURE_ENOUGH)."""
 _BEYOND = 1.5
 """Sizes are extrapolated so many times at most."""
+_LEAST = -0.9
+"""Of a factor less one"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +123,7 @@ class _Cause:
     size: Floats
     at: Ints
     alike: tuple[str, ...]
+    is_gain: bool
 
     @classmethod
     def from_hypotheses(cls, name: str, hypotheses: Sequence[Hypothesis]) -> "_Cause":
@@ -130,13 +133,21 @@ class _Cause:
             own[0.0] = -1
         sizes = sorted(own)
         alike = dict.fromkeys(other for h in hypotheses if h.cause == name for other in h.alike)
-        return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike))
+        is_gain = any(h.is_gain for h in hypotheses if h.cause == name)
+        return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike), is_gain)
 
     def fitted(self, evidence: Floats) -> tuple[float, float]:
-        """Size and its sd: top and width of the parabola through the best (k,) and its neighbours."""
+        """Size and its sd: top and width of the parabola through the best (k,) and its neighbours.
+
+        The evidence for a change of a gain is a parabola over the factor less one.  Over the logarithm a change by a
+        fifth would be read a twentieth too large.
+        """
         if len(self.size) < 3:
             return float(self.size[evidence.argmax()]), math.nan
-        return vertex(self.size, evidence)
+        if not self.is_gain:
+            return vertex(self.size, evidence)
+        change, sd = vertex(np.expm1(self.size), evidence)
+        return math.log1p(max(change, _LEAST)), sd / (1 + max(change, _LEAST))
 
 
 def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:

@@ -43,8 +43,9 @@ from service.commands.output_files import replace_text
 from service.config import AxisConfig, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of
+from service.config.conditions import needed
 from service.ingest.axis_records import sha256_of, wanted
-from service.ingest.records import read_record
+from service.ingest.loaded_records import samples_in
 from service.reports import calibration_files, identification_html
 from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv
@@ -258,7 +259,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
     first = found.detectors[0]
     return replace(
         outcome,
-        notes=(*outcome.notes, *found.warnings),
+        notes=tuple(dict.fromkeys((*outcome.notes, *found.warnings))),
         thresholds_file=values,
         budget_s=options.budget_s,
         promise=first.promise,
@@ -270,24 +271,27 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
 
 _MOST_REMEDIES = 5
 """One refusal may come after the other."""
+_AT_ONCE = 10_000
+"""Samples between two reports of progress"""
 
 
 def _replayed(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     """With the parameters that the daemon would not test in these records: it does not know how warm the axis is."""
     from service.pipeline.axis_monitors import AxisMonitors
-    from service.reports.replay_result import Replay
 
     assert outcome.found is not None
     own = commissioned(corrected(text, order.axis_id, outcome.corrections), {order.axis_id: outcome.found})
-    config, _ = configured(own, order.axis_id, order.folder)
-    replay = Replay(AxisMonitors(config.axes), config, drawn=False)
-    for name in order.records:
-        replay.add(
-            read_record(wanted(name).path, config), partial(progress, "calibrate", "replaying the records")
-        )
-    (axis,) = replay.result(order.records, "").axes
-    untested = tuple(parameter for names in axis.untested.values() for parameter in names)
-    sentences = not_tested_sentences(axis.untested, axis.status, axis.snapshot.gated_by)
+    config, axis = configured(own, order.axis_id, order.folder)
+    monitors, many = AxisMonitors([axis]), len(order.records)
+    for number, record in enumerate(order.records):
+        block, _ = samples_in(record, config, axis, needed(axis))
+        for k in range(0, block.size, _AT_ONCE):
+            progress("calibrate", "replaying the records", (number + k / block.size) / many)
+            monitors.update({axis.id: block.select(slice(k, k + _AT_ONCE))})
+    status = monitors.by_id[axis.id].status()
+    not_tested = status.untested_so_far()
+    untested = tuple(parameter for names in not_tested.values() for parameter in names)
+    sentences = not_tested_sentences(not_tested, status, monitors.waits_for(axis.id))
     words = tuple(f"In its own records {sentence}." for sentence in sentences)
     return replace(outcome, untested=untested, notes=(*outcome.notes, *words))
 

@@ -18,14 +18,13 @@ from monitor_core.identification import (
     shown_inertia,
     whole_numbers,
 )
-from service.can.messages import find_signal
 from service.commands.identification_task import known_values
 from service.config import Config, NamedAxis
-from service.config.bus_messages import messages_of
 from service.config.drive_sources import model_of_axis
 from service.config.schema import SignalConfig
+from service.config.unit_names import unit_as_recorded
 from service.ingest.loaded_records import Loaded
-from service.ingest.table_files import open_table
+from service.ingest.recorded_units import unit_text
 
 Signal = Literal["torque", "motion"]
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
@@ -119,18 +118,14 @@ class Checked:
         """Whether the signal counts something."""
         return whole_numbers(self.raw(signal))
 
-    @cached_property
-    def _table_units(self) -> Mapping[str, str]:
-        """Of the columns, by name, where the first table has them."""
-        return open_table(self.sources[0].path).units
-
     def unit_text(self, signal: Signal) -> str:
-        """What names the unit: the column, the table below it, or the unit in the description of the bus."""
-        source = self.source(signal)
-        if self.in_tables:
-            return self._table_units.get(source.column or "") or source.column or ""
-        known = messages_of(self.config, self.axis.config.bus)
-        return find_signal(known, source.message, source.signal)[1].unit or ""
+        """What names the unit."""
+        return unit_text(self.config, self.axis, signal, self.sources[0].path)
+
+    def is_as_recorded(self, signal: Signal) -> bool:
+        """Whether the signal stays in a unit that depends on the drive, and its name says which."""
+        text, quantity = self.unit_text(signal), self.quantity(signal)
+        return unit_as_recorded(text, quantity, self.factor(signal)) is not None
 
 
 def values_of(record: Record, signal: Signal) -> Floats:

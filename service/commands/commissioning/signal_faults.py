@@ -195,7 +195,8 @@ def unknown_units(checked: Checked) -> Iterator[str]:
 
 def _counts(signal: Signal, checked: Checked) -> bool:
     """Whether a signal is in whole numbers, and nothing says of what."""
-    return checked.in_whole_numbers(signal) and abs(checked.factor(signal)) == 1
+    counted = checked.in_whole_numbers(signal) and abs(checked.factor(signal)) == 1
+    return counted and not checked.is_as_recorded(signal)
 
 
 def unchecked(checked: Checked) -> str:

@@ -1,6 +1,6 @@
 """Healthy axes with white and with coloured innovations: records to calibrate on, and how often thresholds alarm."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -59,6 +59,8 @@ class Axes:
         self._x: Floats | None = None
         self._state = np.zeros((1, axes))
         self._at = 0
+        self.values: Mapping[str, float] = REFERENCE_VALUES
+        """Of the drive from now on"""
 
     def take(self, samples: int) -> SampleBlock:
         """The next samples: t_us, u and y (samples, axes)."""
@@ -70,7 +72,7 @@ class Axes:
         if a := self._plant.colour:
             noise, self._state = lfilter([np.sqrt(1 - a * a)], [1, -a], noise, axis=0, zi=self._state)
         acting = u + TORQUE_NOISE * noise
-        y, self._x = simulate_linear(self._plant.model.drive, REFERENCE_VALUES, acting, INTERVAL_S, self._x)
+        y, self._x = simulate_linear(self._plant.model.drive, self.values, acting, INTERVAL_S, self._x)
         y += OUTPUT_NOISE * self._rng.standard_normal(u.shape)
         self._at += samples
         t_us = np.repeat(index[:, np.newaxis] * round(INTERVAL_S * 1e6), self._axes, axis=1)

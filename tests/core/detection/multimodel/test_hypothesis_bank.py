@@ -90,6 +90,19 @@ def test_an_alarm_is_raised_named_corrected_once_and_ended() -> None:
     assert book.open == ()
 
 
+def test_a_cause_whose_evidence_began_after_the_alarm_leaves_its_onset() -> None:
+    """An alarm was renamed to a torque offset, which only later explained more, and was raised before its own onset."""
+    fm, later, about = share("fm"), Onset(18, 15, 19), Onset(11, 2, 14)
+    _, ((raised,), (named_later,)) = feed(
+        changed(10, "kT"), CauseIdentified(20, 10, later, (fm,), certain=True)
+    )
+    assert named_later.onset == raised.onset == ONSET
+    _, (_, (named_soon,)) = feed(changed(10, "kT"), CauseIdentified(20, 10, about, (fm,), certain=True))
+    assert named_soon.onset == Onset(10, 2, 10)
+    _, ((at_once,),) = feed(CauseIdentified(20, 10, later, (fm,), certain=True))
+    assert at_once.onset == Onset(10, None, 10)
+
+
 def test_the_same_cause_soon_after_the_end_reopens_its_alarm_whatever_was_seen_first() -> None:
     book = Book(reopen_us=100)
     for event in (changed(10, "kT"), named(12, 10, share("kT")), CauseEnded(30, 28, "kT")):

@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import binom
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.multimodel_healthy import allowances
+from monitor_core.calibration.multimodel_healthy import healthy_evidence
 from monitor_core.detection.alarm import (
     INERTIA,
     MODEL_ERROR,
@@ -259,7 +259,11 @@ def test_a_nominal_value_that_may_be_off_turns_no_change_into_a_larger_one(seed:
     shift = np.zeros((4000, len(model.monitored)))
     shift[:, model.monitored.index("1/Ja")] = off
     allowance = np.max(
-        [allowances(bank, [SampleBlock(*rec, shift=s)]) for s in (shift, 0.0 * shift, -shift)], axis=0
+        [
+            healthy_evidence(bank, [SampleBlock(*rec, shift=s)]).allowance
+            for s in (shift, 0.0 * shift, -shift)
+        ],
+        axis=0,
     )
     error = tuple(0.1 * (name == "1/Ja") for name in model.monitored)
     bank = HypothesisBank(model, replace(plain, model_error=error), h=H_FOR_A_DAY, allowance=allowance)

@@ -19,6 +19,7 @@ from service.commands.commissioning.signal_proposals import review
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.main import app
 from service.config import load
+from service.ingest.recorded_units import units_as_recorded
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
@@ -157,6 +158,58 @@ def test_an_axis_that_is_not_tested_in_its_own_records_is_not_ready(
     assert "nothing is tested in its own records" in page
     assert "In its own records kT and fm are not tested: " in page
     assert load(folder / "made" / "axiswatch.toml").axes
+
+
+def test_of_a_range_nothing_else_is_replayed(
+    folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The whole file would be long enough to count as tested."""
+    monkeypatch.setattr(axis_status, "MIN_TESTED_MEMORIES", 45)
+    table(folder / "healthy.csv", seed, 80.0)
+    axis = AXIS.format(n=1, interval=H).replace("output_noise", "memory_s = 1.0, output_noise")
+    config = configured(folder / "robot.toml", axis)
+    result = axiswatch("commission", "healthy.csv@:40", "--config", config, "--output", "made", "--yes")
+    assert result.exit_code == NOT_TESTED, result.output
+    assert "nothing is tested in its own records" in (folder / "made" / "report.html").read_text("utf-8")
+    replayed = axiswatch("replay", "healthy.csv", "--config", folder / "made" / "axiswatch.toml")
+    assert replayed.exit_code == 0, replayed.output
+
+
+def test_a_unit_that_nothing_converts_is_named_beside_the_numbers(folder: Path, seed: int) -> None:
+    """The torque is in percent of a rated torque that nobody has given: N m is none in the reports."""
+    record = table(folder / "healthy.csv", seed, 25.0)
+    record.write_text(record.read_text(encoding="utf-8").replace("A1_Trq", "A1_Trq_pct", 1), encoding="utf-8")
+    axis = AXIS.format(n=1, interval=H).replace("A1_Trq", "A1_Trq_pct")
+    config = configured(folder / "robot.toml", axis)
+    result = axiswatch("commission", record, "--config", config, "--output", "made", "--yes")
+    assert result.exit_code == 0, result.output
+    words = "read N m as that in all numbers of this report and its files. torque.factor = rated torque / 100 [N m]"
+    for page, times in (
+        ("report.html", 1),
+        ("cell.a1-identification.html", 1),
+        ("cell.a1-calibration.html", 1),
+    ):
+        assert (folder / "made" / page).read_text(encoding="utf-8").count(words) == times, page
+
+
+@pytest.mark.parametrize(
+    ("torque", "angle", "kept"),
+    [
+        ('column = "Trq_pct"', 'column = "Pos_mm"', ["N m", "rad"]),
+        ('column = "Trq_pct", factor = 0.024', 'column = "Pos_mm", factor = 0.6', []),
+        ('column = "Trq_pct", kT_Nm_per_A = 0.2', 'column = "Pos_deg"', []),
+    ],
+)
+def test_units_that_depend_on_the_drive_stay_where_no_factor_converts_them(
+    torque: str, angle: str, kept: list[str], tmp_path: Path
+) -> None:
+    (tmp_path / "a.csv").write_text("Time,Trq_pct,Pos_mm,Pos_deg\n0.0,1,2,3\n0.1,1,2,3\n", encoding="utf-8")
+    axis = AXIS.format(n=1, interval=H)
+    axis = axis.replace('column = "A1_Trq"', torque).replace('column = "A1_Pos"', angle)
+    read = load(configured(tmp_path / "robot.toml", axis))
+    found = list(units_as_recorded(read, read.axes[0], tmp_path / "a.csv"))
+    assert len(found) == len(kept)
+    assert all(f"read {unit} as that" in words for unit, words in zip(kept, found, strict=True))
 
 
 FULL = OSError(28, "No space left on device", "made/cell.a1.json")

@@ -34,7 +34,7 @@ const NOT_TESTED: Record<NonNullable<Parameter["not_tested_reason"]>, [string, s
     "die Betriebsbedingungen schließen die Messwerte aus",
     "Messwerte, bei denen jedes Tor offen und jedes Signal bekannt und in seinem Bereich ist",
   ],
-  "warm-up state": ["wie warm die Achse nach Start oder Pause ist, ist noch nicht bekannt; ihre Reibung zeigt es", "einige Gedächtnislängen (memory_s) Bewegung"],
+  "warm-up state": ["wie warm die Achse nach Start oder Pause ist, ist noch nicht bekannt; ihre Reibung zeigt es", "Messwerte, bis ihre Reibung oder die Zeit es zeigt; oder `start = \"cold\"` in [robot.axis.thermal], wenn sie am Anfang kalt ist"],
   unidentifiable: [
     "die Aufnahme für die Nennwerte bestimmt sie nicht",
     "Nennwerte aus einer Aufnahme mit mehreren Geschwindigkeiten und Beschleunigungen, oder `axiswatch identify --fix` mit einem von ihnen, der dann auf seinem Wert in der Konfiguration bleibt",

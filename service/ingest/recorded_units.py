@@ -1,0 +1,54 @@
+"""In which unit the signals of an axis are, by the names in its records; and those that nothing makes SI units."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+from service.can.messages import find_signal
+from service.config.bus_messages import messages_of
+from service.config.schema import Config, NamedAxis, SignalConfig
+from service.config.unit_names import UNITS, Quantity, unit_as_recorded
+from service.ingest.records import is_table
+from service.ingest.table_files import open_table
+
+Signal = Literal["torque", "motion"]
+
+
+def unit_text(config: Config, axis: NamedAxis, signal: Signal, path: Path) -> str:
+    """What names the unit: the column, the table below it, or the unit in the description of the bus.
+
+    Raises:
+        RecordError: the file cannot be read.
+        DescriptionError, IngestError: the bus cannot be decoded as configured.
+    """
+    source = axis.config.torque if signal == "torque" else axis.config.motion
+    if is_table(path):
+        column = source.column or ""
+        return open_table(path).units.get(column) or column
+    known = messages_of(config, axis.config.bus)
+    return find_signal(known, source.message, source.signal)[1].unit or ""
+
+
+def units_as_recorded(config: Config, axis: NamedAxis, path: Path) -> Iterator[str]:
+    """Which SI units of reports are none, as a signal stays in the unit of the record, and the factor that is missing.
+
+    Raises:
+        RecordError, DescriptionError, IngestError: as of ``unit_text``.
+    """
+    own = axis.config
+    motion: Quantity = "angle" if own.output == "angle" else "speed"
+    signals: tuple[tuple[Signal, Quantity, SignalConfig], ...] = (
+        *((("torque", "torque", own.torque),) if own.torque.kT_Nm_per_A is None else ()),
+        ("motion", motion, own.motion),
+    )
+    for signal, quantity, source in signals:
+        text, si = unit_text(config, axis, signal, path), UNITS[quantity]
+        unit = unit_as_recorded(text, quantity, source.factor)
+        if unit is not None:
+            yield (
+                f"The {quantity} is in {unit.words} ({text}), and {quantity}.factor = {source.factor:g} leaves it so:"
+                f" read {si} as that in all numbers of this report and its files. {quantity}.factor = {unit.missing}"
+                f" makes it {si}; changes in percent are the same."
+            )
