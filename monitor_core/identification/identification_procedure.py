@@ -14,7 +14,7 @@ from monitor_core.drive.structure import LOAD, split_name
 from monitor_core.identification.bode import bode_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
-from monitor_core.identification.holding import hold_undetermined
+from monitor_core.identification.holding import hold_offset, hold_undetermined
 from monitor_core.identification.identification_result import (
     IdentificationOptions,
     IdentificationResult,
@@ -25,6 +25,7 @@ from monitor_core.identification.parameter_selection import ScheduledTerm, actin
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records.measured_record import Record, lively_parts
 from monitor_core.identification.records.standstill import find_standstill
+from monitor_core.identification.records.torque_windows import moves_one_way
 from monitor_core.identification.starting import (
     Growth,
     best_of,
@@ -96,6 +97,9 @@ def _identify(
     options: IdentificationOptions,
     report: Progress,
 ) -> IdentificationResult:
+    as_one = dict[str, str]()
+    if moves_one_way(records):
+        problem, as_one = hold_offset(problem, options.monitored)
     standstill = find_standstill(records)
     if standstill is not None:
         records = standstill.records
@@ -139,7 +143,7 @@ def _identify(
         growth=growth,
         options=options,
         verdict=verdict,
-        held=held,
+        held={**as_one, **held},
         watched=watch.watched,
         memory_s=watch.memory_s,
         warm_up=warm_up,

@@ -84,5 +84,16 @@ def unit_passed_over(text: str, quantity: Quantity, factor: float, current: bool
 
 def unit_of(name: str, below: str = "") -> str:
     """The unit of a column: below its name, or in brackets in it; empty: none is there."""
-    bracketed = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
+    bracketed = _BRACKETED.search(name)
     return below or (bracketed[1] if bracketed else "")
+
+
+def without_unit(name: str) -> str:
+    """The name of a column without a unit in brackets; other brackets, as of an index, stay."""
+    bracketed = _BRACKETED.search(name)
+    if bracketed is None or all(unit_in(bracketed[1], quantity) is None for quantity in _TABLE):
+        return name
+    return name[: bracketed.start()] + name[bracketed.end() :]
+
+
+_BRACKETED = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")

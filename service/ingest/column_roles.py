@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from service.config.unit_names import Quantity, current_in, unit_in, unit_of
+from service.config.unit_names import Quantity, current_in, unit_in, unit_of, without_unit
 from service.ingest.axis_columns import TimeOfDay
 from service.ingest.roles_by_name import (
     asked_role,
@@ -103,7 +103,7 @@ def _pairs(
     moving: Mapping[str, Floats], t: Floats | None, kinds: Mapping[str, str], places: Mapping[str, int]
 ) -> list[Pair]:
     of_axis = owners(
-        {name: axis_number(name) for name in moving},
+        {name: axis_number(without_unit(name)) for name in moving},
         {name: own_word(name) for name in moving},
         {name: "torque" if kind == "current" else kind for name, kind in kinds.items()},
     )

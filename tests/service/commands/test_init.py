@@ -36,6 +36,10 @@ def test_names_of_columns(record: Path) -> None:
     [
         ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
         ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
+        (
+            "Band.Moment [Nm],Band.Istdrehzahl [1/min],Hub.Moment [Nm],Hub.Istdrehzahl [1/min]",
+            ["band", "hub"],
+        ),
         ("Trq_Shoulder,Pos_Shoulder,Trq_Elbow,Pos_Elbow", ["shoulder", "elbow"]),
         ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
         ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),
