@@ -91,9 +91,14 @@ def unit_of(name: str, below: str = "") -> str:
 def without_unit(name: str) -> str:
     """The name of a column without a unit in brackets; other brackets, as of an index, stay."""
     bracketed = _BRACKETED.search(name)
-    if bracketed is None or all(unit_in(bracketed[1], quantity) is None for quantity in _TABLE):
+    if bracketed is None or not _is_unit(bracketed[1]):
         return name
     return name[: bracketed.start()] + name[bracketed.end() :]
+
+
+def _is_unit(text: str) -> bool:
+    known = any(unit_in(text, quantity) is not None for quantity in _TABLE)
+    return known or current_in(text) is not None
 
 
 _BRACKETED = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")

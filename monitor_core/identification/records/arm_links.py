@@ -6,18 +6,21 @@ terms without that angle drop out.  How the joints are counted, from where, and 
 each sum comes with both signs of the other angles, and each with cosine and sine.
 
     J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = q_own +- q_j +- q_k
+
+A measured load, as that of a hoist or of a gripper, adds itself, or multiplies these terms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations, product
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.drive.signal_terms import Factor
+from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.rigid_body import speed_scales
 from monitor_core.identification.records.torque_windows import (
@@ -62,26 +65,30 @@ class LinkWeights(NamedTuple):
     """What loads an axis."""
 
     terms: tuple[str, ...]
-    """"cos(axis2 + axis3)", .."""
+    """"cos(axis2 + axis3)", "payload", .."""
     explained: float
     """part of the torque that is explained in each half of the records, with values of the other half"""
     before: float
     """the same without these terms"""
 
 
-def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> LinkWeights | None:
+def link_weights(
+    records: Sequence[Record], own: str, angles: Sequence[str], loads: Sequence[str] = ()
+) -> LinkWeights | None:
     """The weights that the torque of an axis shows; None: none that explains it.
 
     Args:
         records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
         own: name of the signal that is the angle of the axis itself.
-        angles: names of all of them, own too, from the base to the hand.
+        angles: names of all of them, own too, from the base to the hand; none: not looked for.
+        loads: names of signals that may be loads.
     """
-    parts, window = slow_parts(records, angles)
+    parts, window = slow_parts(records, (*angles, *loads))
     if not parts:
         return None
     balance = _Balance(parts, window, speed_scales(records)[1])
-    chosen = _waves(*_chosen(balance, own, angles))
+    chosen = _waves(*(_chosen(balance, own, angles) if angles else ()))
+    chosen = _with_loads(balance, chosen, _waves(((1, own),)) if angles else [], loads)
     if not chosen:
         return None
     needed, left = chosen, balance.left(chosen)
@@ -93,6 +100,31 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
         return None
     return LinkWeights(tuple(map(str, needed)), explained, before)
+
+
+def _with_loads(
+    balance: _Balance, chosen: Sequence[Term], alone: Sequence[Term], loads: Sequence[str]
+) -> list[Term]:
+    """With loads that explain what was not fitted: each adds itself, or multiplies weights.
+
+    ``alone``: the weights of the axis itself, which may show only beside a load.
+    """
+    found = list(chosen)
+
+    def left(more: Sequence[Term]) -> float:
+        return balance.left([*found, *more])
+
+    for load in map(_plain, loads):
+        turning = [Term((*load.factors, *wave.factors)) for wave in dict.fromkeys((*found, *alone))]
+        options = ([load], turning, *([term] for term in turning))
+        missing = [wave for wave in alone if wave not in found]
+        best = min(options, key=left)
+        fuller = min(([*option, *missing] for option in options), key=left)
+        if left(fuller) < _LESS * left(best):
+            best = fuller
+        if left(best) < _LESS * left(()):
+            found += best
+    return found
 
 
 def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:
@@ -113,9 +145,15 @@ def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
     speed = rms_speed(records)
     if not parts or not speed > 0:
         return _FEWEST
-    turned = np.concatenate([part.y - part.y.mean() for part in parts])
+    turned = np.concatenate([_turned(part) for part in parts])
     period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
     return max(_FEWEST, round(_OF_PERIOD * period_s / parts[0].h))
+
+
+def _turned(part: GridPart) -> Floats:
+    """The angle about its mean (N,)."""
+    angle = part.y if part.quantity == "angle" else np.cumsum(part.y) * part.h
+    return np.asarray(angle - angle.mean())
 
 
 def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
@@ -156,14 +194,26 @@ def _best(balance: _Balance, own: str, angles: Sequence[str], chosen: Sequence[S
     return best, least
 
 
-def _values(wave: Factor, part: GridPart) -> Floats:
-    """A cosine or a sine of a sum of angles (N,)."""
-    total = sum((sign * part.signals[name] for sign, name in wave.addends), np.zeros(len(part.u)))
-    return np.asarray(np.cos(total) if wave.function == "cos" else np.sin(total))
+def _values(wave: Term, part: GridPart) -> Floats:
+    """A product of loads and of cosines or sines of sums of angles (N,)."""
+    product = np.ones(len(part.u))
+    for factor in wave.factors:
+        total = sum((sign * part.signals[name] for sign, name in factor.addends), np.zeros(len(part.u)))
+        product = product * _FUNCTIONS[factor.function](total)
+    return product
 
 
-def _waves(*sums: Sum) -> list[Factor]:
-    return [Factor(function, angles) for angles in sums for function in ("cos", "sin")]
+_FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType(
+    {"cos": np.cos, "sin": np.sin, "": np.asarray}
+)
+
+
+def _waves(*sums: Sum) -> list[Term]:
+    return [Term((Factor(function, angles),)) for angles in sums for function in ("cos", "sin")]
+
+
+def _plain(signal: str) -> Term:
+    return Term((Factor("", ((1, signal),)),))
 
 
 def _sums(own: str, angles: Sequence[str], count: int) -> Iterator[Sum]:
@@ -208,10 +258,10 @@ class _Balance:
         self._rows, self._torque = (
             array[self._kept] for array in balance_equations(parts, window, scale, USUAL)
         )
-        self._columns: dict[Factor, Floats] = {}
+        self._columns: dict[Term, Floats] = {}
         self._half = len(self._torque) // 2
 
-    def left(self, waves: Sequence[Factor]) -> float:
+    def left(self, waves: Sequence[Term]) -> float:
         """Sum of squared errors in each half with values of the other one."""
         rows = np.column_stack([self._rows, *(self._column(wave) for wave in waves)])
         rows = of_unit_length(rows)
@@ -222,12 +272,12 @@ class _Balance:
             total += float(missed @ missed)
         return total
 
-    def explained(self, waves: Sequence[Factor]) -> float:
+    def explained(self, waves: Sequence[Term]) -> float:
         """Part of the torque about its mean."""
         spread = float(((self._torque - self._torque.mean()) ** 2).sum())
         return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
 
-    def _column(self, wave: Factor) -> Floats:
+    def _column(self, wave: Term) -> Floats:
         if wave not in self._columns:
             values = (_values(wave, part) for part in self._parts)
             self._columns[wave] = windowed(self._parts, self._window, values)[self._kept]

@@ -32,6 +32,28 @@ def test_names_of_columns(record: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("column", "axes"),
+    [
+        ("Hub.Last [kg]", ["hub"]),
+        ("Payload", ["band", "hub"]),
+        ("Hub.Load [%]", []),
+        ("Hub.LastError", []),
+    ],
+)
+def test_a_measured_load_is_a_signal(record: Path, column: str, axes: list[str]) -> None:
+    """Of its axis, or of all; that of a motor is none."""
+    _, _, rows = record.read_text(encoding="utf-8").partition("\n")
+    names = "Time,Band.Moment [Nm],Band.Istwinkel [deg],Hub.Moment [Nm],Hub.Istwinkel [deg]"
+    loaded = [f"{row},{k // 500}" for k, row in enumerate(rows.splitlines())]
+    record.write_text("\n".join([f"{names},{column}", *loaded]), encoding="utf-8")
+    text = shown("init", record)
+    found = load(Path("axis.toml")).axes
+    assert [axis.config.name for axis in found] == ["band", "hub"]
+    assert [a.config.name for a in found if [s.column for s in a.config.signal] == [column]] == axes
+    assert (f"not used: {column}" in text) == (not axes)
+
+
+@pytest.mark.parametrize(
     ("names", "axes"),
     [
         ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
