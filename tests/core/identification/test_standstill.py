@@ -112,7 +112,8 @@ def conveyor(seed: int) -> Record:
     friction = TRUE["fc"] * (1 - 0.1 * t / t[-1])
     taken = TRUE["J1"] * np.gradient(w, step) + TRUE["f"] / 10 * w + friction
     u = np.where(w > 0.5, taken, rest * friction)
-    return Record(t, u + rng.normal(0, 0.005, t.size), w + rng.normal(0, 0.05, t.size), "speed")
+    noisy_u, noisy_w = u + rng.normal(0, 0.005, t.size), w + rng.normal(0, 0.05, t.size)
+    return Record(np.asarray(t, np.float64), noisy_u, np.asarray(noisy_w, np.float64), "speed")
 
 
 def test_an_axis_that_moves_one_way_has_no_offset_and_no_weight(seed: int) -> None:
