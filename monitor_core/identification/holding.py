@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.structure import split_name, value_of, with_value
 from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
@@ -61,6 +62,27 @@ def hold_undetermined(
         found = replace(again, started_from=found.started_from)
         held[split_name(hold.name)[0]] = hold.reason
     return found, held
+
+
+def hold_offset(problem: Problem, monitored: Collection[str]) -> tuple[Problem, dict[str, str]]:
+    """Hold constant torques of an axis that moves in one direction only, where they are Coulomb friction.
+
+    The fit would divide the two by the few samples of each start, and both would be wrong.
+    """
+    friction = set(friction_of(problem.drive).coulomb) & set(problem.free)
+    watched = {split_name(name)[0] for name in monitored}
+    offsets = [
+        name
+        for name in problem.drive.constant_torques()
+        if name in problem.free and name not in problem.varying and name not in watched
+    ]
+    if not friction:
+        return problem, {}
+    reason = (
+        f"the axis moves in one direction only, and there it is the same as {', '.join(sorted(friction))}"
+    )
+    free = tuple(name for name in problem.free if name not in offsets)
+    return replace(problem, free=free), dict.fromkeys(offsets, reason)
 
 
 def _without(problem: Problem, hold: HeldParameter) -> Problem:

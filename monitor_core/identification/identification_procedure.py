@@ -14,7 +14,7 @@ from monitor_core.identification.assessment.outlook import Outlook, Watched
 from monitor_core.identification.assessment.verdict import Effect, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
-from monitor_core.identification.holding import hold_undetermined
+from monitor_core.identification.holding import hold_offset, hold_undetermined
 from monitor_core.identification.identification_result import (
     IdentificationOptions,
     IdentificationResult,
@@ -40,6 +40,7 @@ from monitor_core.identification.thermal.warm_up import (
     moving_s,
 )
 from monitor_core.identification.torque_balance.standstill import find_standstill
+from monitor_core.identification.torque_balance.torque_windows import moves_one_way
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 MOST_ITERATIONS = 100
@@ -94,6 +95,9 @@ def _identify(
     options: IdentificationOptions,
     report: Progress,
 ) -> IdentificationResult:
+    as_one = dict[str, str]()
+    if moves_one_way(records):
+        problem, as_one = hold_offset(problem, options.monitored)
     standstill = find_standstill(records)
     if standstill is not None:
         records = standstill.records
@@ -137,7 +141,7 @@ def _identify(
         growth=growth,
         options=options,
         verdict=verdict,
-        held=held,
+        held={**as_one, **held},
         watched=watch.watched,
         memory_s=watch.memory_s,
         warm_up=warm_up,

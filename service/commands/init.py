@@ -122,7 +122,8 @@ def _from_table(record: Path, output: Path) -> None:
         )
     unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
     not_read = (f"not used: {why}" for why in faults.values())
-    words = [*table.taken, _time_words(found), *summary(found.axes), *unused, *not_read]
+    loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
+    words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *unused, *not_read]
     lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 

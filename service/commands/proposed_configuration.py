@@ -32,7 +32,15 @@ def table_lines(found: TableRoles, record: str) -> Iterator[str]:
     yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
     unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
     time = [] if found.time is None else [f"time = {{ column = {toml_value(found.time)}{unit} }}"]
-    yield from _robot_lines({axis.name: [*_axis_lines(axis, time)] for axis in found.axes})
+    loads = {axis.name: found.loads.get(axis.name, found.loads.get("")) for axis in found.axes}
+    axes = {axis.name: [*_axis_lines(axis, time), *_load_lines(loads[axis.name])] for axis in found.axes}
+    yield from _robot_lines(axes)
+
+
+def _load_lines(column: str | None) -> Iterator[str]:
+    if column is not None:
+        signal = f'signal = [{{ name = "payload", column = {toml_value(column)} }}]'
+        yield f"{signal}  # a load by its name: `commission` lets the torque follow it, if it does"
 
 
 def bus_lines(

@@ -30,7 +30,9 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
                 yield Finding(path, f"no axis of that name: {did_you_mean(s.axis, others)}")
                 continue
             other = others[s.axis]
-            if other.angle is not None and other.angle.wrap_period is not None:
+            angle = other.angle
+            # A cosine of an angle that starts again after 2 pi goes on.
+            if angle is not None and angle.wrap_period is not None and not angle.wraps_after_a_turn(s.factor):
                 message = (
                     f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle"
                     " that does not wrap, from a message"

@@ -3,6 +3,7 @@
 Attributes have the names of the TOML keys.  SI units; torque, angle and speed are those of the motor.
 """
 
+import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
@@ -83,6 +84,13 @@ class AngleConfig(SignalConfig):
     """period after which the signal wraps, in its own unit, before the factor: 360, 65536, 6.2831853"""
     resolution: Positive | None = None
     """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
+
+    def wraps_after_a_turn(self, ratio: float) -> bool:
+        """Whether it wraps after a turn of what it moves with this gear ratio, as that of a turntable does."""
+        if self.wrap_period is None:
+            return False
+        turn = abs(self.factor * ratio) * self.wrap_period
+        return math.isclose(turn, 2 * math.pi, rel_tol=1e-3)
 
 
 class SpeedConfig(SignalConfig):

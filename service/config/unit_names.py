@@ -99,5 +99,21 @@ def unit_as_recorded(text: str, quantity: Quantity, factor: float) -> Unit | Non
 
 def unit_of(name: str, below: str = "") -> str:
     """The unit of a column: below its name, or in brackets in it; empty: none is there."""
-    bracketed = re.search(r"[\[(]\s*([^\])]+?)\s*[\])]", name)
+    bracketed = _BRACKETED.search(name)
     return below or (bracketed[1] if bracketed else "")
+
+
+def without_unit(name: str) -> str:
+    """The name of a column without a unit in brackets; other brackets, as of an index, stay."""
+    bracketed = _BRACKETED.search(name)
+    if bracketed is None or not _is_unit(bracketed[1]):
+        return name
+    return name[: bracketed.start()] + name[bracketed.end() :]
+
+
+def _is_unit(text: str) -> bool:
+    known = any(unit_in(text, quantity) is not None for quantity in _TABLE)
+    return known or current_in(text) is not None
+
+
+_BRACKETED = re.compile(r"[\[(]\s*([^\])]+?)\s*[\])]")

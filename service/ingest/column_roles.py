@@ -6,18 +6,20 @@ motion of one axis explain each other as a rigid mass with friction.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from service.config.unit_names import Quantity, current_in, unit_in, unit_of
+from service.config.unit_names import Quantity, current_in, unit_in, unit_of, without_unit
 from service.ingest.axis_columns import TimeOfDay
 from service.ingest.roles_by_name import (
     asked_role,
+    axis_name,
     axis_number,
+    is_load,
     own_word,
     owners,
     role_of,
@@ -42,6 +44,8 @@ class TableRoles(NamedTuple):
     time: str | None
     unit_s: float
     axes: tuple[AxisRoles, ...]
+    loads: Mapping[str, str]
+    """Columns of measured loads that the torque may follow, by the name of their axis; "": of any axis"""
     unused: tuple[str, ...]
 
 
@@ -72,9 +76,17 @@ def roles(
         kinds |= {name: role for name, role in asked.items() if role in ("torque", "current")}
         pairs = _pairs(moving, t, kinds, places)
     used = {time, *(pair.torque for pair in pairs), *(pair.motion for pair in pairs)}
-    unused = tuple(name for name in columns if name not in used)
+    loaded = [name for name in moving if name not in used and is_load(name, unit_names[name])]
+    loads = {_axis_of(name, [pair.name for pair in pairs]): name for name in loaded}
+    unused = tuple(name for name in columns if name not in used and name not in loads.values())
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
-    return TableRoles(time, unit_s, tuple(axes), unused)
+    return TableRoles(time, unit_s, tuple(axes), loads, unused)
+
+
+def _axis_of(column: str, axes: Sequence[str]) -> str:
+    """The axis that a column names; empty: none."""
+    named = (axis_name(axis_number(without_unit(column))), own_word(column))
+    return next((name for name in named if name in axes), "")
 
 
 def _axis(pair: Pair, kinds: Mapping[str, str], units: Mapping[str, str]) -> AxisRoles:
@@ -103,7 +115,7 @@ def _pairs(
     moving: Mapping[str, Floats], t: Floats | None, kinds: Mapping[str, str], places: Mapping[str, int]
 ) -> list[Pair]:
     of_axis = owners(
-        {name: axis_number(name) for name in moving},
+        {name: axis_number(without_unit(name)) for name in moving},
         {name: own_word(name) for name in moving},
         {name: "torque" if kind == "current" else kind for name, kind in kinds.items()},
     )

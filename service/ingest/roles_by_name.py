@@ -6,7 +6,7 @@ import re
 from collections.abc import Hashable, Mapping
 from typing import TypeVar
 
-from service.config.unit_names import Quantity, current_in, unit_in
+from service.config.unit_names import Quantity, current_in, unit_in, without_unit
 
 K = TypeVar("K", bound=Hashable)
 
@@ -82,6 +82,16 @@ def role_with(name: str, unit: str) -> str:
         return "current"
     known = ((quantity, unit_in(unit, quantity)) for quantity in _QUANTITIES)
     return role or next((q for q, found in known if found is not None and not found.linear), "")
+
+
+_LOADS = {"payload", "nutzlast", "load", "last", "gewicht", "weight", "mass", "masse"}
+_LOAD_UNITS = {"kg", "t", "lb", "lbs", "n", "kn"}
+
+
+def is_load(name: str, unit: str) -> bool:
+    """Whether a column is a measured load by its name and its unit: a load in per cent is that of a motor."""
+    words = {*words_in(without_unit(name))} & _LOADS
+    return bool(words) and (unit.lower() in _LOAD_UNITS or (not unit and "payload" in words))
 
 
 def own_word(name: str) -> str:

@@ -33,7 +33,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record, between
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.standstill import slow_motion
-from monitor_core.identification.torque_balance.torque_windows import TorqueTerm
+from monitor_core.identification.torque_balance.torque_windows import TorqueTerm, moves_one_way
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 
 GOOD, FAIR = 80.0, 50.0
@@ -251,6 +251,8 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     if follows_pose(problem):
         base, records = (*base, "signal"), with_torque_of_pose(problem, records)
     lacking = [effect for effect in _TERMS if effect not in present]
+    if moves_one_way(records):
+        lacking = [effect for effect in lacking if effect not in (Effect.POSE, Effect.OFFSET)]
     more = [(*base, *_TERMS[effect]) for effect in lacking]
     everything = (*base, *(term for effect in lacking for term in _TERMS[effect]))
     full, own, *others = rigid_fits(

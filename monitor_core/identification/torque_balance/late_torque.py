@@ -20,8 +20,10 @@ from monitor_core.identification.torque_balance.torque_windows import (
     windowed_parts,
 )
 
-_MOST = 4
-"""Samples that a torque may be late."""
+_MOST = 10
+"""Samples that a torque may be late, as many as the configuration takes: a PLC filters over some of its slow ones."""
+_AS_GOOD = 2.0
+"""Times what the best shift leaves: the same motion a period later explains as much, and the earliest one counts."""
 _WINDOW = 24
 """Samples of a window: short, since what is late shows in fast changes."""
 _FEWEST = 200
@@ -38,7 +40,9 @@ def samples_late(records: Sequence[Record]) -> int:
         return 0
     least = least_speed(parts) or 0.0
     left = [_unexplained([_earlier(part, k) for part in parts], scale, least) for k in range(_MOST + 1)]
-    best = int(np.argmin(left))
+    best = next((k for k, rest in enumerate(left) if rest <= _AS_GOOD * min(left)), 0)
+    while best < _MOST and left[best + 1] < left[best]:
+        best += 1
     return best if left[best] < _LESS * left[0] < np.inf else 0
 
 

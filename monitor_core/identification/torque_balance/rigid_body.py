@@ -18,6 +18,7 @@ from monitor_core.identification.torque_balance.torque_windows import (
     TorqueTerm,
     balance_equations,
     least_speed,
+    moves_one_way,
     rms_speed,
     term_values,
     windowed_parts,
@@ -114,6 +115,7 @@ def unexplained(
 ) -> tuple[float, float] | None:
     """Sum of squares of the windowed torque that a balance does not explain, and that of the torque about its mean.
 
+    Of an axis that moves in one direction only it is that of the torque itself, whose mean is friction.
     The window is the one in which these terms, fitted, explain most; without standstill, and what is slower than
     ``min_speed`` (rad/s at the sensor), where there is motion enough.
     None: the records are too short.
@@ -133,7 +135,8 @@ def unexplained(
     _, window = max(fits)
     rows, torque = balance_equations(parts, window, speed_scale, terms, least)
     left = torque - rows @ np.array([balance.inertia, *balance.torques.values()])
-    return float(left @ left), float(((torque - torque.mean()) ** 2).sum())
+    mean = 0.0 if moves_one_way(records) else torque.mean()
+    return float(left @ left), float(((torque - mean) ** 2).sum())
 
 
 def speed_scales(records: Sequence[Record]) -> tuple[float, ...]:

@@ -16,9 +16,11 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import resting_torque, rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import (
     AROUND,
+    ONE_WAY,
     POSE,
     GridPart,
     least_speed,
+    moves_one_way,
     pieces,
     rms_speed,
     speed_of,
@@ -45,15 +47,17 @@ class Standstill(NamedTuple):
     """Records in which the axis often stands, with the torque that keeps a model at rest there.
 
     ``speed``: below it the axis stands, rad/s at the sensor.  ``share``: of the samples whose torque was replaced.
+    ``one_way``: the axis moves in one direction only.
     """
 
     records: tuple[Record, ...]
     speed: float
     share: float
+    one_way: bool
 
     def held(self, records: Sequence[Record]) -> list[Record]:
         """Other records of the axis, in the same way; one that no rigid mass explains stays as it is."""
-        found = (_held(record, self.speed) for record in records)
+        found = (_held(record, self.speed, self.one_way) for record in records)
         return [record if held is None else held[0] for record, held in zip(records, found, strict=True)]
 
 
@@ -62,15 +66,15 @@ def find_standstill(records: Sequence[Record]) -> Standstill | None:
     slowest = least_speed(windowed_parts(records))
     if slowest is None:
         return None
-    held, replaced = [], 0
+    held, replaced, one_way = [], 0, moves_one_way(records)
     for record in records:
-        found = _held(record, slowest)
+        found = _held(record, slowest, one_way)
         if found is None:
             return None
         held.append(found[0])
         replaced += found[1]
     share = replaced / sum(map(len, records))
-    return Standstill(tuple(held), slowest, share) if share > _LEAST else None
+    return Standstill(tuple(held), slowest, share, one_way) if one_way or share > _LEAST else None
 
 
 def slow_motion(records: Sequence[Record]) -> tuple[float, float]:
@@ -92,9 +96,10 @@ def _mean_speed(part: GridPart) -> Floats:
     return np.convolve(part.y, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="same")
 
 
-def _held(record: Record, slowest: float) -> tuple[Record, int] | None:
+def _held(record: Record, slowest: float, one_way: bool) -> tuple[Record, int] | None:
     """The record with the torque at rest, and the number of samples that have it; None: no rigid mass explains it."""
-    fit = rigid_fits([record], [POSE], speed_scales([record])[1], moving=True)[0]
+    terms = ONE_WAY if one_way else POSE
+    fit = rigid_fits([record], [terms], speed_scales([record])[1], moving=True)[0]
     if fit is None or fit.explained < _EXPLAINED:
         return None
     u, count = record.u.copy(), 0

@@ -26,6 +26,10 @@ USUAL: tuple[TorqueTerm, ...] = ("viscous", "coulomb", "offset")
 POSE: tuple[TorqueTerm, ...] = (*USUAL, "angle", "angle^2", "angle^3")
 """With a weight, whatever its dependence on the pose."""
 
+ONE_WAY: tuple[TorqueTerm, ...] = ("viscous", "coulomb")
+"""Of an axis that moves in one direction only: an offset is its Coulomb friction, and each place is passed once, so
+that what changes with the time is not told from what changes with the angle."""
+
 WINDOWS = 4
 """Equations for each length of the window; closer ones hold nothing new."""
 _STRIBECK = 0.3
@@ -36,6 +40,9 @@ _STANDS = 0.05
 """Of the root mean square of the speed: an axis that is slower stands."""
 _OFTEN = 0.2
 """Of the time: an axis that stands less is not looked at without its standstill."""
+_SELDOM = 0.01
+_BACK = 0.005
+"""Of the time in motion: an axis that moves backwards less does not."""
 _MOSTLY = 0.9
 """Of a window: in the rest of it the axis may stand."""
 _DETERMINED = 1e-8
@@ -110,12 +117,27 @@ def of_unit_length(rows: Floats) -> Floats:
 
 
 def least_speed(parts: Sequence[GridPart]) -> float | None:
-    """Speed below which the axis of these parts stands, at the sensor; None: it seldom does."""
+    """Speed below which the axis of these parts stands, at the sensor; None: it seldom does.
+
+    Where an axis moves in one direction only, what friction holds at rest does not average out: it may stand seldom.
+    """
     if not parts:
         return None
-    speed = abs(np.concatenate([speed_of(part, AROUND) for part in parts]))
+    speed = np.concatenate([speed_of(part, AROUND) for part in parts])
     least = _STANDS * float(np.sqrt(np.mean(speed**2)))
-    return least if np.mean(speed < least) > _OFTEN else None
+    often = _SELDOM if _one_way(speed) else _OFTEN
+    return least if np.mean(abs(speed) < least) > often else None
+
+
+def moves_one_way(records: Sequence[Record]) -> bool:
+    """Whether an axis moves in one direction only, as a conveyor, a spindle or a pump does."""
+    parts = windowed_parts(records)
+    return bool(parts) and _one_way(np.concatenate([speed_of(part, AROUND) for part in parts]))
+
+
+def _one_way(speed: Floats) -> bool:
+    moving = speed[abs(speed) > _STANDS * float(np.sqrt(np.mean(speed**2)))]
+    return bool(moving.size) and min(float(np.mean(moving > 0)), float(np.mean(moving < 0))) < _BACK
 
 
 def speed_of(part: GridPart, half: int) -> Floats:

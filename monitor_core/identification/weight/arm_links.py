@@ -6,18 +6,21 @@ terms without that angle drop out.  How the joints are counted, from where, and 
 each sum comes with both signs of the other angles, and each with cosine and sine.
 
     J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = q_own +- q_j +- q_k
+
+A measured load, as that of a hoist or of a gripper, adds itself, or multiplies these terms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import combinations, product
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.signal_terms import Factor
+from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart
@@ -46,26 +49,30 @@ class LinkWeights(NamedTuple):
     """What loads an axis."""
 
     terms: tuple[str, ...]
-    """"cos(axis2 + axis3)", .."""
+    """"cos(axis2 + axis3)", "payload", .."""
     explained: float
     """part of the torque that is explained in each half of the records, with values of the other half"""
     before: float
     """the same without these terms"""
 
 
-def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> LinkWeights | None:
+def link_weights(
+    records: Sequence[Record], own: str, angles: Sequence[str], loads: Sequence[str] = ()
+) -> LinkWeights | None:
     """The weights that the torque of an axis shows; None: none that explains it.
 
     Args:
         records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
         own: name of the signal that is the angle of the axis itself.
-        angles: names of all of them, own too, from the base to the hand.
+        angles: names of all of them, own too, from the base to the hand; none: not looked for.
+        loads: names of signals that may be loads.
     """
-    parts, window = slow_parts(records, angles)
+    parts, window = slow_parts(records, (*angles, *loads))
     if not parts:
         return None
     balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
-    chosen = _waves(*balance.sums())
+    chosen = _waves(*(balance.sums() if angles else ()))
+    chosen = _with_loads(balance, chosen, _waves(((1, own),)) if angles else [], loads)
     if not chosen:
         return None
     needed, left = chosen, balance.left(chosen)
@@ -79,14 +86,51 @@ def link_weights(records: Sequence[Record], own: str, angles: Sequence[str]) -> 
     return LinkWeights(tuple(map(str, needed)), explained, before)
 
 
-def _values(wave: Factor, part: GridPart) -> Floats:
-    """A cosine or a sine of a sum of angles (N,)."""
-    total = sum((sign * part.signals[name] for sign, name in wave.addends), np.zeros(len(part.u)))
-    return np.asarray(np.cos(total) if wave.function == "cos" else np.sin(total))
+def _with_loads(
+    balance: _Balance, chosen: Sequence[Term], alone: Sequence[Term], loads: Sequence[str]
+) -> list[Term]:
+    """With loads that explain what was not fitted: each adds itself, or multiplies weights.
+
+    ``alone``: the weights of the axis itself, which may show only beside a load.
+    """
+    found = list(chosen)
+
+    def left(more: Sequence[Term]) -> float:
+        return balance.left([*found, *more])
+
+    for load in map(_plain, loads):
+        turning = [Term((*load.factors, *wave.factors)) for wave in dict.fromkeys((*found, *alone))]
+        options = ([load], turning, *([term] for term in turning))
+        missing = [wave for wave in alone if wave not in found]
+        best = min(options, key=left)
+        fuller = min(([*option, *missing] for option in options), key=left)
+        if left(fuller) < _LESS * left(best):
+            best = fuller
+        if left(best) < _LESS * left(()):
+            found += best
+    return found
 
 
-def _waves(*sums: Sum) -> list[Factor]:
-    return [Factor(function, angles) for angles in sums for function in ("cos", "sin")]
+def _values(wave: Term, part: GridPart) -> Floats:
+    """A product of loads and of cosines or sines of sums of angles (N,)."""
+    values = np.ones(len(part.u))
+    for factor in wave.factors:
+        total = sum((sign * part.signals[name] for sign, name in factor.addends), np.zeros(len(part.u)))
+        values = values * _FUNCTIONS[factor.function](total)
+    return values
+
+
+_FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType(
+    {"cos": np.cos, "sin": np.sin, "": np.asarray}
+)
+
+
+def _waves(*sums: Sum) -> list[Term]:
+    return [Term((Factor(function, angles),)) for angles in sums for function in ("cos", "sin")]
+
+
+def _plain(signal: str) -> Term:
+    return Term((Factor("", ((1, signal),)),))
 
 
 class _Balance(WeightBalance):
@@ -100,7 +144,7 @@ class _Balance(WeightBalance):
     ) -> None:
         super().__init__(parts, window, scale)
         self._own, self._angles = own, angles
-        self._columns: dict[Factor, Floats] = {}
+        self._columns: dict[Term, Floats] = {}
 
     def sums(self) -> list[Sum]:
         """Sums of angles, one after the other, as long as the next one explains what was not fitted.
@@ -146,18 +190,18 @@ class _Balance(WeightBalance):
             for signs in product((1, -1), repeat=count):
                 yield tuple(zip((1, *signs), used, strict=True))
 
-    def left(self, waves: Sequence[Factor]) -> float:
+    def left(self, waves: Sequence[Term]) -> float:
         """Sum of squared errors in each half with values of the other one."""
         columns = [self._column(wave) for wave in waves]
         first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
         return self.missed(columns, first, last) + self.missed(columns, last, first)
 
-    def explained(self, waves: Sequence[Factor]) -> float:
+    def explained(self, waves: Sequence[Term]) -> float:
         """Part of the torque about its mean."""
         spread = float(((self.torque - self.torque.mean()) ** 2).sum())
         return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
 
-    def _column(self, wave: Factor) -> Floats:
+    def _column(self, wave: Term) -> Floats:
         if wave not in self._columns:
             self._columns[wave] = self.column(_values(wave, part) for part in self._parts)
         return self._columns[wave]

@@ -87,9 +87,15 @@ def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
     speed = rms_speed(records)
     if not parts or not speed > 0:
         return _FEWEST
-    turned = np.concatenate([part.y - part.y.mean() for part in parts])
+    turned = np.concatenate([_turned(part) for part in parts])
     period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
     return max(_FEWEST, round(_OF_PERIOD * period_s / parts[0].h))
+
+
+def _turned(part: GridPart) -> Floats:
+    """The angle about its mean (N,)."""
+    angle = part.y if part.quantity == "angle" else np.cumsum(part.y) * part.h
+    return np.asarray(angle - angle.mean())
 
 
 def _thinned(part: GridPart) -> GridPart:

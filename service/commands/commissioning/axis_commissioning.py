@@ -140,9 +140,8 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 break
             text, schedule = again.text, schedule or again.schedule
             if again.schedule:
-                followed = (
-                    f"{', '.join(again.schedule)}: the torque shows the weight of links at these angles."
-                )
+                weight = "the weight of links at these angles" if again.turns else "a load that follows this"
+                followed = f"{', '.join(again.schedule)}: the torque shows {weight}."
                 outcome = replace(outcome, notes=(*outcome.notes, followed))
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _MISTAKES as error:

@@ -56,6 +56,8 @@ class Retry(NamedTuple):
     changes: tuple[Correction, ...]
     schedule: tuple[str, ...] = ()
     """What follows signals, as `identify --schedule` has it"""
+    turns: bool = False
+    """Angles are among these signals"""
 
     @property
     def words(self) -> str:
@@ -129,9 +131,12 @@ def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
     text = with_drive(text, axis.id, name, drive.monitor, drive.values)
     changes = list(weight.signals)
     if name != axis.config.model.drive:
-        changes.insert(0, Correction(("model", "drive"), name, "the torque shows the weight of links"))
+        changes.insert(0, Correction(("model", "drive"), name, "the torque shows a weight"))
     return Retry(
-        corrected(text, axis.id, weight.signals), tuple(changes), (f"{OFFSET}: {', '.join(weight.terms)}",)
+        corrected(text, axis.id, weight.signals),
+        tuple(changes),
+        (f"{OFFSET}: {', '.join(weight.terms)}",),
+        any(Term.read(term).turns for term in weight.terms),
     )
 
 

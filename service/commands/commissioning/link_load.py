@@ -1,4 +1,7 @@
-"""What commissioning tries where the links of an arm load an axis: a torque offset that follows the angles of axes."""
+"""What commissioning tries where the links of an arm or a measured load act on an axis.
+
+A torque offset then follows the angles of axes, and the signals of that axis.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +31,13 @@ class LinkLoad(NamedTuple):
     signals: tuple[Correction, ...]
     """The angles of axes, as signals of this one"""
     terms: tuple[str, ...]
-    """What the torque offset follows: "cos(axis2 + axis3)", .."""
+    """What the torque offset follows: "cos(axis2 + axis3)", "payload", .."""
 
 
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
-    """The angles that the weight on an axis follows; None: it shows no weight, or only that which turns with itself.
+    """The angles and signals that the weight on an axis follows.
+
+    None: the torque shows no weight, or only that which turns with itself.
 
     ``text``: of the configuration, valid in ``folder``; ``records``: files, each with or without a range.
 
@@ -41,22 +46,29 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     """
     config, axis = configured(text, axis_id, folder)
     arm = {other.config.name: _signal(axis, other) for other in _arm(config, axis)}
-    if axis.config.name not in arm or len(arm) < 2:
+    loads = [signal.name for signal in axis.config.signal if signal.axis is None]
+    if axis.config.name not in arm or (len(arm) < 2 and not loads):
+        arm = {}
+    if not arm and not loads:
         return None
     given = {signal.name for signal in axis.config.signal}
     every = [change for changes in arm.values() for change in changes]
     config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
     loaded = [load(record, config, axis_id).record for record in records]
     names = {name: signal.key[1] for name, (signal, *_) in arm.items()}
-    own = names[axis.config.name]
+    own = names.get(axis.config.name, "")
     extents = {n: float(np.max([_extent(r.signals.get(n)) for r in loaded])) for n in names.values()}
     known = [name for name in names.values() if math.isfinite(extents[name])]
-    motors = [name for name in known if extents[name] >= _MOST_TURN and name not in given]
+    turning = {
+        names[other.config.name] for other in config.axes if other.config.name in names and _turns_on(other)
+    }
+    motors = [name for name in known if extents[name] >= _MOST_TURN and name not in given | turning]
     ratios = gear_ratios(loaded, own, known, motors) if own in motors else {}
     angles = [name for name in known if extents[name] < _MOST_TURN or name in ratios]
     if own not in angles:
-        return None
-    found = link_weights([_behind_gears(record, ratios) for record in loaded], own, angles)
+        angles = []
+    known_loads = [name for name in loads if all(_extent(r.signals.get(name)) > 0 for r in loaded)]
+    found = link_weights([_behind_gears(record, ratios) for record in loaded], own, angles, known_loads)
     if found is None:
         return None
     used = {signal for term in found.terms for signal in Term.read(term).signals}
@@ -71,9 +83,16 @@ def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
     """The axes of the same robot whose angles may be signals of this one, itself too."""
     for other in config.axes:
         angle = other.config.angle
-        known = angle is not None and angle.wrap_period is None and other.config.output == "angle"
+        known = angle is not None and (angle.wrap_period is None or _turns_on(other))
+        known = known and other.config.output == "angle"
         if known and other.robot == axis.robot and other.config.bus == axis.config.bus:
             yield other
+
+
+def _turns_on(axis: NamedAxis) -> bool:
+    """Whether its angle starts again after a turn of the axis: the cosine does not."""
+    ratio = given_values(axis.config).get("r", 1.0)
+    return axis.config.angle is not None and axis.config.angle.wraps_after_a_turn(ratio)
 
 
 def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:

@@ -24,7 +24,7 @@ def moved(rng: np.random.Generator, late_s: float, weight: float) -> Record:
 
 
 @pytest.mark.parametrize("weight", [0.0, 4.0])
-@pytest.mark.parametrize("late", [0, 1, 3])
+@pytest.mark.parametrize("late", [0, 1, 3, 8])
 def test_it_is_found(late: int, weight: float, seed: int) -> None:
     record = moved(np.random.default_rng(seed), late * H_S, weight)
     assert samples_late([record]) == late

@@ -98,6 +98,33 @@ def test_a_torque_of_something_else_is_no_weight(seed: int) -> None:
     assert link_weights([recorded(lambda q: drift + 0 * q["q2"], rng)], "q2", ANGLES) is None
 
 
+@pytest.mark.parametrize(
+    ("torque", "angles", "terms"),
+    [
+        (lambda _, load: 6 * load, ANGLES, {"load"}),
+        (lambda _, load: 6 * load, (), {"load"}),
+        (lambda q, load: 8 * load * np.cos(q["q2"]), ANGLES, {"load * cos(q2)"}),
+        (lambda q, load: (8 + 5 * load) * np.cos(q["q2"]), ANGLES, {"cos(q2)", "load * cos(q2)"}),
+        (lambda q, _: 8 * np.cos(q["q2"]), ANGLES, {"cos(q2)"}),
+    ],
+)  # fmt: skip
+def test_a_measured_load_adds_itself_or_multiplies(
+    torque: Callable[[Mapping[str, Floats], Floats], Floats],
+    angles: tuple[str, ...],
+    terms: set[str],
+    seed: int,
+) -> None:
+    """A signal that is no load, beside it, is not taken."""
+    rng = np.random.default_rng(seed)
+    count = round(SECONDS * RATE_HZ)
+    load, other = (np.repeat(rng.permutation([0.0, 1.0, 0.5, 1.0, 0.2, 0.8]), count // 6) for _ in range(2))
+    record = recorded(lambda q: torque(q, load), rng)
+    record = replace(record, signals={**record.signals, "load": load, "other": other})
+    found = link_weights([record], "q2", angles, ("other", "load"))
+    assert found is not None
+    assert set(found.terms) == terms
+
+
 def test_of_axes_that_stand_still_nothing_can_be_told(seed: int) -> None:
     """The weight of all links turns with the one axis that moves: the simplest sum says all."""
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.identification import IdentificationOptions, Problem, identify
-from monitor_core.identification.assessment.verdict import Quality
+from monitor_core.identification.assessment.verdict import Effect, Quality
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
@@ -95,3 +95,43 @@ def test_a_slow_motion_is_no_standstill(seed: int) -> None:
     slow = np.arange(len(record)) % 2000 < 1000
     creeps = replace(record, y=record.y + 0.4 * np.cumsum(np.where(slow, H, -H)))
     assert find_standstill([creeps]) is None
+
+
+def conveyor(seed: int) -> Record:
+    """Stops and starts in one direction; at rest friction holds what the controller has left, as its torque."""
+    rng, step = np.random.default_rng(seed), 0.02
+    speeds, rests, before = list[np.ndarray](), list[np.ndarray](), 0.0
+    for speed in rng.permutation(np.tile([0.0, 60.0, 100.0, 140.0], 10)):
+        ramp = np.linspace(before, speed, 30)
+        lasting = np.full(rng.integers(100, 200) if speed == 0 else rng.integers(300, 900), speed)
+        speeds += [ramp, lasting]
+        rests += [np.zeros(ramp.size), np.full(lasting.size, rng.uniform(0.4, 0.9) * (speed == 0))]
+        before = speed
+    w, rest = np.convolve(np.concatenate(speeds), np.full(15, 1 / 15), "same"), np.concatenate(rests)
+    t = np.arange(w.size) * step
+    friction = TRUE["fc"] * (1 - 0.1 * t / t[-1])
+    taken = TRUE["J1"] * np.gradient(w, step) + TRUE["f"] / 10 * w + friction
+    u = np.where(w > 0.5, taken, rest * friction)
+    noisy_u, noisy_w = u + rng.normal(0, 0.005, t.size), w + rng.normal(0, 0.05, t.size)
+    return Record(np.asarray(t, np.float64), noisy_u, np.asarray(noisy_w, np.float64), "speed")
+
+
+def test_an_axis_that_moves_one_way_has_no_offset_and_no_weight(seed: int) -> None:
+    """An offset is the same as its Coulomb friction, and what changes with the time does so with its angle."""
+    record = conveyor(seed)
+    drive = drive_of(eliminate(DRAWINGS["one-mass"].flat(), "speed"))
+    start = {"J": 1e-3, "fm": 1e-4, "fc": 0.2, "tau0": 0.0, "kT": 1.0}
+    problem = Problem(drive, start, ("J", "fm", "fc", "tau0"), speed_scale=1.0)
+    options = IdentificationOptions(
+        "records", speed_scales=speed_scales([record]), monitored=("kT", "fc", "fm")
+    )
+    found = identify(problem, [record], options=options)
+    print(found.estimate.values, found.verdict)
+    assert found.estimate.values["tau0"] == 0
+    assert found.held["tau0"] == "the axis moves in one direction only, and there it is the same as fc"
+    assert found.verdict.quality is not Quality.POOR
+    assert Effect.POSE not in found.verdict.missing
+    assert found.estimate.values["J"] == pytest.approx(TRUE["J1"], rel=0.1)
+    usual = 100.0  # rad/s; friction that falls with the time hides what is viscous
+    friction = found.estimate.values["fc"] + usual * found.estimate.values["fm"]
+    assert friction == pytest.approx(0.95 * TRUE["fc"] + usual * TRUE["f"] / 10, rel=0.02)

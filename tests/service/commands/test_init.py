@@ -32,10 +32,36 @@ def test_names_of_columns(record: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("column", "axes"),
+    [
+        ("Hub.Last [kg]", ["hub"]),
+        ("Payload", ["band", "hub"]),
+        ("Hub.Load [%]", []),
+        ("Hub.LastError", []),
+    ],
+)
+def test_a_measured_load_is_a_signal(record: Path, column: str, axes: list[str]) -> None:
+    """Of its axis, or of all; that of a motor is none."""
+    _, _, rows = record.read_text(encoding="utf-8").partition("\n")
+    names = "Time,Band.Moment [Nm],Band.Istwinkel [deg],Hub.Moment [Nm],Hub.Istwinkel [deg]"
+    loaded = [f"{row},{k // 500}" for k, row in enumerate(rows.splitlines())]
+    record.write_text("\n".join([f"{names},{column}", *loaded]), encoding="utf-8")
+    text = shown("init", record)
+    found = load(Path("axis.toml")).axes
+    assert [axis.config.name for axis in found] == ["band", "hub"]
+    assert [a.config.name for a in found if [s.column for s in a.config.signal] == [column]] == axes
+    assert (f"not used: {column}" in text) == (not axes)
+
+
+@pytest.mark.parametrize(
     ("names", "axes"),
     [
         ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
         ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
+        (
+            "Band.Moment [Nm],Band.Istdrehzahl [1/min],Hub.Moment [Nm],Hub.Istdrehzahl [1/min]",
+            ["band", "hub"],
+        ),
         ("Trq_Shoulder,Pos_Shoulder,Trq_Elbow,Pos_Elbow", ["shoulder", "elbow"]),
         ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
         ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),

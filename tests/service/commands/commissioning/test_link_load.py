@@ -145,3 +145,61 @@ def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: C
     assert without is not None
     ratios = [c.value for c in without.signals if c.key[2] == "factor"]
     assert ratios == pytest.approx([R, R], rel=1 / 3)
+
+
+POSITIONER = """
+[[robot]]
+name = "arm"
+[robot.defaults]
+sample_interval_s = 0.01
+time = { column = "t" }
+model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }
+signal = [{ name = "payload", column = "load" }]
+[[robot.axis]]
+name = "tilt"
+torque = { column = "tilt_u" }
+angle = { column = "tilt_y" }
+[[robot.axis]]
+name = "table"
+torque = { column = "table_u" }
+angle = { column = "table_y", factor = 0.0174532925, wrap_period = 360 }
+[[robot.axis]]
+name = "hoist"
+torque = { column = "hoist_u" }
+speed = { column = "hoist_w" }
+"""
+
+
+@pytest.mark.parametrize(
+    ("axis", "terms"),
+    [
+        ("tilt", {"payload * cos(tilt)"}),
+        ("table", {"sin(tilt - table)", "sin(tilt + table)"}),
+        ("hoist", {"payload"}),
+    ],
+)
+def test_a_load_and_a_turntable_that_starts_again(
+    axis: str, terms: set[str], tmp_path: Path, seed: int
+) -> None:
+    """The workpiece on a turntable weighs by the tilt; a hoist has no angle at all."""
+    rng, step = np.random.default_rng(seed), 0.01
+    t = np.arange(0.0, 120.0, step)
+    f, phase = rng.uniform(0.1, 0.5, (3, 5)), rng.uniform(0, 2 * np.pi, (3, 5))
+    tilt, turn, lift = (
+        a * np.sin(2 * np.pi * np.outer(t, f[k]) + phase[k]).mean(axis=1) for k, a in enumerate((2, 20, 9))
+    )
+    load = np.repeat(rng.permutation([0.0, 1.0, 0.5, 1.0, 0.2, 0.8]), t.size // 6)
+    weights = 9 * load * np.cos(tilt), 9 * np.sin(tilt) * np.cos(turn), 5 + 9 * load
+    columns = [t]
+    for y, weight in zip((tilt, turn, lift), weights, strict=True):
+        w = np.gradient(y, step)
+        u = np.gradient(w, step) + 0.5 * w + np.tanh(w / 0.05) + weight
+        columns += [u + rng.normal(0, 0.1, t.size), y]
+    columns[4] = np.degrees(turn) % 360
+    columns[6] = np.gradient(lift, step)
+    names = "t,tilt_u,tilt_y,table_u,table_y,hoist_u,hoist_w,load"
+    table = np.column_stack([*columns, load])
+    np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header=names, comments="")
+    found = link_load(POSITIONER, f"arm.{axis}", [str(tmp_path / "a.csv")], tmp_path)
+    assert found is not None
+    assert set(found.terms) == terms
