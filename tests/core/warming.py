@@ -62,16 +62,20 @@ class WarmingPlant(MismatchPlant):
         self._broken.update(fault)
 
     def take(
-        self, seconds: float, fault: Mapping[str, float] | None = None, test: Floats | None = None
+        self,
+        seconds: float,
+        fault: Mapping[str, float] | None = None,
+        test: Floats | None = None,
+        push: float = 0.0,
     ) -> Block:
-        """The next samples, a whole number of steps; ``fault`` and ``test`` as of the other plant."""
+        """The next samples, a whole number of steps; the rest as of the other plant."""
         w, values, broken = self._warming, self._truth.values, {**self._broken, **(fault or {})}
         n, begin = round(STEP_S / INTERVAL_S), self._at
         torques, angles = list[Floats](), list[Floats]()
         for k in range(round(seconds / STEP_S)):
             falls = {name: np.exp(-getattr(w, name) * self.warmth) for name in ("fm", "fc", "stribeck")}
             fm, fc = (values[name] * broken[name] * falls[name] for name in ("fm", "fc"))
-            friction = np.array([fc, self._truth.stribeck * falls["stribeck"], values["tau0"]])
+            friction = np.array([fc, self._truth.stribeck * falls["stribeck"], values["tau0"] + push])
             part = None if test is None else test[k * n : (k + 1) * n]
             u, y = self._moved(np.full(n, fm - values["fm"]), friction, broken["kT"], part)
             speed = np.abs(np.diff(y)) / INTERVAL_S

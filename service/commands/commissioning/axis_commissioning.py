@@ -290,7 +290,7 @@ def _replayed(order: Order, text: str, outcome: Outcome, progress: Progress) -> 
     status = monitors.by_id[axis.id].status()
     not_tested = status.untested_so_far()
     untested = tuple(parameter for names in not_tested.values() for parameter in names)
-    sentences = not_tested_sentences(not_tested, status, monitors.waits_for(axis.id))
+    sentences = not_tested_sentences(not_tested, status, monitors.axes[axis.id].gated_by)
     words = tuple(f"In its own records {sentence}." for sentence in sentences)
     return replace(outcome, untested=untested, notes=(*outcome.notes, *words))
 
