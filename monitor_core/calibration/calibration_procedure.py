@@ -111,9 +111,8 @@ def calibrate(
     check_healthy(axis, healthy)
     rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
     k = nu_over_sigma(len(model.monitored), settings.memory, samples, within_s / memory_s)
-    with launch(
-        partial(_bank_limits, axis, records, samples, rng_multimodel, options.bank_copies)
-    ) as pending:
+    task = partial(_bank_limits, axis, records, samples, rng_multimodel, options.bank_copies)
+    with launch(task) as pending:
         statistics = healthy_statistics(
             axis, records, healthy, k, rng, options.copies, step("copies of the records")
         )
