@@ -1,7 +1,5 @@
 """What commissioning tries where the links of an arm load an axis: a torque offset that follows the angles of axes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
