@@ -1,7 +1,5 @@
 """Opening a bus of any interface that python-can knows, and sending on it."""
 
-from __future__ import annotations
-
 import errno
 import re
 import socket

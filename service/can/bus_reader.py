@@ -1,7 +1,5 @@
 """Reader of a bus: a thread that owns the bus and puts received frames into a bounded queue."""
 
-from __future__ import annotations
-
 import errno
 import threading
 from collections import deque

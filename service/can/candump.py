@@ -4,8 +4,6 @@ A line is ``(1760000000.123456) can0 123#0011``, with ``##`` and a digit for CAN
 and tabulators between its parts.  Every other one is odd and left to the caller.
 """
 
-from __future__ import annotations
-
 import re
 from base64 import b64decode
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Decoding of the wanted signals in blocks of frames, with the times of what a SYNC has sampled."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import NamedTuple

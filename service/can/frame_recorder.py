@@ -1,7 +1,5 @@
 """Recording frames as a candump log, or as a .blf file."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

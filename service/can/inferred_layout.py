@@ -6,8 +6,6 @@ bits of its differences, and of all divisions of the message the cheapest is tak
 Rissanen, "Modeling by shortest data description", Automatica 14, 1978).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Literal, NamedTuple
 

@@ -1,7 +1,5 @@
 """The bytes of a log file, plain or compressed with gzip, with what is wrong at their end; and its lines."""
 
-from __future__ import annotations
-
 import gzip
 import io
 import re

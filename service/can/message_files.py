@@ -1,7 +1,5 @@
 """Files that describe the messages of a bus: DBC, KCD, SYM and ARXML."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path

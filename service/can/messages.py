@@ -4,8 +4,6 @@ Every description is brought into one shape, the messages and signals of cantool
 looks at a bus reads this shape only.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType

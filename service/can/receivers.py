@@ -1,7 +1,5 @@
 """Receivers: blocks of frames from an open bus, by python-can; those with a socket of their own: socket_receivers."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from threading import Event

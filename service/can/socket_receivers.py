@@ -1,7 +1,5 @@
 """Receivers with a socket: many messages in one system call, into memory that is there."""
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import os

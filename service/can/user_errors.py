@@ -1,7 +1,5 @@
 """Errors that a user can cause and correct; and what is accepted where a part of a record cannot be read."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

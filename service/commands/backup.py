@@ -1,7 +1,5 @@
 """``axiswatch backup``: configuration and state in one file, while the daemon runs."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from importlib.metadata import version

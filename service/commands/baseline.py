@@ -1,7 +1,5 @@
 """``axiswatch baseline``: new nominal values of one axis of a running daemon after a repair, and the way back."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated

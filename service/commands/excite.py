@@ -1,7 +1,5 @@
 """``axiswatch excite``: plans a motion for the identification of an axis, with its predicted accuracy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

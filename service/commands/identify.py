@@ -1,7 +1,5 @@
 """``axiswatch identify``: nominal values of an axis from records of it, with a report."""
 
-from __future__ import annotations
-
 import sys
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``axiswatch listen``: a live table of the decoded signals on the buses."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence

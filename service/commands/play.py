@@ -1,7 +1,5 @@
 """``axiswatch play``: send a record on the buses of a configuration."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -1,7 +1,5 @@
 """The configuration that ``axiswatch init`` proposes, with what is to be checked in it: of a table, or of a bus."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence

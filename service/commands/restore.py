@@ -1,7 +1,5 @@
 """``axiswatch restore``: a folder with all that a backup has."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Cross-checks of an axis: measured quantities, times, predictor, estimator, names of alarms, a drive with CANopen."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 

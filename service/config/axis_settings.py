@@ -1,7 +1,5 @@
 """Predictor, settings and detectors of an axis, from the configuration and the files that it names."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import Literal, NamedTuple

@@ -1,7 +1,5 @@
 """All messages of a bus: those of its file, of the table in the configuration, and of the drives of its axes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -4,8 +4,6 @@ From a few values of the data sheet follow message, signal and factor of torque 
 before it is validated, so the rest of the program sees an axis like any other.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Mapping

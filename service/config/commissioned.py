@@ -3,8 +3,6 @@
 And one for tables, connected to a bus.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Cross-checks of operating conditions: their signals exist, and parameters that follow them are monitored."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

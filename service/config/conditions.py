@@ -1,7 +1,5 @@
 """Operating conditions of an axis, from its configuration and its file of nominal values."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 

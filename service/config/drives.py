@@ -4,8 +4,6 @@ The skew between torque and motion, ``monitor = [.., "delay"]``, is no parameter
 it; its nominal value is ``torque_delay_s`` of the axis.  ModelError: the axis has no drive.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, Output

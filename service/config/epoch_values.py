@@ -4,8 +4,6 @@ An epoch holds what [robot.axis.model] says of nominal values and thresholds: ke
 names.  All else (what is measured, monitored, bounded, scheduled by the configuration) stays that of the configuration.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Collection, Iterable, Mapping

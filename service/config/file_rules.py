@@ -4,8 +4,6 @@ Nominal values belong to the predictor of their identification: with another gai
 other values, which the tests would report as a fault.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

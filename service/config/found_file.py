@@ -1,7 +1,5 @@
 """Reading the files that `axiswatch identify` and `axiswatch calibrate` write."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A configuration as persons may read it who have no business with its secrets: without these, as TOML."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Remarks on a valid configuration for the user: what it takes for granted, and what is weaker than it could be."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from functools import cache, partial

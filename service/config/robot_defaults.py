@@ -4,8 +4,6 @@ They are put into the axes before these are validated, so the rest of the progra
 defaults is reported once, in its line there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Container, Mapping
 from typing import Any
 

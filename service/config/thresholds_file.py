@@ -1,7 +1,5 @@
 """thresholds.toml: the result of `axiswatch calibrate`, and the monitor that it belongs to."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Literal

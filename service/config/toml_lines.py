@@ -1,7 +1,5 @@
 """The line of each key of a TOML text: tomllib does not report it, a syntax tree does."""
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Iterable, Mapping
 

@@ -1,7 +1,5 @@
 """Units by the words in names of columns, and by the unit of a signal on a bus: how much of the SI unit they are."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The samples of one axis in the rows of a table."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Input of one axis from its bus: decoded messages of a block of frames in, a block of samples out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 
 import numpy as np

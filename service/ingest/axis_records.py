@@ -1,7 +1,5 @@
 """All samples of one axis in a file, for identification and calibration: as the daemon would get them."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections import Counter

@@ -1,7 +1,5 @@
 """Blocks of frames of one bus in, blocks of samples of its axes out: the same code for the daemon and for replay."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
 

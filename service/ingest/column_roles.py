@@ -4,8 +4,6 @@ A name says what a column may be.  The values decide: times increase; a speed is
 motion of one axis explain each other as a rigid mass with friction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What CANopen drives send of torque and motion, by their EDS; and which of them are on a bus."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Encodes values of axes to frames by the messages of the bus, the inverse of decoding, for play and simulate."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from itertools import chain

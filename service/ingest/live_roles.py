@@ -3,8 +3,6 @@
 Names and units are looked at as without a bus; the values decide as in the columns of a table.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Records of an axis with their origin: for identification, and as blocks of samples for calibration."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

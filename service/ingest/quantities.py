@@ -3,8 +3,6 @@
 Auxiliary signals are held: each sample gets the last received value, if that is not too old.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """What a column or a signal is by the words in its name and by its unit, and which axis it belongs to."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Hashable, Mapping
 from typing import TypeVar

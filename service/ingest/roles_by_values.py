@@ -3,8 +3,6 @@
 A speed is the slope of an angle; a torque and a motion of one axis explain each other as a rigid mass with friction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Literal, NamedTuple
 

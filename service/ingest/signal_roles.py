@@ -3,8 +3,6 @@
 Nothing is received yet, so there are no values to compare: a unit says what a signal is, a name says it less surely.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Iterator, Sequence

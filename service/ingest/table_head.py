@@ -3,8 +3,6 @@
 Exports of drives and spreadsheets begin with remarks, the names of columns, and often a line of their units.
 """
 
-from __future__ import annotations
-
 import csv
 import re
 from collections import Counter

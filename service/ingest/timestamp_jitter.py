@@ -1,7 +1,5 @@
 """Scatter of the time stamps of an axis, and recommendations for its configuration."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Literal, NamedTuple

@@ -1,7 +1,5 @@
 """Rows of a damaged table that look harmless one by one: beside broken ones, or with a time that runs ahead."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A torque that is sent later than the motion that it has caused: each motion gets the torque that belongs to it."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from monitor_core.samples import SampleBlock, concatenate

@@ -1,7 +1,5 @@
 """What a bus sends that nothing describes: the numbers in its messages, and which of them are torque and motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

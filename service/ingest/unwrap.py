@@ -5,8 +5,6 @@ nearest one is taken.  Where the extrapolation lies nearly in the middle between
 guessed: a wrong turn would be a jump that never happened.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

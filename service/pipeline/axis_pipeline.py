@@ -1,7 +1,5 @@
 """One axis: its monitor, and what its samples pass before that."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import NamedTuple
 

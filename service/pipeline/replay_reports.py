@@ -3,8 +3,6 @@
 The frames around an alarm run through the monitors of its robot again, with the nominal values that were in force then.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import subprocess

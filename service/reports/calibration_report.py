@@ -1,7 +1,5 @@
 """A calibration of a configured axis with its origin, in words and tables: on the terminal, and for the page."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The summary of a commissioned robot: each axis with what is found how soon, what is not, and the next step."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A planned experiment: the table for the terminal, and the CSV file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from io import StringIO
 

@@ -1,7 +1,5 @@
 """The result of an identification for programs: nominal.toml, see service/config/nominal_file.py, and all as JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The result of an identification with its origin, in words and tables: on the terminal, and for the page."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 For people: what came out of the drawing, matrices, poles and resonances, what can be identified.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal

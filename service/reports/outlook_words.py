@@ -1,7 +1,5 @@
 """How good the fit of an identification is, what the drive lacks, and what can be watched with it, in words."""
 
-from __future__ import annotations
-
 from monitor_core.drive import COSINE, COULOMB, DELAY, LOAD, ONE, SINE, Drive, split_name
 from monitor_core.identification import (
     Basis,

@@ -1,7 +1,5 @@
 """Alarms and final estimates of a replay in words and tables, on the terminal and for the page; everything as JSON."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """What a replay found of each axis, collected while the records run, as its reports need it."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace

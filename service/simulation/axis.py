@@ -1,7 +1,5 @@
 """A simulated axis: the drive, a soft position controller, a test signal, sensors with noise."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The simulated robot: all axes of a configuration, sample by sample, with faults; and in real time on open buses."""
 
-from __future__ import annotations
-
 import heapq
 import threading
 import time

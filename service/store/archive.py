@@ -1,7 +1,5 @@
 """Backups: files and databases in one .tar.gz, with their SHA-256 in a manifest; restored as a whole or not at all."""
 
-from __future__ import annotations
-
 import fcntl
 import gzip
 import hashlib

@@ -3,8 +3,6 @@
 Each step is a row, written in one transaction with what it changes of the alarms of the axis.
 """
 
-from __future__ import annotations
-
 import sqlite3
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple

@@ -4,8 +4,6 @@ Each step is a row in ``epoch_event``, which is written in one transaction with 
 end of the alarms of the former epoch.
 """
 
-from __future__ import annotations
-
 import json
 import sqlite3
 from collections.abc import Callable, Iterable, Mapping

@@ -4,8 +4,6 @@ A refusal ends the way of this axis, not of the others.  What was found is kept 
 with the same it is not computed again.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence

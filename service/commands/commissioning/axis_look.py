@@ -1,7 +1,5 @@
 """What some seconds of samples show of the signals of an axis; shown on the terminal and on the page."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 

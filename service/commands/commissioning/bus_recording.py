@@ -1,7 +1,5 @@
 """A record of everything on the buses, as received, with what was heard meanwhile."""
 
-from __future__ import annotations
-
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence

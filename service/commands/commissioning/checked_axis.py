@@ -1,7 +1,5 @@
 """An axis whose signals are looked at: its records as configured, and what is known of it beside them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property

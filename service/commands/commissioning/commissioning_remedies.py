@@ -1,7 +1,5 @@
 """What commissioning tries next where records do not give what the configuration asks for."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple

@@ -3,8 +3,6 @@
 A torque offset then follows the angles of axes, and the signals of that axis.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace

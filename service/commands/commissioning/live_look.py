@@ -3,8 +3,6 @@
 What is seen is a short record, looked at by the same checks as a long one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``axiswatch commission --minutes``: the buses are looked at, then recorded for some minutes."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """What no correction can mend in the signals of an axis, and what records leave open about them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -4,8 +4,6 @@ Torque and motion alone tell no unit: a thousandth of the inertia moves alike un
 What shows the unit is compared with the configuration; where nothing does, the report names what would.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple

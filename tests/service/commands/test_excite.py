@@ -81,7 +81,7 @@ def test_the_table(tmp_path: Path) -> None:
 def test_a_spectrum_for_what_is_to_be_found(tmp_path: Path) -> None:
     text = " ".join(shown(*excite(tmp_path, "--find", "1/Ja, fm")).split())
     assert "with a flat spectrum" in text
-    gains = re.search(r"as a flat one: 1/Ja (\d+\.?\d*), fm (\d+\.?\d*)", text)
+    gains = re.search(r"as with a flat one: 1/Ja (\d+\.?\d*), fm (\d+\.?\d*)", text)
     assert gains is not None
     assert max(map(float, gains.groups())) > 1.1
 
