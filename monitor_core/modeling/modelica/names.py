@@ -9,7 +9,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 from pymoca import ast
 from pymoca.parser import ModelicaFile
@@ -19,6 +19,8 @@ from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.modelica.library import SOURCES, library
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, place_of
 from monitor_core.modeling.modelica.values import FUNCTIONS
+
+ClassT = TypeVar("ClassT", bound=ast.Class)
 
 _LIBRARY = ("Modelica", "AxisWatch")
 _MODELS = ("model", "block", "class")
@@ -31,7 +33,7 @@ def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
     Raises:
         ModelError: a class is defined twice.
     """
-    root = copy.deepcopy(library())
+    root = _copy(library())
     for file in sorted(files, key=lambda f: len(f.within)):
         path: tuple[str, ...] = file.within[0].to_tuple() if file.within else ()
         if path[:1] and path[0] in _LIBRARY:
@@ -44,6 +46,13 @@ def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
                 _add(package, new)
     root.update_parent_refs()
     return root
+
+
+def _copy(package: ClassT) -> ClassT:
+    """With classes of its own at any depth; what they declare is only read, and shared: to copy all takes too long."""
+    new = copy.copy(package)
+    new.classes = {name: _copy(inner) for name, inner in package.classes.items()}
+    return new
 
 
 def _add(package: ast.Class, new: ast.Class) -> None:
