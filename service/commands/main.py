@@ -1,6 +1,7 @@
 """The command line.  Each command is a module of this folder, imported only when it is used."""
 
 import atexit
+import gc
 import os
 import sys
 from contextlib import suppress
@@ -91,6 +92,9 @@ def _group(
 
 def main() -> None:
     """The program ``axiswatch``."""
+    # Libraries are objects that stay: to look for garbage among them takes a sixth of a short command.
+    gc.set_threshold(50_000)
+    atexit.register(gc.freeze)
     # Before numpy is imported: on matrices this small more threads only cost.
     for library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")

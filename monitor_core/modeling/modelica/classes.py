@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 from pymoca import ast
 from pymoca.parser import ModelicaFile
@@ -12,6 +12,8 @@ from pymoca.tree import NameLookupError, find_name
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.modelica.library import library
 from monitor_core.modeling.modelica.parsing import Source, place_of
+
+ClassT = TypeVar("ClassT", bound=ast.Class)
 
 LIBRARY = ("Modelica", "AxisWatch")
 MODELS = ("model", "block", "class")
@@ -24,7 +26,7 @@ def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
     Raises:
         ModelError: a class is defined twice.
     """
-    root = copy.deepcopy(library())
+    root = _copy(library())
     for file in sorted(files, key=lambda f: len(f.within)):
         path: tuple[str, ...] = file.within[0].to_tuple() if file.within else ()
         if path[:1] and path[0] in LIBRARY:
@@ -37,6 +39,13 @@ def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
                 _add(package, new)
     root.update_parent_refs()
     return root
+
+
+def _copy(package: ClassT) -> ClassT:
+    """With classes of its own at any depth; what they declare is only read, and shared: to copy all takes too long."""
+    new = copy.copy(package)
+    new.classes = {name: _copy(inner) for name, inner in package.classes.items()}
+    return new
 
 
 def _add(package: ast.Class, new: ast.Class) -> None:

@@ -5,15 +5,18 @@ from __future__ import annotations
 from functools import cache
 
 import pytest
+from pymoca import ast
 from pymoca.tree import InstanceClass, flatten_class
 
 from monitor_core.modeling.components import KINDS, fragment
 from monitor_core.modeling.components.units import parse as dimension
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.modelica import read
 from monitor_core.modeling.modelica.classes import descendants, tree_of
 from monitor_core.modeling.modelica.library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE, library
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
+from tests.core.modeling.modelica.test_broken_texts import NESTED
 
 OWN = {name: leaf for name, leaf in LEAVES.items() if leaf.kind not in (BEARING, SIGNAL_SOURCE)}
 
@@ -50,6 +53,13 @@ def test_same_connectors(name: str) -> None:
     flows = {n.split(".")[1] for n, s in symbols.items() if "flow" in s.prefixes}
     assert flows == set(kind.flanges)
     assert {f"c.{end}" for end in (*kind.signals_in, *kind.signals_out)} <= set(symbols)
+
+
+def test_reading_a_drive_leaves_the_library_as_it_is() -> None:
+    """All drives share what its classes declare."""
+    before = ast.Node.to_json(library())
+    assert read([Source("d.mo", NESTED)]).sensors
+    assert ast.Node.to_json(library()) == before
 
 
 def test_every_refused_setting_exists_somewhere() -> None:
