@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -44,11 +45,10 @@ def lanes_of(
     Raises:
         ValueError: a hypothesis whose values the drive cannot have.
     """
-    plain = replace(model, monitored=(), bounds={})
-    assembly = Assembly(model.drive, ())
+    drives = _Drives(replace(model, monitored=(), bounds={}), settings)
     back, fill = len(hypotheses) - 1, -len(hypotheses) % EIGHT
     hypotheses = [*hypotheses, *[hypotheses[0]] * fill]
-    lanes = [_lane(plain, settings, assembly, hypothesis) for hypothesis in hypotheses]
+    lanes = [_lane(drives, hypothesis) for hypothesis in hypotheses]
     table = {name: np.stack([lane[name] for lane in lanes], axis=1) for name in lanes[0]}
     own = table["own"]
     own[predictors.LIMIT] = np.inf
@@ -67,7 +67,7 @@ def lanes_of(
     moving, n, m = _moving(model, table["acts"]), len(model.drive.states), len(model.drive.inputs)
     acts = table.pop("acts").reshape(-1, n, m, len(lanes))[:, :, moving]
     factors = [table.pop(name).reshape(len(acts), n, -1, len(lanes)) for name in ("constant", "taps", "move")]
-    return assembly.tables, Predictors(
+    return drives.assembly.tables, Predictors(
         **{name: np.ascontiguousarray(values) for name, values in table.items()},
         terms=_by_eight(np.concatenate([*factors, acts], axis=2)),
         moving=moving,
@@ -94,9 +94,41 @@ def memory_of(tables: Tables, lanes: int) -> Memory:
     return Memory(np.zeros((n, lanes)), u, np.zeros((3, lanes)), when, numbers, integers)
 
 
-def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothesis) -> dict[str, Floats]:
-    changed = replace(model, nominal=values_of(model, hypothesis))
-    numbers = assembly.model_constants(changed, s.speed_scale)
+class _Interval(NamedTuple):
+    """An interval, balanced: under the previous torque up to the delay, and under the next one if it is early."""
+
+    move: Floats
+    """(n, n)"""
+    taps: Floats
+    """Of the torque that is held, the previous and the next one (3, n)"""
+    acts: Floats
+    """Of each input (n, m)"""
+
+
+class _Drives:
+    """The drive under each hypothesis, computed once for all that have its values: half of them change no value."""
+
+    def __init__(self, model: AxisModel, s: Settings) -> None:
+        self.model, self.s, self.assembly = model, s, Assembly(model.drive, ())
+        self.changed = cache(self._changed)
+        self.constants, self.intervals = cache(self._constants), cache(self._intervals)
+
+    def _changed(self, values: tuple[float, ...]) -> AxisModel:
+        return replace(self.model, nominal=dict(zip(self.model.nominal, values, strict=True)))
+
+    def _constants(self, values: tuple[float, ...]) -> dict[str, Floats]:
+        return self.assembly.model_constants(self.changed(values), self.s.speed_scale)
+
+    def _intervals(self, values: tuple[float, ...], delay: float) -> list[_Interval]:
+        """Of the usual intervals."""
+        model = self.changed(values)
+        return [_interval(model, us / 1e6, delay) for us in _usual_us(self.s.interval_s)]
+
+
+def _lane(drives: _Drives, hypothesis: Hypothesis) -> dict[str, Floats]:
+    model, s = drives.model, drives.s
+    values = tuple(values_of(model, hypothesis).values())
+    numbers = drives.constants(values)
     n = len(model.drive.states)
     gains = np.tile(hypothesis.K, (GAINS, 1)) if hypothesis.K is not None else s.gains(n)
     gains = np.zeros_like(gains) if hypothesis.frozen else gains / hypothesis.output.scale
@@ -108,10 +140,16 @@ def _lane(model: AxisModel, s: Settings, assembly: Assembly, hypothesis: Hypothe
     ]  # fmt: skip
     found = {name: numbers[name] for name in ("weight", "rest", "rigid", "u_scale")}
     found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}
+    always = np.array(model.drive.inputs) == ONE
     usual = [
-        {"usual_K": _gain_after(gains, us / 1e6 / s.interval_s)}
-        | _interval(changed, hypothesis, us / 1e6, delay)
-        for us in _usual_us(s.interval_s)
+        {
+            "usual_K": _gain_after(gains, us / 1e6 / s.interval_s),
+            "move": at.move.ravel(),
+            "taps": (at.taps * torque.scale).T.ravel(),
+            "constant": at.taps.sum(axis=0) * torque.offset + at.acts[:, always].sum(axis=1),
+            "acts": at.acts.ravel(),
+        }
+        for us, at in zip(_usual_us(s.interval_s), drives.intervals(values, delay), strict=True)
     ]
     return found | {name: np.concatenate([interval[name] for interval in usual]) for name in usual[0]}
 
@@ -139,8 +177,7 @@ def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:
     return values
 
 
-def _interval(model: AxisModel, hypothesis: Hypothesis, interval_s: float, delay: float) -> dict[str, Floats]:
-    """An interval in parts: under the previous torque up to the delay, and under the next if it is early."""
+def _interval(model: AxisModel, interval_s: float, delay: float) -> _Interval:
     A, B, _ = model.matrices()
     d = model.balance()
     A, B, kinds = A / d[:, np.newaxis] * d, B / d[:, np.newaxis], np.array(model.drive.inputs)
@@ -148,14 +185,8 @@ def _interval(model: AxisModel, hypothesis: Hypothesis, interval_s: float, delay
     held = interval_s - before - now
     (A1, B1), (A2, B2), (A3, B3) = (_held(A, B, float(part)) for part in (before, held, now))
     parts = np.stack([A3 @ B2, A3 @ A2 @ B1, B3])  # (3, n, m): held, previous, next
-    taps, all_of_it = parts[:, :, kinds == TORQUE].sum(axis=2) * d, parts.sum(axis=0) * d[:, np.newaxis]
-    constant = taps.sum(axis=0) * hypothesis.torque.offset + all_of_it[:, kinds == ONE].sum(axis=1)
-    return {
-        "move": (A3 @ A2 @ A1 * d[:, np.newaxis] / d).ravel(),
-        "taps": (taps * hypothesis.torque.scale).T.ravel(),
-        "constant": constant,
-        "acts": all_of_it.ravel(),
-    }
+    taps, acts = parts[:, :, kinds == TORQUE].sum(axis=2) * d, parts.sum(axis=0) * d[:, np.newaxis]
+    return _Interval(A3 @ A2 @ A1 * d[:, np.newaxis] / d, taps, acts)
 
 
 def _held(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats]:

@@ -122,22 +122,18 @@ def test_the_files_of_the_page_and_the_sign_of_life_need_none(asked: TestClient,
     assert {asked.get(path).status_code for path in paths} == {200}
 
 
-def test_metrics_need_none_where_that_is_configured(stage: Stage, tokens: TokenFile) -> None:
+def test_metrics_need_none_where_that_is_configured_also_while_it_is_served(
+    stage: Stage, tokens: TokenFile
+) -> None:
+    """A changed configuration may close them again, and open them together with a name of the daemon."""
     tokens.new("anna", Scope.READ)
     stage.access = Access(tokens, open_metrics=True)
-    client = stage.client()
+    client, reader = stage.client(), bearer(tokens.new("ben", Scope.READ))
     assert client.get("/metrics").status_code == 200
     refused(client.get("/api/v1/axes"), 401)
-    described = client.get("/openapi.json", headers=bearer(tokens.new("ben", Scope.READ))).json()
+    described = client.get("/openapi.json", headers=reader).json()
     assert "security" not in described["paths"]["/metrics"]["get"]
     stage.access.change([], open_metrics=False)
-    refused(client.get("/metrics"), 401)
-
-
-def test_metrics_can_be_opened_and_a_name_given_while_it_is_served(stage: Stage, tokens: TokenFile) -> None:
-    tokens.new("anna", Scope.READ)
-    stage.access = Access(tokens)
-    client = stage.client()
     refused(client.get("/metrics"), 401)
     stage.access.change(["axiswatch.plant.example"], open_metrics=True)
     assert client.get("/metrics", headers={"Host": "axiswatch.plant.example"}).status_code == 200
