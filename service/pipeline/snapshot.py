@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 from monitor_core.detection import Alarm
 from monitor_core.drive import AxisModel
@@ -139,14 +140,22 @@ def out_of_service(axes: Iterable[AxisSnapshot]) -> Iterator[str]:
 # --- How they are made: status of the monitor, alarms as they are shown ---------------------------------------------
 
 
+class Reception(NamedTuple):
+    """What became of the values of an axis before its samples: as in AxisSnapshot."""
+
+    dropped: Mapping[str, int]
+    clock: Mapping[str, int]
+    stamps: Stamps
+
+
 def axis_snapshot(
     axis: AxisPipeline,
     trends: Trends,
     status: AxisStatus,
     open_alarms: tuple[Alarm, ...],
-    dropped: Mapping[str, int],
-    clock: Mapping[str, int],
-    stamps: Stamps,
+    received: Reception,
+    out_of_service: Note | None = None,
+    watched: MonitoredDrive | None = None,
 ) -> AxisSnapshot:
     """What the monitor of an axis, its trends, its alarms and its input show now."""
     named, drive = axis.config, axis.monitor.model.drive
@@ -161,16 +170,18 @@ def axis_snapshot(
         nominal=axis.nominal,
         status=status,
         open_alarms=open_alarms,
-        dropped={**dropped, **axis.dropped},
-        clock=clock,
+        dropped={**received.dropped, **axis.dropped},
+        clock=received.clock,
         gated_by=axis.gated_by,
         outside_calibration=axis.outside_calibration,
         heat=axis.heat,
-        stamps=stamps,
+        stamps=received.stamps,
         causes=axis.causes,
         trends=trends.for_axis(named.id),
         histories_lost=trends.lost[named.id],
         epoch=axis.epoch.shown(status),
+        out_of_service=out_of_service,
+        watched=watched,
     )
 
 
@@ -198,13 +209,9 @@ class AxisView:
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
         open_alarms = self._alarms.open(axis.id)
         status = _as_recorded(self._monitored.monitor.status(), open_alarms)
-        return replace(
-            axis_snapshot(
-                self._monitored, trends, status, open_alarms, source.dropped, source.events, source.stamps
-            ),
-            out_of_service=self._alarms.removed(axis.id) or self._by_configuration,
-            watched=self._watched,
-        )
+        received = Reception(source.dropped, source.events, source.stamps)
+        removed = self._alarms.removed(axis.id) or self._by_configuration
+        return axis_snapshot(self._monitored, trends, status, open_alarms, received, removed, self._watched)
 
 
 def _as_recorded(status: AxisStatus, open_alarms: Iterable[Alarm]) -> AxisStatus:
