@@ -41,9 +41,12 @@ _LEAST_WINDOWS = 20
 """In all records: fewer do not distinguish this many terms."""
 _MOST_OTHERS = 2
 """Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
-_MOST_SUMS = 4
+_MOST_SUMS = 8
 _LESS = 0.6
-"""Of the squared errors on what was not fitted: another sum leaves at most so much of them."""
+"""Of the squared errors on what was not fitted: another sum leaves at most so much of them,"""
+_MORE = 0.01
+"""or, where a weight shows already, explains so much of the variance of the torque: on the bending axis of a wrist a
+weight is the sum of many."""
 _SIMPLER = 0.9
 """A sum of more angles leaves at most so much of what the best one of fewer leaves."""
 _NEEDED = 1.02
@@ -128,11 +131,11 @@ def _chosen(balance: _Balance, own: str, angles: Sequence[str]) -> list[Sum]:
     left = balance.left(())
     while len(chosen) < _MOST_SUMS:
         best, least = _best(balance, own, angles, chosen)
-        if not least < _LESS * left:
+        if not balance.matters(least, left, 1, bool(chosen)):
             near = [*_sums(own, angles, 0), *_sums(own, angles, 1)]
             beside = [(_best(balance, own, angles, [*chosen, first]), first) for first in near]
             (best, least), first = min(beside, key=lambda pair: pair[0][1])
-            if first in chosen or not least < _LESS**2 * left:
+            if first in chosen or not balance.matters(least, left, 2, bool(chosen)):
                 break
             chosen = [*chosen, first]
         chosen, left = [*chosen, best], least
@@ -210,6 +213,7 @@ class _Balance:
         )
         self._columns: dict[Factor, Floats] = {}
         self._half = len(self._torque) // 2
+        self._spread = float(((self._torque - self._torque.mean()) ** 2).sum())
 
     def left(self, waves: Sequence[Factor]) -> float:
         """Sum of squared errors in each half with values of the other one."""
@@ -222,10 +226,13 @@ class _Balance:
             total += float(missed @ missed)
         return total
 
+    def matters(self, least: float, left: float, sums: int, beside: bool) -> bool:
+        """Whether so many more sums leave little enough of the squared errors; ``beside``: of others."""
+        return least < _LESS**sums * left or (beside and left - least > sums * _MORE * self._spread)
+
     def explained(self, waves: Sequence[Factor]) -> float:
         """Part of the torque about its mean."""
-        spread = float(((self._torque - self._torque.mean()) ** 2).sum())
-        return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
+        return 1 - float(np.sqrt(self.left(waves) / self._spread)) if self._spread > 0 else 0.0
 
     def _column(self, wave: Factor) -> Floats:
         if wave not in self._columns:
