@@ -28,9 +28,12 @@ from monitor_core.identification.weight.weight_balance import WeightBalance, slo
 
 _MOST_OTHERS = 2
 """Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
-_MOST_SUMS = 4
+_MOST_SUMS = 8
 _LESS = 0.6
-"""Of the squared errors on what was not fitted: another sum leaves at most so much of them."""
+"""Of the squared errors on what was not fitted: another sum leaves at most so much of them,"""
+_MORE = 0.01
+"""or, where a weight shows already, explains so much of the variance of the torque: on the bending axis of a wrist a
+weight is the sum of many."""
 _SIMPLER = 0.9
 """A sum of more angles leaves at most so much of what the best one of fewer leaves."""
 _NEEDED = 1.02
@@ -145,6 +148,7 @@ class _Balance(WeightBalance):
         super().__init__(parts, window, scale)
         self._own, self._angles = own, angles
         self._columns: dict[Term, Floats] = {}
+        self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
 
     def sums(self) -> list[Sum]:
         """Sums of angles, one after the other, as long as the next one explains what was not fitted.
@@ -156,11 +160,11 @@ class _Balance(WeightBalance):
         left = self.left(())
         while len(chosen) < _MOST_SUMS:
             best, least = self._best(chosen)
-            if not least < _LESS * left:
+            if not self._matters(least, left, 1, bool(chosen)):
                 near = [*self._sums(0), *self._sums(1)]
                 beside = [(self._best([*chosen, first]), first) for first in near]
                 (best, least), first = min(beside, key=lambda pair: pair[0][1])
-                if first in chosen or not least < _LESS**2 * left:
+                if first in chosen or not self._matters(least, left, 2, bool(chosen)):
                     break
                 chosen = [*chosen, first]
             chosen, left = [*chosen, best], least
@@ -198,8 +202,11 @@ class _Balance(WeightBalance):
 
     def explained(self, waves: Sequence[Term]) -> float:
         """Part of the torque about its mean."""
-        spread = float(((self.torque - self.torque.mean()) ** 2).sum())
-        return 1 - float(np.sqrt(self.left(waves) / spread)) if spread > 0 else 0.0
+        return 1 - float(np.sqrt(self.left(waves) / self._spread)) if self._spread > 0 else 0.0
+
+    def _matters(self, least: float, left: float, sums: int, beside: bool) -> bool:
+        """Whether so many more sums leave little enough of the squared errors; ``beside``: of others."""
+        return least < _LESS**sums * left or (beside and left - least > sums * _MORE * self._spread)
 
     def _column(self, wave: Term) -> Floats:
         if wave not in self._columns:

@@ -16,11 +16,11 @@ RATE_HZ, SECONDS = 100, 60.0
 Torque = Callable[[Mapping[str, Floats]], Floats]
 
 
-def moved(rng: np.random.Generator, t: Floats) -> Floats:
+def moved(rng: np.random.Generator, t: Floats, reach: float = 0.9) -> Floats:
     """A smooth motion over a radian or two, of many frequencies below 0.6 Hz."""
     f, phase = rng.uniform(0.05, 0.6, 6), rng.uniform(0, 2 * np.pi, 6)
     wave = np.sin(2 * np.pi * np.outer(t, f) + phase) / f
-    return np.asarray(rng.uniform(-1, 1) + 0.9 * (wave / np.abs(wave).sum(axis=1).max()).sum(axis=1))
+    return np.asarray(rng.uniform(-1, 1) + reach * (wave / np.abs(wave).sum(axis=1).max()).sum(axis=1))
 
 
 def recorded(
@@ -29,10 +29,14 @@ def recorded(
     own: str = "q2",
     still: tuple[str, ...] = (),
     seconds: float = SECONDS,
+    reach: float = 0.9,
 ) -> Record:
     """An axis of 2 kg m^2 with friction, that torque and noise of a tenth of it, while all others move or stand."""
     t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
-    q = {name: np.full(len(t), rng.uniform(-1, 1)) if name in still else moved(rng, t) for name in ANGLES}
+    q = {
+        name: np.full(len(t), rng.uniform(-1, 1)) if name in still else moved(rng, t, reach)
+        for name in ANGLES
+    }
     speed = np.gradient(q[own], t)
     u = 2.0 * np.gradient(speed, t) + 1.5 * speed + 1.0 * np.tanh(speed / 0.05) + torque(q)
     return Record(t, u + rng.normal(0, 0.1 * u.std(), len(t)), q[own], "angle", signals=q)
@@ -54,6 +58,23 @@ def test_the_links_are_found(own: str, torque: Torque, terms: set[str], seed: in
     assert found is not None
     assert set(found.terms) == terms
     assert found.explained > max(0.8, found.before)
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_a_tool_beside_the_last_axis_loads_the_one_that_bends_the_wrist(number: int, seed: int) -> None:
+    """Its weight is nine such sums, of which some explain little beside the others."""
+    rng = np.random.default_rng(seed + number)
+    tilt, beside = rng.uniform(0.6, 0.8), 0.6
+
+    def weight(q: Mapping[str, Floats]) -> Floats:
+        c, s, turned = np.cos(q["q3"]), np.sin(q["q3"]), beside * np.cos(q["q4"])
+        level = -np.cos(tilt) * (s + c * turned) + np.sin(tilt) * np.cos(q["q2"]) * (c - s * turned)
+        return np.asarray(6 * level)
+
+    found = link_weights([recorded(weight, rng, "q3", seconds=240, reach=3.0)], "q3", ANGLES)
+    assert found is not None
+    print(tilt, beside, found)
+    assert found.explained > 0.85
 
 
 @pytest.mark.parametrize("number", range(3))
