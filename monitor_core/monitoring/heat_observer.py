@@ -86,6 +86,7 @@ class WarmUp:
         self._last_us = int(block.t_us[n - 1])
         if self._thermal.since_us != self._since_us:
             self._since_us, self._learned = self._thermal.since_us, self._monitor.learned
+            self._monitor.judged_us = None
             if self._thermal.known and (found := self._monitor.deviations()) is not None:
                 self._thermal.known = self._wait_s(self._thermal.sd_of_start, found) == 0.0
         self._monitor.judge(self._thermal.known)
