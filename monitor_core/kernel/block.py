@@ -331,6 +331,7 @@ def compile_parts(
         np.zeros((p, W), np.int64),
     )
     w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
+    compile_part(propagate, lanes, T.product, x, x, x, k, k, x, x, x)
     compile_part(update_estimates, lanes, con, st, w, xs, False)
     compile_part(update_tests, lanes, con, st, w, 0, reset, kept, events, noted)
     compile_part(hold_inputs, lanes, T, con.u_scale, con.rest, k, x, x, x, k, st.t, st.u, st.torque_before)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.kernel.compile import kernel
+from monitor_core.kernel.compile import kernel, part
 from monitor_core.kernel.llvm_vectors import EIGHT, larger, load8, magnitude, spread8, store
 from monitor_core.kernel.tables import InputTerms, LaurentTerms, Product
 from monitor_core.kernel.taylor_series import advance_one
@@ -97,7 +97,7 @@ def evaluate_inputs(lanes: Any, inputs: InputTerms, V: Floats, u: Floats, du: Fl
                 store(G, r * W + a, load8(G, r * W + a) + load8(V, s * W + a) * held)
 
 
-@kernel
+@part
 def propagate(
     lanes: Any,
     F: Product,

@@ -23,7 +23,7 @@ import threading
 from collections.abc import Collection, MutableMapping
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 if TYPE_CHECKING:
     from monitor_core.monitoring import AxisBatch
@@ -96,15 +96,10 @@ def _linked(shipped: Path, folder: Path) -> bool:
 
 
 _CHILD = """
-import gc, os, sys, threading
-threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()  # its end: the parent has ended
+import gc, sys
 gc.disable()  # a tenth of the time; the process ends soon
-from service.pipeline.warming import Shape, compile_kernel, compile_parts
-shape = Shape(sys.argv[1])
-if shape == Shape.MULTIMODEL:
-    os.nice(10)  # the daemon monitors already, and may need the processor
-compile_parts() if "parts" in sys.argv else compile_kernel(shape)
-os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
+from service.pipeline.warming import Shape, compile_for_parent
+compile_for_parent(Shape(sys.argv[1]))
 """
 
 
@@ -163,6 +158,32 @@ def compile_parts() -> None:
     compile_stream()
 
 
+def compile_for_parent(shape: Shape) -> NoReturn:
+    """What a process does that fills the cache for its parent, the daemon.
+
+    The cold start of most daemons, the kernel of few axes, is compiled from both ends at once if there are processors
+    for it: by this process and by a copy of it, which need not import numba again.
+    """
+    copy = False
+    if shape == Shape.MULTIMODEL:
+        os.nice(10)  # the daemon monitors already, and may need the processor
+    elif shape == Shape.FEW_AXES and (os.cpu_count() or 1) > 1:
+        _batch(1)  # all that both need is imported
+        copy = os.fork() == 0
+    if copy:
+        os.dup2(
+            os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno()
+        )  # the parent waits for the end of the other's
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    compile_parts() if copy else compile_kernel(shape)
+    os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
+
+
+def _end_with_parent() -> None:
+    sys.stdin.read()
+    os._exit(1)
+
+
 def _batch(lanes: int) -> AxisBatch:
     from monitor_core.modeling import INTERVAL_S, reference_model
     from monitor_core.monitoring import AxisBatch
@@ -186,7 +207,6 @@ class CacheFiller:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._children: dict[Shape, subprocess.Popen[str]] = {}
-        self._beside: list[subprocess.Popen[str]] = []
         self._stopped = False
 
     @property
@@ -209,26 +229,22 @@ class CacheFiller:
         for child in [self._children.get(shape) or self._start(shape) for shape in missing]:
             if child is not None:
                 self._wait(child)
-        for beside in self._beside:
-            with beside:
-                beside.kill()  # what it would compile is there
         return not self._stopped
 
     def stop(self) -> None:
         """End the compilation, if there is one, from another thread."""
         with self._lock:
             self._stopped = True
-            for child in (*self._children.values(), *self._beside):
+            for child in self._children.values():
                 child.kill()
+                if child.stdin:
+                    child.stdin.close()  # ends its copy
 
     def _start(self, shape: Shape) -> subprocess.Popen[str] | None:
         with self._lock:
             if self._stopped:
                 return None
             try:
-                # The cold start of most daemons: from both ends at once; first the process that has to be in time.
-                if shape == Shape.FEW_AXES and (os.cpu_count() or 1) > 1:
-                    self._beside.append(_compiler(shape, "parts"))
                 self._children[shape] = child = _compiler(shape)
             except OSError as error:
                 _warn(str(error))
@@ -242,18 +258,23 @@ class CacheFiller:
             _warn(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
 
 
-def _compiler(shape: Shape, *what: str) -> subprocess.Popen[str]:
+def _compiler(shape: Shape) -> subprocess.Popen[str]:
     """A process that compiles.
 
     It has a group of its own: Ctrl-C is for the daemon, which ends the child itself.  Not a session of its own: Linux
-    shares out the processor by sessions first, and "nice" would count for nothing.  A parent that is killed ends it by
-    closing its standard input.
+    shares out the processor by sessions first, and "nice" would count for nothing.  A parent that is killed ends it,
+    and its copy, by closing its standard input.
     """
-    command, null = [sys.executable, "-P", "-c", _CHILD, shape, *what], subprocess.DEVNULL
+    command, pipe = [sys.executable, "-P", "-c", _CHILD, shape], subprocess.PIPE
     return subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=null, stderr=null if what else subprocess.PIPE, text=True,
-        process_group=0, env=_effort(shape),
-    )  # fmt: skip
+        command,
+        stdin=pipe,
+        stdout=subprocess.DEVNULL,
+        stderr=pipe,
+        text=True,
+        process_group=0,
+        env=_effort(shape),
+    )
 
 
 def _warn(reason: str) -> None:
