@@ -17,6 +17,7 @@ from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import Experiment
+from monitor_core.kernel.outliers import AFTER, JOLT_S
 from monitor_core.kernel.predictors import FARTHEST, SHORTEST
 from monitor_core.kernel.tables import GAINS
 from monitor_core.monitoring import AxisBatch
@@ -222,6 +223,18 @@ def test_a_lone_outlier_is_no_evidence(seed: int) -> None:
     _, trace = bank.run_traced(SampleBlock(*rec))
     assert np.isnan(trace.llr[100]).all()
     assert np.isfinite(trace.llr[101, :-2]).all()
+
+
+def test_a_jolt_is_no_evidence_until_it_is_over(seed: int) -> None:
+    """The output jumps for twenty samples; the credit of the first 2500 is enough for these and those after them."""
+    case = CASES[0]
+    rec, bank = record(seed, case, 3000), lively(case, np.inf)
+    waits = round(AFTER * JOLT_S / bank.settings.interval_s)
+    rec.y[2500:2520] += 1000.0
+    _, trace = bank.run_traced(SampleBlock(*rec))
+    assert np.isfinite(trace.llr[2480:2500, :-2]).all()
+    assert np.isnan(trace.llr[2500 : 2520 + waits]).all()
+    assert np.isfinite(trace.llr[2650:2700, :-2]).any()
 
 
 def test_an_outlier_may_be_the_first_sample(seed: int) -> None:
