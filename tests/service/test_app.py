@@ -55,7 +55,11 @@ def test_the_kernel_of_the_estimates_is_compiled_first(
     assert order == ["estimates", "compiled", "multi-model detector"]
 
 
-def test_the_option_lets_other_machines_in_which_is_logged_once(tmp_path: Path) -> None:
+def test_the_option_lets_other_machines_in_which_is_logged_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A daemon in a test before may have bound the logger to settings that are no longer in force.
+    monkeypatch.setattr("service.commands.daemon.log", structlog.get_logger())
     config = demo(tmp_path, 1)
     config = config.model_copy(update={"web": config.web.model_copy(update={"host": "0.0.0.0"})})
     with structlog.testing.capture_logs() as logs, daemon_thread(config, insecure=True) as page:
