@@ -8,7 +8,15 @@ from monitor_core.drive import HEAT, LOAD, AxisModel, Conditions, Follow, Operat
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
-from service.config.conditions import Schedule, follow_of, signal_names, term_of, varying_of, weight_of
+from service.config.conditions import (
+    Schedule,
+    follow_of,
+    signal_names,
+    term_of,
+    turning_torques,
+    varying_of,
+    weight_of,
+)
 from service.config.drives import holds_weight, not_identified, watches_load
 from service.config.model_rules import decided_model, usable_drive
 from service.config.problems import Finding
@@ -132,7 +140,7 @@ def load(axis: AxisConfig) -> Iterator[Finding]:
         message = "is relative to the nominal weight, so its nominal value is 1: remove this"
         yield Finding(("model", "nominal", LOAD), message)
     to_come = axis.records_only and axis.model.nominal_file is None
-    if not weight_of(axis) and not to_come and not not_identified(axis):
+    if not turning_torques(axis) and not to_come and not not_identified(axis):
         message = (
             "no constant torque follows the pose, so there is no weight to compare the load with: find it with"
             ' `axiswatch identify --schedule "tau0: cos(angle)"`'

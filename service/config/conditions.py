@@ -36,22 +36,28 @@ def follow_of(schedule: Schedule) -> Follow:
 
 
 def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
-    """The schedules that are the weight of arm and payload: all of one constant torque that turn with the pose.
+    """The schedules that are the weight of arm and payload: all of one constant torque.
 
     It acts on the drive as an input, which a load in ``monitor`` multiplies.  Empty: nothing says what the weight is,
-    or that torque is monitored, and so follows the pose as any parameter does.
+    or that torque is monitored, and so follows its signals as any parameter does.
     """
-    turning = turning_torques(axis)
+    followed = _followed_torques(axis)
     monitored = {split_name(name)[0] for name in axis.model.monitor}
-    as_input = LOAD in axis.model.monitor or all(v.parameter not in monitored for v in turning)
-    return turning if as_input else ()
+    if all(v.parameter not in monitored for v in followed):
+        return followed
+    return turning_torques(axis) if LOAD in axis.model.monitor else ()
 
 
 def turning_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
     """The schedules of one constant torque that turn with the pose."""
+    return tuple(v for v in _followed_torques(axis) if _turns(v))
+
+
+def _followed_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
+    """The schedules of one constant torque."""
     offsets = model_of_axis(axis).drive.constant_torques()
-    turning = [v for _, v in varying_of(axis) if v.parameter in offsets and _turns(v)]
-    return tuple(v for v in turning if v.parameter == turning[0].parameter)
+    followed = [v for _, v in varying_of(axis) if v.parameter in offsets]
+    return tuple(v for v in followed if v.parameter == followed[0].parameter)
 
 
 def _turns(schedule: Schedule) -> bool:

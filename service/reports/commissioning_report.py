@@ -130,7 +130,7 @@ def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: 
     planned = [outcome for outcome in outcomes if outcome.motion]
     moved = ""
     if planned:
-        which = "the planned motion" + ("s, one after the other," if len(planned) > 1 else "")
+        which = "the planned motion" + ("s, one after the other" if len(planned) > 1 else "")
         still = set(lost) - {outcome.axis_id for outcome in planned}
         names = ", ".join(outcome.axis_id for outcome in planned)
         what = f"What the records do not show of {names}" if still else "What is missing"

@@ -111,11 +111,12 @@ def retry(
     bases = {split_name(name)[0] for name in watched}
     scheduled, torques = report.result.options.scheduled, report.result.estimate.drive.constant_torques()
     # What a weight takes is an input, if it is not monitored.
-    followed = [term for term in scheduled if not (term.parameter in torques and Term.read(term.term).turns)]
+    followed = [term for term in scheduled if term.parameter not in torques]
     if all(split_name(term.parameter)[0] in bases for term in followed):
         return None
     # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
-    return Retry(monitoring(text, axis.id, watched), ())
+    fewer = monitoring(text, axis.id, watched)
+    return None if fewer == text else Retry(fewer, ())
 
 
 def _gear_ratio(found: TurningWeight | None) -> float | None:

@@ -92,13 +92,20 @@ def test_every_axis_is_checked_at_once(folder: Path) -> None:
     assert len(found) == 2
 
 
-@pytest.mark.parametrize("monitor", ['["kT", "fm"]', '["kT", "fm", "load"]'])
-def test_a_weight_is_an_input_of_the_drive(monitor: str, folder: Path) -> None:
-    """With the load among the monitored parameters, and without."""
-    text = weighed().replace('["kT", "fm", "load"]', monitor)
+@pytest.mark.parametrize(
+    ("monitor", "term"),
+    [
+        ('["kT", "fm"]', "cos(angle2)"),
+        ('["kT", "fm", "load"]', "cos(angle2)"),
+        ('["kT", "fm"]', "angle2"),
+    ],
+)
+def test_a_weight_is_an_input_of_the_drive(monitor: str, term: str, folder: Path) -> None:
+    """With the load among the monitored parameters, and without; a measured load does not turn."""
+    text = weighed().replace('["kT", "fm", "load"]', monitor).replace("cos(angle2)", term)
     axis = loaded(folder, text).axes[0]
     conditions = conditions_of(axis)
-    assert [str(follow.term) for follow in conditions.weight] == ["cos(angle2)"]
+    assert [str(follow.term) for follow in conditions.weight] == [term]
     assert conditions.follows == ()
     assert axis_model(axis.config).drive.inputs[-1] == WEIGHT_INPUT
 

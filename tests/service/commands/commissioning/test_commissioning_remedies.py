@@ -42,10 +42,11 @@ def report(
     *watched: Watched,
     rejection: str | None = None,
     follows: tuple[str, ...] = (),
+    term: str = "cos(axis2)",
     missing: tuple[Effect, ...] = (),
 ) -> Any:
     """What is looked at of an identification."""
-    scheduled = [SimpleNamespace(parameter=name, term="cos(axis2)") for name in follows]
+    scheduled = [SimpleNamespace(parameter=name, term=term) for name in follows]
     estimate = SimpleNamespace(drive=SimpleNamespace(constant_torques=lambda: ("tau0",)))
     result = SimpleNamespace(
         watched=watched,
@@ -193,11 +194,15 @@ def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
     assert not again.changes
     _, fewer = configured(again.text, NAME, tmp_path)
     assert fewer.config.model.monitor == ("kT",)
+    assert retry(report(KT, NO_FM, follows=("fm",)), again.text, fewer) is None, (
+        "it would be the same for ever"
+    )
 
 
 def test_a_weight_follows_the_pose_without_being_monitored(tmp_path: Path) -> None:
     _, axis = configured(TEXT, NAME, tmp_path)
     assert retry(report(KT, NO_FM, follows=("tau0",)), TEXT, axis) is None
+    assert retry(report(KT, NO_FM, follows=("tau0",), term="payload"), TEXT, axis) is None
 
 
 def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
