@@ -17,6 +17,7 @@ import numba.experimental.function_type  # noqa: F401
 from llvmlite import binding as llvm
 from numba import njit, typeof
 from numba._dynfunc import make_function  # type: ignore[import-not-found]
+from numba.core.base import BaseContext
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.targetconfig import ConfigStack, TargetConfig
@@ -48,13 +49,14 @@ def _equal_flags(flags: Any, other: Any) -> bool:
 TargetConfig.__hash__ = lambda _flags: 0  # type: ignore[method-assign]
 TargetConfig.__eq__ = _equal_flags  # type: ignore[method-assign]
 
-_find_signature = BaseFunction.get_call_type
+_find_signature: Any = BaseFunction.get_call_type
+_flags: Any = ConfigStack.top_or_none
 _signatures: dict[object, tuple[Any, object]] = {}
 
 
 def _signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
     """Signature of a function of numba, such as + or min, for arguments of these types; it is found once."""
-    key = function, context, tuple(args), tuple(kws.items()), ConfigStack.top_or_none()
+    key = function, context, tuple(args), tuple(kws.items()), _flags()
     known = _signatures.get(key)
     if known is None:
         signature = _find_signature(function, context, args, kws)
@@ -65,7 +67,21 @@ def _signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
 
 # Numba tries a dozen implementations of each operator and function until one fits.  The kernel has 8000 calls, but only
 # 550 of them differ in their types.
-BaseFunction.get_call_type = _signature  # type: ignore[method-assign]
+BaseFunction.get_call_type = _signature  # type: ignore[assignment, method-assign]
+
+_find_implementation: Any = BaseContext.get_function
+
+
+def _implementation(context: Any, function: Any, signature: Any, _firstcall: bool = True) -> Any:
+    """What makes LLVM's code of a function of numba for arguments of these types."""
+    if function == "__array__":
+        raise NotImplementedError
+    return _find_implementation(context, function, signature, _firstcall)
+
+
+# At each use of an array numba looks for what turns its type into an array, which none needs, and when it finds nothing
+# reads all its registries again.
+BaseContext.get_function = _implementation  # type: ignore[method-assign]
 
 
 class _InnerLibrary(JITCodeLibrary):
