@@ -91,8 +91,6 @@ class IdentificationReport:
     def _next_step(self) -> str:
         """Advice if the search has not converged."""
         moving = self.result.estimate.moving[:_MOST_NAMED]
-        if not moving:
-            return ": give a longer record with more motion"
         return (
             f", and {', '.join(moving)} would still move: hold them with --fix at values from another record, such as"
             " one with more excitation, or see with --masses auto how many masses these records ask for"

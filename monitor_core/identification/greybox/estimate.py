@@ -44,7 +44,7 @@ class Estimate:
         fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
         simulate: gives ``fit_simulation``; None: the prediction is a simulation.
         iterations: evaluations of the predictor and its gradient.
-        converged: the fit stopped because nothing moved any more.
+        converged: no parameter would still move.
         moving: where it has not converged, what would still move by more than a tenth of its standard deviation, the
             largest move first.
         outliers: outputs of each record that count as not measured since their errors are gross; empty: none.

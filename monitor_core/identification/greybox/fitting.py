@@ -64,6 +64,8 @@ def _estimate(fitted: Fitted) -> Estimate:
     if DISTURBANCE_TIME in point.values:
         noise["time_constant"] = point.values[DISTURBANCE_TIME]
     eps = [e.eps for e in errors]
+    # A step that is left and adds up over many parameters, noise levels and initial states may yet move none of them.
+    moving = () if end.converged else _moving(predictor, end, information.covariance)
     found = Estimate(
         drive=predictor.drive,
         problem=final,
@@ -87,8 +89,8 @@ def _estimate(fitted: Fitted) -> Estimate:
         if _simulates(predictor, point.values)
         else partial(simulated_fits, final, [s.record for s in predictor.series]),
         iterations=end.evaluations,
-        converged=end.converged,
-        moving=() if end.converged else _moving(predictor, end, information.covariance),
+        converged=not moving,
+        moving=moving,
         outliers=outliers,
     )
     return replace(found, words=tuple(sentences(found, layout, xi)))

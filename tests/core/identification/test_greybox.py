@@ -46,6 +46,24 @@ def test_deviations_are_cramer_and_raos(seed: int) -> None:
     assert found.coloured <= 2
 
 
+@pytest.mark.parametrize("number", range(8))
+def test_a_search_that_is_stopped_has_converged_where_no_parameter_would_still_move(
+    number: int, seed: int
+) -> None:
+    """Wherever it stops: what it calls converged is little more than a tenth of a deviation off."""
+    rec = reference_record(seed + number, SAMPLES)
+    start = reference_problem(nominal={**REFERENCE_VALUES, **{n: 1.01 * REFERENCE_VALUES[n] for n in EIGHT}})
+    end = fit(start, [rec])
+    stopped = [fit(start, [rec], most_iterations=most) for most in range(2, 9)]
+    off = [float(np.max(np.abs(found.theta - end.theta) / end.sd)) for found in stopped]
+    print([(found.converged, round(o, 4)) for found, o in zip(stopped, off, strict=True)])
+    for found, o in zip(stopped, off, strict=True):
+        assert found.converged == (not found.moving)
+        assert found.converged == (not any("not converged" in word for word in found.words))
+        assert not found.converged or o < 0.15
+    assert {found.converged for found in stopped} == {True, False}
+
+
 def test_kT_free_is_singular_and_said(seed: int) -> None:
     found = fit(reference_problem(free=("kT", *EIGHT)), [reference_record(seed, SAMPLES)])
     assert found.converged

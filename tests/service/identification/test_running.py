@@ -73,8 +73,9 @@ def test_what_is_not_identifiable_makes_no_nominal_values(found: IdentificationR
     covariance[2, 2] = np.inf
     lost = with_estimate(found, covariance=covariance)
     assert "Ja cannot be determined" in lost.rejection
-    stuck = with_estimate(found, converged=False)
+    stuck = with_estimate(found, converged=False, moving=("Ja",))
     assert "not converged" in stuck.rejection
+    assert "Ja would still move" in stuck.rejection
 
 
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
