@@ -77,10 +77,10 @@ def reject_outliers(
             continue
         moves[a] = in_a_row[a] >= SURELY
         believed[a] = min(max(eps[a], -limit), limit)
-        if credit[a] >= 1.0:
+        if mode[a] > DOUBTED and credit[a] >= 1.0:
             credit[a] -= 1.0
             learns[a] = tracks[a] = 0
-            mode[a] = mode[a] if mode[a] == SETTLE else DOUBTED
+            mode[a] = DOUBTED
 
 
 @kernel

@@ -23,9 +23,9 @@ class Unit(NamedTuple):
     def missing(self) -> str:
         """Of a unit that depends on the drive: its factor, in words."""
         if self.linear:
-            return "2 pi / mm that a turn of the motor moves it"
+            return "2 pi / (mm that a turn of the motor moves it)"
         if "rated torque" not in self.words:
-            return f"2 pi / {self.words} of a turn of the motor"
+            return f"2 pi / ({self.words} in a turn of the motor)"
         return f"rated torque / {1000 if self.words.startswith('per mille') else 100} [N m]"
 
 

@@ -65,7 +65,7 @@ class Paper:
         self.unseen = np.zeros(p, dtype=bool)
         self.looks = self.starved_samples = 0
         self.starved = False
-        self.running, self.credit, self.in_a_row = s.lam0, 3.0, 0
+        self.running, self.credit, self.in_a_row, self.jolt = s.lam0, 3.0, 0, 0
         self.outliers = self.starts = 0
         self.yhat = math.nan
         self.log = Log()
@@ -149,7 +149,7 @@ class Paper:
         eps = y - self.yhat  # (11)
         psi = np.array([row @ z + slope @ self.x for z, slope in zip(self.z, slopes, strict=True)])  # (16)
         self.t = t
-        since = 0 if self.in_a_row >= 3 else self.in_a_row  # passed over, so that x went on
+        since = 0 if self.jolt else self.in_a_row  # passed over, so that x went on
         K = self._gain(h + since * self.s.interval_s, self.s.K, self.s.K_after)
         used = t >= self.settled and not self._starves(psi)
         if t >= self.settled and not used:
@@ -163,11 +163,11 @@ class Paper:
             self.yhat = math.nan
             return math.nan, psi
         used = used and not pass_over
-        corrects = not out or self.in_a_row >= 3
+        corrects = not out or self.jolt > 0
         if self._tells_the_speed(t, h):
             speeds = rigid_speeds(self.model.drive, self.model.nominal)
             K = self.model.drive.matrix("rest", self.model.nominal)[:, 0] + speeds / h
-            corrects, self.in_a_row = True, 0
+            corrects, self.in_a_row, self.jolt = True, 0, 0
         before = self.theta.copy()
         if used:
             self._update(believed, psi)
@@ -260,16 +260,26 @@ class Paper:
         return float(1 + psi @ self.P @ psi / (2 if walks else 1 + self.lam))
 
     def _sift(self, eps: float, known: float) -> tuple[bool, bool, float]:
-        """Whether it is an outlier, whether it is passed over (three in a row, and one in fifty), what is believed."""
+        """Whether it is an outlier, whether it is passed over, what is believed.
+
+        Passed over: a lone one, or a jolt, from the third in a row to a tenth of a second after the last one, and no
+        more than one in fifty and those of one second.
+        """
         if self.s.outlier_limit == 0:
             return False, False, eps
-        limit = self.s.outlier_limit * math.sqrt(max(self.running, self.s.lam0) * known)
-        out = abs(eps) > limit
+        least = 1.5 * self.s.largest_error or self.s.outlier_limit * math.sqrt(self.s.lam0)
+        limit = max(self.s.outlier_limit * math.sqrt(self.running), least) * math.sqrt(known)
+        out, most = abs(eps) > limit, max(3.0, 1 / self.s.interval_s)
         self.in_a_row = self.in_a_row + 1 if out else 0
-        self.credit = min(self.credit + 0.02, 3.0)
-        pass_over = out and self.credit >= 1
+        if out and (self.jolt or self.in_a_row >= 3):
+            self.jolt = 1 + int(0.1 * most)
+        else:
+            self.jolt = max(self.jolt - 1, 0)
+        self.credit = min(self.credit + 0.02, most)
+        settled = self.t is not None and self.t >= self.settled
+        pass_over = settled and (out or self.jolt > 0) and self.credit >= 1
         self.credit -= pass_over
-        self.outliers += pass_over and self.t is not None and self.t >= self.settled
+        self.outliers += pass_over
         return out, pass_over, float(np.clip(eps, -limit, limit))
 
     def _tells_the_speed(self, t: int, h: float) -> bool:
