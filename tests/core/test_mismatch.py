@@ -73,3 +73,13 @@ def test_friction_that_does_not_follow_the_temperature_alarms(seed: int) -> None
     plant, monitor = MismatchPlant(NOMINAL, np.random.default_rng(seed)), watch()
     blocks = (monitor.take(plant.take(BLOCK_S))[0] for _ in range(24))
     assert any((e.parameter, e.direction) == ("fm", "down") for raised in blocks for e in raised)
+
+
+def test_a_friction_below_zero_is_none(seed: int) -> None:
+    """What drives the axis, such as a load that nobody measures; less friction is a change of the friction."""
+    for factor, doubt in ((-1.0, "model"), (0.3, "")):
+        plant, monitor = MismatchPlant(NOMINAL, np.random.default_rng(seed)), watch(FRICTION)
+        monitor.take(plant.take(120.0))
+        versions, _ = monitor.take(plant.take(120.0, {"fc": factor}))
+        named = {(e.parameter, e.direction, e.doubt) for e in versions if e.stage == "named"}
+        assert named == {("fc", "down", doubt)}

@@ -25,6 +25,8 @@ INVALID = 100.0
 
 HELD = 0.1
 """Of the distance from the nominal value to a bound: an estimate that is held there scatters by so much."""
+BELOW_ZERO = 2.0
+"""Standard deviations by which a friction is below zero, which none can be: something else drives the axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +56,7 @@ class Evidence:
     excess: float
     """Running innovation variance over lambda_0"""
     held: tuple[int, ...]
-    """-1, 1: the estimate is at its lower, upper bound; 0: at neither"""
+    """-1, 1: the estimate is at its lower, upper bound, friction below zero; 0: neither"""
     past: Past
     """Earlier deviations"""
     stretches: int
@@ -103,6 +105,7 @@ class EvidenceBuilder:
     ) -> None:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
         self._theta0, self._divisor = model.theta0, settings.divisor
+        self._friction = np.array([model.drive.parameter(name).nonnegative for name in model.monitored])
         # Between two columns, and between two deviations that are kept:
         naming, self._span = settings.naming_samples, settings.span
         self._span_s, self._correlation = naming * settings.interval_s, settings.lam**naming
@@ -121,7 +124,7 @@ class EvidenceBuilder:
         s, p, value = self._s, len(self._names), noted.value[:, c]
         running, theta, d = float(value[0]), value[1 : 1 + p], value[1 + p : 1 + 2 * p].copy()
         V = s.lam0 * value[1 + 2 * p : -p].reshape(p, p) / self._divisor
-        time_us, held = int(noted.what[2, c]), self._held(theta, theta - d)
+        time_us, held = int(noted.what[2, c]), self._held(theta, theta - d, np.sqrt(V.diagonal()))
         if judged:
             holds = running <= INVALID * s.lam0
             known = (value[-p:] != UNSEEN) & (held == 0) & holds
@@ -153,9 +156,10 @@ class EvidenceBuilder:
         s = self._s
         return self._span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(len(self._names))
 
-    def _held(self, theta: Floats, nominal: Floats) -> Ints:
-        """-1, 1 where the lower, the upper bound holds theta (p,)."""
+    def _held(self, theta: Floats, nominal: Floats, sd: Floats) -> Ints:
+        """-1, 1 where the lower, the upper bound holds theta (p,); -1, too, where it is a friction below zero."""
         lower, upper = self._bounds
         down = abs(theta - lower) <= HELD * abs(nominal - lower)
+        down |= self._friction & (theta < -BELOW_ZERO * sd)
         up = abs(theta - upper) <= HELD * abs(nominal - upper)
         return 1 * (up & ~down) - down
