@@ -59,8 +59,13 @@ class Past(NamedTuple):
 
 
 def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float) -> Past:
-    """Past from the arrays of the kernel: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2)."""
+    """Past from the arrays of the kernel: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2).
+
+    It begins where the clock was last set back: times before that say nothing of what came first.
+    """
     first = int(np.count_nonzero(t_us == NEVER))  # what is known follows
+    set_back = np.flatnonzero(np.diff(t_us) < 0)
+    first = max(first, int(set_back[-1]) + 1 if set_back.size else 0)
     known = kept[first:]
     return Past(t_us[first:].copy(), known[:, :p].copy(), known[:, _square(p)], lam, walk, lam0, lag_us)
 

@@ -68,9 +68,11 @@ class Evidence:
         """The deviations (p,) that explain all samples since then with equal weight, and their covariance (p, p).
 
         At least those of three memory lengths, and no more than are kept.  The estimates forget: where the axis has
-        moved little in the end, they hold little of what was learned.
+        moved little in the end, they hold little of what was learned.  If that time is to come, the clock was set back
+        since, where what is kept begins.
         """
-        stretches = max(self.stretches, int(np.sum(self.past.t_us >= t_us)))
+        later = len(self.past.t_us) if t_us > self.time_us else int(np.sum(self.past.t_us >= t_us))
+        stretches = max(self.stretches, later)
         return lately(self.past, stretches) or (self.deviation, self.covariance)
 
     def earlier(self) -> "Evidence":
@@ -79,9 +81,12 @@ class Evidence:
         return replace(self, past=past._replace(t_us=past.t_us[:n], d=past.d[:n], P=past.P[:n]))
 
     def is_old(self, t_us: int) -> bool:
-        """Whether that time lies three memory lengths in the past, in samples that were learned."""
-        kept_us = self.past.t_us
-        return len(kept_us) >= self.stretches and bool(t_us <= kept_us[-self.stretches])
+        """Whether that time lies three memory lengths in the past, in samples that were learned.
+
+        If it is to come, the clock was set back since.
+        """
+        kept_us, set_back = self.past.t_us, t_us > self.time_us
+        return len(kept_us) >= self.stretches and bool(set_back or t_us <= kept_us[-self.stretches])
 
     def is_forgotten(self, t_us: int) -> bool:
         """Whether that time lies before all that is kept."""
