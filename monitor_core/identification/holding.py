@@ -70,14 +70,14 @@ def hold_offset(problem: Problem, monitored: Collection[str]) -> tuple[Problem, 
     The fit would divide the two by the few samples of each start, and both would be wrong.
     """
     friction = set(friction_of(problem.drive).coulomb) & set(problem.free)
+    if not friction:
+        return problem, {}
     watched = {split_name(name)[0] for name in monitored}
     offsets = [
         name
         for name in problem.drive.constant_torques()
         if name in problem.free and name not in problem.varying and name not in watched
     ]
-    if not friction:
-        return problem, {}
     reason = (
         f"the axis moves in one direction only, and there it is the same as {', '.join(sorted(friction))}"
     )

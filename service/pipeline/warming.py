@@ -170,10 +170,8 @@ def compile_for_parent(shape: Shape) -> NoReturn:
     elif shape == Shape.FEW_AXES and (os.cpu_count() or 1) > 1:
         _batch(1)  # all that both need is imported
         copy = os.fork() == 0
-    if copy:
-        os.dup2(
-            os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno()
-        )  # the parent waits for the end of the other's
+    if copy:  # the parent reads to the end of what the other one says
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
     threading.Thread(target=_end_with_parent, daemon=True).start()
     compile_parts() if copy else compile_kernel(shape)
     os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second

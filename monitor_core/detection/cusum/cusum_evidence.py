@@ -26,7 +26,7 @@ INVALID = 100.0
 HELD = 0.1
 """Of the distance from the nominal value to a bound: an estimate that is held there scatters by so much."""
 BELOW_ZERO = 2.0
-"""Standard deviations by which a friction is below zero, which none can be: something else drives the axis."""
+"""Standard deviations by which friction or damping is below zero, which none can be: something else drives the axis."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class Evidence:
     excess: float
     """Running innovation variance over lambda_0"""
     held: tuple[int, ...]
-    """-1, 1: the estimate is at its lower, upper bound, friction below zero; 0: neither"""
+    """-1, 1: the estimate is at its lower, upper bound, or friction or damping is below zero; 0: neither"""
     past: Past
     """Earlier deviations"""
     stretches: int
@@ -110,7 +110,7 @@ class EvidenceBuilder:
     ) -> None:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
         self._theta0, self._divisor = model.theta0, settings.divisor
-        self._friction = np.array([model.drive.parameter(name).nonnegative for name in model.monitored])
+        self._dissipates = np.array([model.drive.parameter(name).nonnegative for name in model.monitored])
         # Between two columns, and between two deviations that are kept:
         naming, self._span = settings.naming_samples, settings.span
         self._span_s, self._correlation = naming * settings.interval_s, settings.lam**naming
@@ -162,9 +162,9 @@ class EvidenceBuilder:
         return self._span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(len(self._names))
 
     def _held(self, theta: Floats, nominal: Floats, sd: Floats) -> Ints:
-        """-1, 1 where the lower, the upper bound holds theta (p,); -1, too, where it is a friction below zero."""
+        """-1, 1 where the lower, the upper bound holds theta (p,); -1, too, where friction or damping is below zero."""
         lower, upper = self._bounds
         down = abs(theta - lower) <= HELD * abs(nominal - lower)
-        down |= self._friction & (theta < -BELOW_ZERO * sd)
+        down |= self._dissipates & (theta < -BELOW_ZERO * sd)
         up = abs(theta - upper) <= HELD * abs(nominal - upper)
         return 1 * (up & ~down) - down

@@ -77,7 +77,7 @@ def _estimate(fitted: Fitted) -> Estimate:
         K=gain.K * predictor.d,
         interval_s=predictor.interval_s,
         lam0=lam0,
-        largest_error=float(np.nanquantile(np.abs(np.concatenate(eps)), 1 - _RARE)),
+        largest_error=_largest(eps),
         noise=noise if predictor.disturbance else {},
         cost=end.normal.cost,
         whiteness=whiteness(eps),
@@ -94,6 +94,13 @@ def _estimate(fitted: Fitted) -> Estimate:
         outliers=outliers,
     )
     return replace(found, words=tuple(sentences(found, layout, xi)))
+
+
+def _largest(eps: Sequence[Floats]) -> float:
+    """The error that one in ten thousand exceeds, of those that count: the others are zero; 0: there is none."""
+    errors = np.abs(np.concatenate(eps))
+    counted = errors[errors > 0]
+    return float(np.quantile(counted, 1 - _RARE)) if counted.size else 0.0
 
 
 def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ...]:

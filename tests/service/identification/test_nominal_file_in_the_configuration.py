@@ -119,6 +119,15 @@ def test_equal_values_in_the_file_and_the_configuration_are_allowed(robot: Path,
     assert axis_settings(settled, axis_model(axis.config)).lam0 == pytest.approx(1.2e-7)
 
 
+def test_no_error_that_the_records_have_is_an_outlier(robot: Path) -> None:
+    """Of a file of an earlier version, which does not know the largest one: six standard deviations."""
+    edit(robot, (KIND, ""))
+    for found, least in (({"largest_error": 2e-3}, 3e-3), ({"innovation_variance": 4e-8}, 6 * 2e-4)):
+        file_with(robot, {"predictor": found})
+        axis = only(load(robot, {}))
+        assert axis_settings(axis, axis_model(axis.config)).least_outlier == pytest.approx(least)
+
+
 def test_bytes_that_are_no_text(robot: Path) -> None:
     (robot.parent / "nominal.toml").write_bytes(b"\xff\xfe")
     (problem,) = problems(robot)

@@ -60,6 +60,12 @@ def test_the_responses_agree_where_the_torque_is(found: IdentificationReport) ->
     assert shown.db[:100] == pytest.approx(speed.db, abs=0.1)
 
 
+def test_the_largest_error_is_that_of_the_records(found: IdentificationReport) -> None:
+    """One in ten thousand of white errors is beyond 3.9 standard deviations."""
+    e = found.result.estimate
+    assert 3.0 < e.largest_error / np.sqrt(e.lam0) < 6.0
+
+
 def test_colour_is_that_of_the_errors(found: IdentificationReport, robot: Config) -> None:
     """With a gain far too small the errors are slow, and the daemon's estimates scatter more than white ones would."""
     records = [load(str(source.path), robot, found.axis_id).record for source in found.estimation]
