@@ -31,14 +31,19 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
         for n, s in enumerate(axis.signal):
             path: Keys = ("axis", k, "signal", n, "axis")
             if s.axis is None:
+                if s.acceleration:
+                    yield Finding((*path[:-1], "acceleration"), "is that of another axis: name it by axis")
                 continue
             if s.axis not in others:
                 yield Finding(path, f"no axis of that name: {did_you_mean(s.axis, others)}")
                 continue
             other = others[s.axis]
             angle = other.angle
+            if s.acceleration and angle is None:
+                yield Finding(path, f"the speed of {s.axis} is measured: an acceleration is that of an angle")
             # A cosine of an angle that starts again after 2 pi goes on.
-            if angle is not None and angle.wrap_period is not None and not angle.wraps_after_a_turn(s.factor):
+            goes_on = angle is None or angle.wrap_period is None or angle.wraps_after_a_turn(s.factor)
+            if angle is not None and angle.wrap_period is not None and (s.acceleration or not goes_on):
                 message = (
                     f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle"
                     " that does not wrap, from a message"

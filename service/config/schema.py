@@ -109,6 +109,8 @@ class FurtherSignalConfig(Table):
     """name by which the configuration refers to it: letters, digits, - and _"""
     axis: Text | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
+    acceleration: bool = False
+    """it is the acceleration of that axis, from the last values of its angle [rad/s^2]"""
     message: Text | None = None
     """name of the message on the bus"""
     signal: Text | None = None
@@ -126,6 +128,13 @@ class FurtherSignalConfig(Table):
     def scale(self) -> tuple[float, float]:
         """Factor and offset to its own unit."""
         return self.factor, self.offset
+
+
+class AccelerationSource(FurtherSignalConfig):
+    """Where the acceleration of another axis comes from: its angle."""
+
+    interval_s: float
+    """between its samples"""
 
 
 class GateConfig(Table):
@@ -383,6 +392,10 @@ class AxisConfig(Table):
         return "angle" if self.motion is self.angle else "speed"
 
 
+_STILL_ACCELERATES = 3.0
+"""Intervals for which an acceleration holds where samples are lost."""
+
+
 def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[FurtherSignalConfig]:
     """The auxiliary signals of an axis, where they come from: those of other axes of its robot from their motions."""
     axes = {other.name: other for other in robot}
@@ -398,7 +411,12 @@ def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Furthe
             "factor": s.factor * other.factor,
             "offset": s.factor * other.offset + s.offset,
         }
-        yield s.model_copy(update=place)
+        if not s.acceleration:
+            yield s.model_copy(update=place)
+            continue
+        interval_s = axes[s.axis].sample_interval_s
+        place |= {"offset": s.offset, "max_age_s": min(s.max_age_s, _STILL_ACCELERATES * interval_s)}
+        yield AccelerationSource.model_construct(**{**dict(s), **place, "interval_s": interval_s})
 
 
 class RobotConfig(Table):
