@@ -218,7 +218,7 @@ def test_the_column_of_another_axis(tmp_path: Path) -> None:
 def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) -> None:
     """As on the bus; blocks change nothing, to the last bit."""
     rng = np.random.default_rng(seed)
-    t_us, angle = 5000.0 * np.arange(40), np.cumsum(rng.normal(size=40))
+    t_us, angle = np.linspace(0, 195_000, 40), np.cumsum(rng.normal(size=40))
     angle[[7, 20]] = math.nan
     config = make_config(
         tmp_path, axis1(time={"column": "t"}), axis2(time={"column": "t"}, signal=[ACCELERATION], **GATE_TWO)
