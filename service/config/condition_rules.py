@@ -31,8 +31,6 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
         for n, s in enumerate(axis.signal):
             path: Keys = ("axis", k, "signal", n, "axis")
             if s.axis is None:
-                if s.acceleration:
-                    yield Finding((*path[:-1], "acceleration"), "is that of another axis: name it by axis")
                 continue
             if s.axis not in others:
                 yield Finding(path, f"no axis of that name: {did_you_mean(s.axis, others)}")
@@ -41,6 +39,12 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
             angle = other.angle
             if s.acceleration and angle is None:
                 yield Finding(path, f"the speed of {s.axis} is measured: an acceleration is that of an angle")
+            if s.acceleration and not other.is_sampled_as(axis):
+                message = (
+                    f"it is sampled every {other.sample_interval_s:g} s, this axis every {axis.sample_interval_s:g} s:"
+                    " an acceleration is taken from samples that come with those of this axis"
+                )
+                yield Finding(path, message)
             # A cosine of an angle that starts again after 2 pi goes on.
             goes_on = angle is None or angle.wrap_period is None or angle.wraps_after_a_turn(s.factor)
             if angle is not None and angle.wrap_period is not None and (s.acceleration or not goes_on):

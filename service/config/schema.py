@@ -110,7 +110,7 @@ class FurtherSignalConfig(Table):
     axis: Text | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
     acceleration: bool = False
-    """it is the acceleration of that axis, from the last values of its angle [rad/s^2]"""
+    """it is the acceleration to that angle, from its last values [rad/s^2]; they come with the samples of this axis"""
     message: Text | None = None
     """name of the message on the bus"""
     signal: Text | None = None
@@ -128,13 +128,6 @@ class FurtherSignalConfig(Table):
     def scale(self) -> tuple[float, float]:
         """Factor and offset to its own unit."""
         return self.factor, self.offset
-
-
-class AccelerationSource(FurtherSignalConfig):
-    """Where the acceleration of another axis comes from: its angle."""
-
-    interval_s: float
-    """between its samples"""
 
 
 class GateConfig(Table):
@@ -304,6 +297,10 @@ class BusConfig(Table):
     """passed to python-can as they are: bitrate, fd, ..."""
 
 
+_TOGETHER = 0.01
+"""Between the sample intervals of axes that are sampled together."""
+
+
 class AxisConfig(Table):
     """[[robot.axis]]: one axis, the source of its samples and its monitoring."""
 
@@ -386,14 +383,14 @@ class AxisConfig(Table):
             raise Undecidable("angle or speed")
         return given[0]
 
+    def is_sampled_as(self, other: "AxisConfig") -> bool:
+        """Whether the samples of both axes come together."""
+        return math.isclose(self.sample_interval_s, other.sample_interval_s, rel_tol=_TOGETHER)
+
     @property
     def output(self) -> Output:
         """What is measured besides torque."""
         return "angle" if self.motion is self.angle else "speed"
-
-
-_STILL_ACCELERATES = 3.0
-"""Intervals for which an acceleration holds where samples are lost."""
 
 
 def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[FurtherSignalConfig]:
@@ -411,12 +408,7 @@ def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Furthe
             "factor": s.factor * other.factor,
             "offset": s.factor * other.offset + s.offset,
         }
-        if not s.acceleration:
-            yield s.model_copy(update=place)
-            continue
-        interval_s = axes[s.axis].sample_interval_s
-        place |= {"offset": s.offset, "max_age_s": min(s.max_age_s, _STILL_ACCELERATES * interval_s)}
-        yield AccelerationSource.model_construct(**{**dict(s), **place, "interval_s": interval_s})
+        yield s.model_copy(update=place)
 
 
 class RobotConfig(Table):

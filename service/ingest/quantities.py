@@ -15,7 +15,7 @@ from monitor_core.samples import forward_fill
 from service.can.decode_plan import Column
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
-from service.config.schema import AccelerationSource, AngleConfig, FurtherSignalConfig, SignalConfig
+from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
 
 
 class Quantity(NamedTuple):
@@ -57,6 +57,8 @@ _PARABOLA = tuple(weight / 7 for weight in (2, -1, -2, -1, 2))
 """Second difference of five values, by least squares."""
 _LATE = 0.5
 """Intervals that they may take longer, or one was lost."""
+_STILL_ACCELERATES = 3.0
+"""Intervals for which an acceleration is believed where samples are lost."""
 
 
 class Acceleration:
@@ -81,18 +83,26 @@ class Acceleration:
         return np.where(known, found / self._interval_s**2, np.nan)
 
 
-def acceleration_of(source: FurtherSignalConfig) -> Acceleration | None:
-    """None: the signal is no acceleration."""
-    return Acceleration(source.interval_s) if isinstance(source, AccelerationSource) else None
+def acceleration_of(source: FurtherSignalConfig, interval_s: float) -> Acceleration | None:
+    """Of a signal whose values come at this interval; None: it is no acceleration."""
+    return Acceleration(interval_s) if source.acceleration else None
+
+
+def _most_s(source: FurtherSignalConfig, interval_s: float) -> float:
+    """How old a value may be that is still believed."""
+    return min(source.max_age_s, _STILL_ACCELERATES * interval_s) if source.acceleration else source.max_age_s
 
 
 class HeldSignal:
-    """The last value of an auxiliary signal on the bus, with the time of its receipt."""
+    """The last value of an auxiliary signal on the bus, with the time of its receipt.
 
-    def __init__(self, source: FurtherSignalConfig, decoder: Decoder) -> None:
+    ``interval_s``: between the samples of the axis.
+    """
+
+    def __init__(self, source: FurtherSignalConfig, decoder: Decoder, interval_s: float) -> None:
         self.quantity = quantity_of(f"signal {source.name}", source, decoder)
-        self._acceleration = acceleration_of(source)
-        self._most_us = source.max_age_s * 1e6
+        self._acceleration = acceleration_of(source, interval_s)
+        self._most_us = _most_s(source, interval_s) * 1e6
         self._value, self._t_us = math.nan, 0
 
     def take(self, decoded: Mapping[FrameKey, Decoded], places: Ints, t_us: Ints) -> Floats:
@@ -123,13 +133,13 @@ class HeldSignal:
 class HeldColumns:
     """The auxiliary signals (at least one) in the rows of a table, block by block.
 
-    An empty cell has the value before it.
+    An empty cell has the value before it.  ``interval_s``: between the samples of the axis.
     """
 
-    def __init__(self, sources: Sequence[FurtherSignalConfig]) -> None:
+    def __init__(self, sources: Sequence[FurtherSignalConfig], interval_s: float) -> None:
         self._sources = tuple(sources)
-        self._most_us = 1e6 * np.array([source.max_age_s for source in sources])
-        found = {k: acceleration_of(source) for k, source in enumerate(sources)}
+        self._most_us = 1e6 * np.array([_most_s(source, interval_s) for source in sources])
+        found = {k: acceleration_of(source, interval_s) for k, source in enumerate(sources)}
         self._accelerations = {k: acceleration for k, acceleration in found.items() if acceleration}
         self._values = self._times = np.full(len(self._sources), np.nan)
 

@@ -198,7 +198,9 @@ class SimulatedConditions:
         conditions = conditions_of(axis)
         self._sources = needed(axis)
         self._swings = [_swing(source.name, conditions) for source in self._sources]
-        self._accelerations = tuple(map(acceleration_of, self._sources))
+        self._accelerations = tuple(
+            acceleration_of(source, axis.config.sample_interval_s) for source in self._sources
+        )
         self._model = axis_model(axis.config)
         thermal = conditions.thermal and replace(conditions.thermal, start="cold")
         plain = replace(conditions, gates=(), min_speed=0.0, thermal=thermal)

@@ -81,20 +81,21 @@ def link_weights(
         return None
     balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
     before = balance.explained(())
-    coupled = balance.couple(map(_plain, accelerations))
+    balance.couple(map(_plain, accelerations))
     chosen = _waves(*(balance.sums() if angles else ()))
     chosen = _with_loads(balance, chosen, _waves(((1, own),)) if angles else [], loads)
-    if not chosen and not coupled:
+    balance.uncouple(chosen)
+    if not chosen and not balance.coupled:
         return None
     needed, left = chosen, balance.left(chosen)
     for wave in chosen:
         fewer = [w for w in needed if w != wave]
-        if (fewer or coupled) and balance.left(fewer) < _NEEDED * left:
+        if (fewer or balance.coupled) and balance.left(fewer) < _NEEDED * left:
             needed = fewer
     explained = balance.explained(needed)
     if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
         return None
-    return LinkWeights(tuple(map(str, (*needed, *coupled))), explained, before)
+    return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), explained, before)
 
 
 def _with_loads(
@@ -157,24 +158,29 @@ class _Balance(WeightBalance):
         self._own, self._angles = own, angles
         self._columns: dict[Term, Floats] = {}
         self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
-        self._coupled = False
+        self.coupled: tuple[Term, ...] = ()
 
-    def couple(self, accelerations: Iterable[Term]) -> list[Term]:
-        """The accelerations of other axes that explain what was not fitted; they are beside all terms from then on.
+    def couple(self, accelerations: Iterable[Term]) -> None:
+        """Put the accelerations of other axes beside all terms that explain what was not fitted.
 
         They come before the weights, which would not show beside a torque that changes so much faster.
         """
-        left, missing, found = self.left(()), list(accelerations), list[Term]()
+        left, missing = self.left(()), list(accelerations)
         while missing:
             best = min(missing, key=lambda term: self.left([term]))
             if not self._matters(least := self.left([best]), left, 1, True):
                 break
-            self.rows = np.column_stack([self.rows, self._column(best)])
             left = least
-            found.append(best)
+            self.coupled += (best,)
             missing.remove(best)
-            self._coupled = True
-        return found
+
+    def uncouple(self, waves: Sequence[Term]) -> None:
+        """Take away the accelerations that explain nothing beside these terms, whose place they had taken."""
+        for term in self.coupled:
+            left, every = self.left(waves), self.coupled
+            self.coupled = tuple(other for other in every if other != term)
+            if self._matters(left, self.left(waves), 1, True):
+                self.coupled = every
 
     def sums(self) -> list[Sum]:
         """Sums of angles, one after the other, as long as the next one explains what was not fitted.
@@ -222,7 +228,7 @@ class _Balance(WeightBalance):
 
     def left(self, waves: Sequence[Term]) -> float:
         """Sum of squared errors in each half with values of the other one."""
-        columns = [self._column(wave) for wave in waves]
+        columns = [self._column(wave) for wave in (*waves, *self.coupled)]
         first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
         return self.missed(columns, first, last) + self.missed(columns, last, first)
 
@@ -233,7 +239,7 @@ class _Balance(WeightBalance):
     def _matters(self, least: float, left: float, sums: int, beside: bool) -> bool:
         """Whether so many more sums leave little enough of the squared errors; ``beside``: of others."""
         return least < _LESS**sums * left or (
-            (beside or self._coupled) and left - least > sums * _MORE * self._spread
+            (beside or bool(self.coupled)) and left - least > sums * _MORE * self._spread
         )
 
     def _column(self, wave: Term) -> Floats:

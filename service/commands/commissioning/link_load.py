@@ -51,7 +51,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         return None
     given = {signal.name for signal in axis.config.signal}
     others = [other for other in _arm(config, axis) if other.config.name in arm]
-    coupled = [_acceleration(axis, other) for other in others if other.config.name != axis.config.name]
+    coupled = [changes for other in others if (changes := _acceleration(axis, other))]
     every = [change for changes in (*arm.values(), *coupled) for change in changes]
     config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
     loaded = [load(record, config, axis_id).record for record in records]
@@ -69,7 +69,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         angles = []
     known_loads, accelerations = (
         [name for name in names if all(_extent(r.signals.get(name)) > 0 for r in loaded)]
-        for names in (loads, [changes[0].key[1] for changes in coupled if changes])
+        for names in (loads, [changes[0].key[1] for changes in coupled])
     )
     geared = [_behind_gears(record, ratios) for record in loaded]
     found = link_weights(geared, own, angles, known_loads, accelerations)
@@ -118,17 +118,18 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
 
 
 def _acceleration(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
-    """The acceleration of another axis as a signal; none where its angle starts again."""
+    """The acceleration of another axis that is sampled alike; none of one whose angle starts again."""
     own, angle = other.config.name, other.config.angle
-    if angle is None or angle.wrap_period is not None:
+    if own == axis.config.name or angle is None or angle.wrap_period is not None:
+        return ()
+    if not other.config.is_sampled_as(axis.config):
         return ()
     given = {s.axis: s.name for s in axis.config.signal if s.acceleration}
-    name = given.get(
-        own, f"{own}-acceleration" if any(c.isalpha() for c in own) else f"axis{own}-acceleration"
-    )
-    reason = f"the torque shows the acceleration of {own}, to which the links couple it"
-    return Correction((SIGNAL, name, "axis"), own, reason), Correction(
-        (SIGNAL, name, "acceleration"), True, reason
+    name = f"{own}-acceleration" if any(c.isalpha() for c in own) else f"axis{own}-acceleration"
+    name, reason = given.get(own, name), f"the links couple the axis to the acceleration of {own}"
+    return (
+        Correction((SIGNAL, name, "axis"), own, reason),
+        Correction((SIGNAL, name, "acceleration"), True, reason),
     )
 
 

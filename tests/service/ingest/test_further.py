@@ -201,7 +201,7 @@ def test_blocks_of_a_table_change_nothing(
     warm = np.array([float(cell) if cell else math.nan for cell in cells])
     t_us = np.rint(5000.0 * np.arange(len(cells)))
     sources, at_once = config.axes[0].sources, signals_of(path, config)
-    held = HeldColumns(sources)
+    held = HeldColumns(sources, 0.005)
     pieces = [held.take(t_us[k : k + rows], {"warm": warm[k : k + rows]}) for k in range(0, len(cells), rows)]
     np.testing.assert_array_equal(np.concatenate(pieces), at_once)
 
@@ -223,8 +223,8 @@ def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) 
     config = make_config(
         tmp_path, axis1(time={"column": "t"}), axis2(time={"column": "t"}, signal=[ACCELERATION], **GATE_TWO)
     )
-    source, held = config.axes[1].sources, HeldColumns(config.axes[1].sources)
-    at_once = HeldColumns(source).take(t_us, {"angle_one": angle})
+    sources, held = config.axes[1].sources, HeldColumns(config.axes[1].sources, 0.005)
+    at_once = HeldColumns(sources, 0.005).take(t_us, {"angle_one": angle})
     pieces = [held.take(t_us[k : k + 3], {"angle_one": angle[k : k + 3]}) for k in range(0, 40, 3)]
     np.testing.assert_array_equal(np.concatenate(pieces), at_once)
     second = np.convolve(angle, np.array([2, -1, -2, -1, 2]) / 7)[:40] / 0.005**2
