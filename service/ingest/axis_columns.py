@@ -61,7 +61,7 @@ class AxisColumns:
                     " on it"
                 )
         self._id, self._config, self._further = axis_id, config, tuple(further)
-        self._held = HeldColumns(further) if further else None
+        self._held = HeldColumns(further, config.sample_interval_s) if further else None
         self._torque, self._motion = config.torque.column, config.motion.column
         self._time, self._time_unit_us = config.time.column, 1e6 * config.time.factor
         self._interval_us = config.sample_interval_s * 1e6

@@ -35,7 +35,7 @@ class AxisInput:
         self.id = axis.id
         self.torque = quantity_of("torque", config.torque, decoder)
         self.motion = quantity_of(config.output, config.motion, decoder)
-        self.held = [HeldSignal(source, decoder) for source in signals]
+        self.held = [HeldSignal(source, decoder, config.sample_interval_s) for source in signals]
         """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
         self._shift = TorqueShift(config)

@@ -24,6 +24,8 @@ from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
 
 HEAT = {"name": "heat", "message": "Other", "signal": "Something", "factor": 0.5, "offset": -10.0}
+ACCELERATION = {"name": "one-acceleration", "axis": "one", "acceleration": True, "factor": 3.0}
+GATE_TWO = {"gate": [{"signal": "one-acceleration", "above": -1e12}]}
 GATE = {"gate": [{"signal": "heat", "above": 0.0}]}
 
 
@@ -104,6 +106,26 @@ def test_the_motion_of_another_axis(tmp_path: Path) -> None:
     assert fed(config, *frames, axis_id="r.two") == [(), ()]
 
 
+def test_the_acceleration_of_another_axis(tmp_path: Path) -> None:
+    """That of a parabola, from five samples on, whatever the times of receipt; a lost sample is no acceleration."""
+    two = axis2(signal=[ACCELERATION], **GATE_TWO)
+    first = axis1()
+    first["angle"] |= {"factor": -2.0}
+    config = make_config(tmp_path, first, two)
+    T, h = START_US, 0.005
+    lost, frames = 9, list[Frame]()
+    for k in range(20):
+        if k != lost:
+            frames += pair(T + 5000 * k + 300 * (k % 3), angle=2.0 + 30.0 * (k * h) ** 2)
+        frames.append(both2(T + 5000 * k + 2000, 0.5, 1.0))
+    found = np.array(fed(config, *frames, axis_id="r.two"))[:, 0]
+    known = np.isfinite(found)
+    # Held for three intervals, then not known until five samples have come again.
+    assert np.flatnonzero(~known).tolist() == [0, 1, 2, 3, 11, 12, 13]
+    # The bus sends the angle in steps, of which some 0.5 make the second difference.
+    np.testing.assert_allclose(found[known], 3.0 * -2.0 * 60.0, atol=2 * 2.0**-16 / h**2)
+
+
 def test_a_value_in_the_very_frame_of_the_sample_counts(tmp_path: Path) -> None:
     mode = {"name": "mode", "message": "Wide4", "signal": "Mode"}
     config = make_config(tmp_path, axis4(signal=[mode], gate=[{"signal": "mode", "equals": [3.0]}]))
@@ -179,7 +201,7 @@ def test_blocks_of_a_table_change_nothing(
     warm = np.array([float(cell) if cell else math.nan for cell in cells])
     t_us = np.rint(5000.0 * np.arange(len(cells)))
     sources, at_once = config.axes[0].sources, signals_of(path, config)
-    held = HeldColumns(sources)
+    held = HeldColumns(sources, 0.005)
     pieces = [held.take(t_us[k : k + rows], {"warm": warm[k : k + rows]}) for k in range(0, len(cells), rows)]
     np.testing.assert_array_equal(np.concatenate(pieces), at_once)
 
@@ -191,6 +213,26 @@ def test_the_column_of_another_axis(tmp_path: Path) -> None:
     np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, first, axis2())), [[6.0], [8.0]])
     first["signal"][0]["column"] = "torque_two"
     np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, first, axis2())), [[2.0], [2.0]])
+
+
+def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) -> None:
+    """As on the bus; blocks change nothing, to the last bit."""
+    rng = np.random.default_rng(seed)
+    t_us, angle = np.linspace(0, 195_000, 40), np.cumsum(rng.normal(size=40))
+    angle[[7, 20]] = math.nan
+    config = make_config(
+        tmp_path, axis1(time={"column": "t"}), axis2(time={"column": "t"}, signal=[ACCELERATION], **GATE_TWO)
+    )
+    sources, held = config.axes[1].sources, HeldColumns(config.axes[1].sources, 0.005)
+    at_once = HeldColumns(sources, 0.005).take(t_us, {"angle_one": angle})
+    pieces = [held.take(t_us[k : k + 3], {"angle_one": angle[k : k + 3]}) for k in range(0, 40, 3)]
+    np.testing.assert_array_equal(np.concatenate(pieces), at_once)
+    second = np.convolve(angle, np.array([2, -1, -2, -1, 2]) / 7)[:40] / 0.005**2
+    clean = np.isfinite(second) & (np.arange(40) >= 4)
+    np.testing.assert_allclose(at_once[clean, 0], 3.0 * second[clean], rtol=1e-9)
+    # Held for three intervals where one is lost, then unknown.
+    lost = [0, 1, 2, 3, *range(10, 12), *range(23, 25)]
+    assert np.flatnonzero(np.isnan(at_once[:, 0])).tolist() == lost
 
 
 def test_a_column_that_is_missing_is_named(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification import Effect, Obstacle, Rejection, TurningWeight, Watched
+from monitor_core.identification import Effect, Obstacle, Quality, Rejection, TurningWeight, Watched
 from service.commands.commissioning.axis_commissioning import not_identified, unmonitored_words
 from service.commands.commissioning.commissioning_remedies import (
     memories_of,
@@ -44,6 +44,7 @@ def report(
     follows: tuple[str, ...] = (),
     term: str = "cos(axis2)",
     missing: tuple[Effect, ...] = (),
+    quality: Quality = Quality.GOOD,
 ) -> Any:
     """What is looked at of an identification."""
     scheduled = [SimpleNamespace(parameter=name, term=term) for name in follows]
@@ -52,7 +53,7 @@ def report(
         watched=watched,
         options=SimpleNamespace(scheduled=scheduled),
         memory_s=5.0,
-        verdict=SimpleNamespace(missing=missing, slow=0.1),
+        verdict=SimpleNamespace(missing=missing, slow=0.1, quality=quality),
         estimate=estimate,
         slow_left_out=0.0,
     )
@@ -220,6 +221,21 @@ def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     assert axis.config.model.monitor == ("kT", "fc", "fm")
     other = retry(found, two, configured(two, NAME, tmp_path)[1], ["one-mass"], links=lambda: load)
     assert other is None or not other.schedule
+
+
+def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:
+    """A good fit needs none, and a drive of several masses that was chosen is kept."""
+    load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("a2-acceleration",))
+    mass = TEXT.replace('"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]')
+    mass = mass.replace(", r = 0.01, Jg = 3.0 }", " }")
+    for text, quality, schedule in (
+        (mass, Quality.FAIR, ("tau0: a2-acceleration",)),
+        (mass, Quality.GOOD, ()),
+        (TEXT, Quality.FAIR, ()),
+    ):
+        found = report(KT, FM, quality=quality)
+        again = retry(found, text, configured(text, NAME, tmp_path)[1], links=lambda: load)
+        assert (again.schedule if again else ()) == schedule
 
 
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
