@@ -224,7 +224,8 @@ class SimulatedConditions:
             if source.axis is not None:
                 value = source.factor * others.get(source.axis, math.nan) + source.offset
             if acceleration is not None:
-                value = float(acceleration.take(np.array([value]), np.array([1e6 * time_s]))[0])
+                now_us = np.array([1e6 * time_s])
+                value = float(acceleration.take(np.array([value]), now_us, np.ones(1, np.int64), now_us)[0])
             values.append(value)
         return tuple(values)
 

@@ -63,14 +63,14 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         names[other.config.name] for other in config.axes if other.config.name in names and _turns_on(other)
     }
     motors = [name for name in known if extents[name] >= _MOST_TURN and name not in given | turning]
-    ratios = gear_ratios(loaded, own, known, motors) if own in motors else {}
-    angles = [name for name in known if extents[name] < _MOST_TURN or name in ratios]
-    if own not in angles:
-        angles = []
     known_loads, accelerations = (
         [name for name in names if all(_extent(r.signals.get(name)) > 0 for r in loaded)]
         for names in (loads, [changes[0].key[1] for changes in coupled])
     )
+    ratios = gear_ratios(loaded, own, known, motors, accelerations) if own in motors else {}
+    angles = [name for name in known if extents[name] < _MOST_TURN or name in ratios]
+    if own not in angles:
+        angles = []
     geared = [_behind_gears(record, ratios) for record in loaded]
     found = link_weights(geared, own, angles, known_loads, accelerations)
     if found is None:
