@@ -13,7 +13,7 @@
 
 from monitor_core.identification.assessment.bode import Bode, drive_response
 from monitor_core.identification.assessment.outlook import Obstacle, Watched
-from monitor_core.identification.assessment.verdict import Basis, Effect, Measure, Verdict
+from monitor_core.identification.assessment.verdict import Basis, Effect, Measure, Quality, Verdict
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse
 from monitor_core.identification.greybox import LEVEL, Correlation, Estimate, Trace, fit

@@ -243,9 +243,16 @@ def _orders(
 
 
 def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
-    """What became of each axis, several at once, with their progress."""
+    """What became of each axis, several at once, with their progress.
+
+    Each sees the corrections of all, as the motion of one may be a signal of another.
+    """
     from service.commands.commissioning.axis_processes import outcomes
 
+    text = orders[0].text
+    for axis_id, looked in reviews.items():
+        text = corrected(text, axis_id, looked.corrections)
+    orders = [order._replace(text=text) for order in orders]
     found: dict[str, Outcome] = {}
     with axes_bars([order.axis_id for order in orders]) as bars:
         for number, outcome in enumerate(outcomes(orders, reviews, lambda step: bars.show(*step)), 1):

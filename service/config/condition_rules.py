@@ -37,8 +37,17 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
                 continue
             other = others[s.axis]
             angle = other.angle
+            if s.acceleration and angle is None:
+                yield Finding(path, f"the speed of {s.axis} is measured: an acceleration is that of an angle")
+            if s.acceleration and not other.is_sampled_as(axis):
+                message = (
+                    f"it is sampled every {other.sample_interval_s:g} s, this axis every {axis.sample_interval_s:g} s:"
+                    " an acceleration is taken from samples that come with those of this axis"
+                )
+                yield Finding(path, message)
             # A cosine of an angle that starts again after 2 pi goes on.
-            if angle is not None and angle.wrap_period is not None and not angle.wraps_after_a_turn(s.factor):
+            goes_on = angle is None or angle.wrap_period is None or angle.wraps_after_a_turn(s.factor)
+            if angle is not None and angle.wrap_period is not None and (s.acceleration or not goes_on):
                 message = (
                     f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle"
                     " that does not wrap, from a message"

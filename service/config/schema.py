@@ -109,6 +109,8 @@ class FurtherSignalConfig(Table):
     """name by which the configuration refers to it: letters, digits, - and _"""
     axis: Text | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
+    acceleration: bool = False
+    """it is the acceleration to that angle [rad/s^2], from values that come with the samples of this axis"""
     message: Text | None = None
     """name of the message on the bus"""
     signal: Text | None = None
@@ -295,6 +297,10 @@ class BusConfig(Table):
     """passed to python-can as they are: bitrate, fd, ..."""
 
 
+_TOGETHER = 0.01
+"""Between the sample intervals of axes that are sampled together."""
+
+
 class AxisConfig(Table):
     """[[robot.axis]]: one axis, the source of its samples and its monitoring."""
 
@@ -376,6 +382,10 @@ class AxisConfig(Table):
         if not given:
             raise Undecidable("angle or speed")
         return given[0]
+
+    def is_sampled_as(self, other: "AxisConfig") -> bool:
+        """Whether the samples of both axes come together."""
+        return math.isclose(self.sample_interval_s, other.sample_interval_s, rel_tol=_TOGETHER)
 
     @property
     def output(self) -> Output:

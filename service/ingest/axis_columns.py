@@ -11,8 +11,8 @@ from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, FurtherSignalConfig, SignalConfig
 from service.ingest.csv_tables import Rows
+from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldColumns
-from service.ingest.torque_shift import TorqueShift
 
 _DAY_US = 86_400e6
 _NEARLY = 23 / 24
@@ -61,12 +61,12 @@ class AxisColumns:
                     " on it"
                 )
         self._id, self._config, self._further = axis_id, config, tuple(further)
-        self._held = HeldColumns(further) if further else None
+        self._held = HeldColumns(further, config.sample_interval_s) if further else None
         self._torque, self._motion = config.torque.column, config.motion.column
         self._time, self._time_unit_us = config.time.column, 1e6 * config.time.factor
         self._interval_us = config.sample_interval_s * 1e6
         self._last_us: int | None = None
-        self._day, self._shift = TimeOfDay(), TorqueShift(config)
+        self._day, self._late = TimeOfDay(), LateValues(config, further)
         self.dropped = dict.fromkeys(DROP_REASONS, 0)
 
     def wanted(self) -> dict[str, str]:
@@ -96,8 +96,8 @@ class AxisColumns:
         # A row without a sample may still hold a signal, such as a temperature in a row of its own.
         held_us = np.where(timed & looked_at, time_us, np.nan)
         signals = self._held.take(held_us, rows.columns)[index] if self._held else None
-        block = self._shift.paired(SampleBlock(t_us[later], torque[index], motion[index], signals=signals))
-        self.dropped["unpaired"] = self._shift.unpaired
+        block = self._late.paired(SampleBlock(t_us[later], torque[index], motion[index], signals=signals))
+        self.dropped["unpaired"] = self._late.unpaired
         return block
 
     def quantities(self, rows: Rows) -> tuple[Floats, Floats]:

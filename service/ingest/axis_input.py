@@ -1,6 +1,6 @@
 """Input of one axis from its bus: decoded messages of a block of frames in, a block of samples out."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,9 @@ from service.can.frames import FrameKey
 from service.can.messages import DescriptionError, find_counter
 from service.can.user_errors import IngestError
 from service.config.schema import FurtherSignalConfig, NamedAxis
+from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
 from service.ingest.timestamp_jitter import Stamps, stamps_of
-from service.ingest.torque_shift import TorqueShift
 
 _HELD = 4.0
 """Intervals that a value waits for its partner, where that may be held until its cycle is known."""
@@ -30,15 +30,15 @@ class AxisInput:
         IngestError: the counter or the tolerance of this axis cannot be used.
     """
 
-    def __init__(self, axis: NamedAxis, decoder: Decoder, signals: Iterable[FurtherSignalConfig]) -> None:
+    def __init__(self, axis: NamedAxis, decoder: Decoder, signals: Sequence[FurtherSignalConfig]) -> None:
         config = axis.config
         self.id = axis.id
         self.torque = quantity_of("torque", config.torque, decoder)
         self.motion = quantity_of(config.output, config.motion, decoder)
-        self.held = [HeldSignal(source, decoder) for source in signals]
+        self.held = [HeldSignal(source, decoder, config.sample_interval_s) for source in signals]
         """Auxiliary signals that its samples carry, in this order."""
         self.counter: Quantity | None = None
-        self._shift = TorqueShift(config)
+        self._late = LateValues(config, signals)
         self.keys = {self.torque.key, self.motion.key}
         """The frames that carry values of this axis"""
         interval_s, kind = config.sample_interval_s, sampling.RECEIPT
@@ -75,7 +75,7 @@ class AxisInput:
     def dropped(self) -> Mapping[str, int]:
         """Values that became no sample, by monitor_core.sampling.DROP_REASONS."""
         counts = self._stream.pairing.counts
-        return counts | {"unpaired": counts["unpaired"] + self._shift.unpaired}
+        return counts | {"unpaired": counts["unpaired"] + self._late.unpaired}
 
     @property
     def events(self) -> Mapping[str, int]:
@@ -127,7 +127,7 @@ class AxisInput:
             return None
         t_us, torque, motion = (samples[name].copy() for name in ("t_us", "torque", "motion"))
         block = SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
-        paired = self._shift.paired(block)
+        paired = self._late.paired(block)
         return paired if paired.size else None
 
     def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> sampling.Clock:

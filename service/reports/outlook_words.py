@@ -50,6 +50,7 @@ _MISSING = {
     ),
     Effect.FOREIGN: (
         "what is missing depends neither on the angle nor on the speed of this axis: where other axes accelerate it,"
+        " let the offset follow their acceleration (`axiswatch commission` does where all axes move in the record), or"
         " record this axis alone, and let a gate monitor it only then ([[robot.axis.gate]] on a signal of the"
         " controller, such as the number of its program); where a payload comes and goes, make it a signal and let the"
         ' offset follow it, --schedule "tau0: payload"; where the arm behind the axis moves,'

@@ -17,6 +17,7 @@ from service.config import NamedAxis, conditions_of, drive_of, given_values, nee
 from service.config.axis_settings import check_known
 from service.config.conditions import weight_of
 from service.config.drives import axis_model, not_identified
+from service.ingest.quantities import acceleration_of
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)
@@ -197,6 +198,9 @@ class SimulatedConditions:
         conditions = conditions_of(axis)
         self._sources = needed(axis)
         self._swings = [_swing(source.name, conditions) for source in self._sources]
+        self._accelerations = tuple(
+            acceleration_of(source, axis.config.sample_interval_s) for source in self._sources
+        )
         self._model = axis_model(axis.config)
         thermal = conditions.thermal and replace(conditions.thermal, start="cold")
         plain = replace(conditions, gates=(), min_speed=0.0, thermal=thermal)
@@ -213,12 +217,17 @@ class SimulatedConditions:
     def signals(self, time_s: float, others: Mapping[str, float]) -> tuple[float, ...]:
         """The signals at that time; ``others`` are the motions of the other axes of the robot as sent, by name."""
         phase = math.sin(2 * math.pi * time_s / SIGNAL_PERIOD_S)
-        return tuple(
-            middle + swing * phase
-            if source.axis is None
-            else source.factor * others.get(source.axis, math.nan) + source.offset
-            for source, (middle, swing) in zip(self._sources, self._swings, strict=True)
-        )
+        values = list[float]()
+        each = zip(self._sources, self._swings, self._accelerations, strict=True)
+        for source, (middle, swing), acceleration in each:
+            value = middle + swing * phase
+            if source.axis is not None:
+                value = source.factor * others.get(source.axis, math.nan) + source.offset
+            if acceleration is not None:
+                now_us = np.array([1e6 * time_s])
+                value = float(acceleration.take(np.array([value]), now_us, np.ones(1, np.int64), now_us)[0])
+            values.append(value)
+        return tuple(values)
 
     def followed(self, moment: Followed, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """The parameters that follow signals and heat, moment by moment, with these values at the references."""

@@ -7,12 +7,13 @@ each sum comes with both signs of the other angles, and each with cosine and sin
 
     J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = q_own +- q_j +- q_k
 
-A measured load, as that of a hoist or of a gripper, adds itself, or multiplies these terms.
+A measured load, as that of a hoist or of a gripper, adds itself, or multiplies these terms.  So does the acceleration
+of another axis: where the links of an arm are coupled, one cannot be accelerated without a torque of the other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from types import MappingProxyType
 from typing import NamedTuple
@@ -32,8 +33,8 @@ _MOST_SUMS = 8
 _LESS = 0.6
 """Of the squared errors on what was not fitted: another sum leaves at most so much of them,"""
 _MORE = 0.01
-"""or, where a weight shows already, explains so much of the variance of the torque: on the bending axis of a wrist a
-weight is the sum of many."""
+"""or, where a weight or another axis shows already, explains so much of the variance of the torque: on the bending axis
+of a wrist a weight is the sum of many."""
 _SIMPLER = 0.9
 """A sum of more angles leaves at most so much of what the best one of fewer leaves."""
 _NEEDED = 1.02
@@ -60,33 +61,41 @@ class LinkWeights(NamedTuple):
 
 
 def link_weights(
-    records: Sequence[Record], own: str, angles: Sequence[str], loads: Sequence[str] = ()
+    records: Sequence[Record],
+    own: str,
+    angles: Sequence[str],
+    loads: Sequence[str] = (),
+    accelerations: Sequence[str] = (),
 ) -> LinkWeights | None:
-    """The weights that the torque of an axis shows; None: none that explains it.
+    """The weights, and accelerations of others, that the torque of an axis shows; None: none that explains it.
 
     Args:
         records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
         own: name of the signal that is the angle of the axis itself.
         angles: names of all of them, own too, from the base to the hand; none: not looked for.
         loads: names of signals that may be loads.
+        accelerations: names of signals that are those of other axes.
     """
-    parts, window = slow_parts(records, (*angles, *loads))
+    parts, window = slow_parts(records, (*angles, *loads, *accelerations))
     if not parts:
         return None
     balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
+    before = balance.explained(())
+    balance.couple(map(_plain, accelerations))
     chosen = _waves(*(balance.sums() if angles else ()))
     chosen = _with_loads(balance, chosen, _waves(((1, own),)) if angles else [], loads)
-    if not chosen:
+    balance.uncouple(chosen)
+    if not chosen and not balance.coupled:
         return None
     needed, left = chosen, balance.left(chosen)
     for wave in chosen:
         fewer = [w for w in needed if w != wave]
-        if fewer and balance.left(fewer) < _NEEDED * left:
+        if (fewer or balance.coupled) and balance.left(fewer) < _NEEDED * left:
             needed = fewer
-    explained, before = balance.explained(needed), balance.explained(())
+    explained = balance.explained(needed)
     if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
         return None
-    return LinkWeights(tuple(map(str, needed)), explained, before)
+    return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), explained, before)
 
 
 def _with_loads(
@@ -149,6 +158,29 @@ class _Balance(WeightBalance):
         self._own, self._angles = own, angles
         self._columns: dict[Term, Floats] = {}
         self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
+        self.coupled: tuple[Term, ...] = ()
+
+    def couple(self, accelerations: Iterable[Term]) -> None:
+        """Put the accelerations of other axes beside all terms that explain what was not fitted.
+
+        They come before the weights, which would not show beside a torque that changes so much faster.
+        """
+        left, missing = self.left(()), list(accelerations)
+        while missing:
+            best = min(missing, key=lambda term: self.left([term]))
+            if not self._matters(least := self.left([best]), left, 1, True):
+                break
+            left = least
+            self.coupled += (best,)
+            missing.remove(best)
+
+    def uncouple(self, waves: Sequence[Term]) -> None:
+        """Take away the accelerations that explain nothing beside these terms, whose place they had taken."""
+        for term in self.coupled:
+            left, every = self.left(waves), self.coupled
+            self.coupled = tuple(other for other in every if other != term)
+            if self._matters(left, self.left(waves), 1, True):
+                self.coupled = every
 
     def sums(self) -> list[Sum]:
         """Sums of angles, one after the other, as long as the next one explains what was not fitted.
@@ -196,7 +228,7 @@ class _Balance(WeightBalance):
 
     def left(self, waves: Sequence[Term]) -> float:
         """Sum of squared errors in each half with values of the other one."""
-        columns = [self._column(wave) for wave in waves]
+        columns = [self._column(wave) for wave in (*waves, *self.coupled)]
         first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
         return self.missed(columns, first, last) + self.missed(columns, last, first)
 
@@ -206,7 +238,9 @@ class _Balance(WeightBalance):
 
     def _matters(self, least: float, left: float, sums: int, beside: bool) -> bool:
         """Whether so many more sums leave little enough of the squared errors; ``beside``: of others."""
-        return least < _LESS**sums * left or (beside and left - least > sums * _MORE * self._spread)
+        return least < _LESS**sums * left or (
+            (beside or bool(self.coupled)) and left - least > sums * _MORE * self._spread
+        )
 
     def _column(self, wave: Term) -> Floats:
         if wave not in self._columns:

@@ -33,7 +33,11 @@ _LESS = 0.6
 
 
 def gear_ratios(
-    records: Sequence[Record], own: str, angles: Sequence[str], motors: Collection[str]
+    records: Sequence[Record],
+    own: str,
+    angles: Sequence[str],
+    motors: Collection[str],
+    accelerations: Sequence[str] = (),
 ) -> Mapping[str, float]:
     """Arm angle over motor angle, by the name of the motor's signal, for each that the weight on an axis turns with.
 
@@ -44,11 +48,12 @@ def gear_ratios(
         own: name of the signal that is the angle of the axis itself.
         angles: names of all of them, own too.
         motors: those that are angles of motors, before gears that are not known; the others are those of the arm.
+        accelerations: names of signals that are those of other axes, whose torque may hide the weight.
     """
-    parts, window = slow_parts(records, angles)
+    parts, window = slow_parts(records, (*angles, *accelerations))
     if not parts or own not in motors:
         return {}
-    trial = _Trial(parts, window, angles, speed_scales(records)[1])
+    trial = _Trial(parts, window, angles, accelerations, speed_scales(records)[1])
     ratios, sums, left = _first(trial, own)
     for _ in range(2):
         tried = [
@@ -72,9 +77,17 @@ _Found = tuple[dict[str, float], list[Sum], float]
 class _Trial:
     """The torque balance in windows, with the mean angle of each window: a weight hardly changes within one."""
 
-    def __init__(self, parts: Sequence[GridPart], window: int, angles: Sequence[str], scale: float) -> None:
+    def __init__(
+        self,
+        parts: Sequence[GridPart],
+        window: int,
+        angles: Sequence[str],
+        accelerations: Sequence[str],
+        scale: float,
+    ) -> None:
         balance = WeightBalance(parts, window, scale)
-        self.rows, self.torque = of_unit_length(balance.rows), balance.torque
+        coupled = [balance.column([part.signals[name] for part in parts]) for name in accelerations]
+        self.rows, self.torque = of_unit_length(np.column_stack([balance.rows, *coupled])), balance.torque
         means = {name: balance.mean([part.signals[name] for part in parts]) for name in angles}
         self.angles = {name: angle - angle.mean() for name, angle in means.items()}
 
@@ -91,7 +104,7 @@ class _Trial:
         return np.asarray(sum(sign * ratios[name] * self.angles[name] for sign, name in angles))
 
     def columns(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
-        """What is fitted to the torque: one mass with friction, cosine and sine of each sum."""
+        """What is fitted to the torque: one mass with friction, what couples it, cosine and sine of each sum."""
         phases = [self.phase(ratios, angles) for angles in sums]
         return np.column_stack([self.rows, *(wave(p) for p in phases for wave in (np.cos, np.sin))])
 

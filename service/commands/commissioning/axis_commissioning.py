@@ -117,6 +117,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     again: Retry | None = None
     tried: list[str] = []
     schedule: tuple[str, ...] = ()
+    fair = None  # without the load of links, should that explain less
     try:
         while True:
             config, axis = configured(text, order.axis_id, order.folder)
@@ -134,8 +135,14 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 if report.rejection and again:  # all of the records would not explain it either
                     break
             tried.append(axis.config.model.drive)
+            if fair is not None and (report.rejection or not watched_in(report)):
+                text, axis, task, report, outcome = fair
+                again = None
+                break
             if again is None or (again.changes and not order.shorten):
                 break
+            if again.schedule and watched_in(report) and not report.rejection:
+                fair = text, axis, task, report, outcome
             text, schedule = again.text, schedule or again.schedule
             if again.schedule:
                 weight = "the weight of links at these angles" if again.turns else "a load that follows this"

@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import COSINE, SINE, Term, split_name
-from monitor_core.identification import Effect, Obstacle, Record, TurningWeight
+from monitor_core.identification import Effect, Obstacle, Quality, Record, TurningWeight
 from service.commands.commissioning.checked_axis import fastest
 from service.commands.commissioning.link_load import LinkLoad
 from service.commands.excite import MotionRequest
@@ -78,17 +78,23 @@ def retry(
 ) -> Retry | None:
     """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
 
+    The load of links is also looked for where the fit of one mass is fair only, as it is without them.
+
     ``text``: of the configuration that it was made with; ``tried``: the drives before; ``links``: finds what the weight
     of links follows, ``turn`` how far a weight turns with the motion; None: the torque does not show it.
     """
     watched = watched_in(report)
-    if report.rejection or not watched:
-        if not tried and axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY and (weight := links()):
-            return _with_links(text, axis, weight)
+    unfit = bool(report.rejection) or not watched
+    used = axis.config.model.drive
+    fair = used == _ONE_MASS[0] and report.result.verdict.quality is Quality.FAIR
+    known = used.removesuffix(_WEIGHT) in _LIBRARY
+    if (unfit or fair) and not tried and known and (weight := links()):
+        return _with_links(text, axis, weight)
+    if unfit:
         missing = report.result.verdict.missing
         if missing == (Effect.SLOW,):
             return None  # another drive has no other friction
-        three = axis.config.model.drive == _ONE_MASS[0] and axis.config.sample_interval_s <= _FAST_S
+        three = used == _ONE_MASS[0] and axis.config.sample_interval_s <= _FAST_S
         springs_first = three and missing[:1] == (Effect.FAST,)
         bears_weight = Effect.POSE in missing and axis.config.output == "angle" and not springs_first
         other = _other_drive(axis.config, bears_weight, tried)

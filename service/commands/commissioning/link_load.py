@@ -1,6 +1,6 @@
 """What commissioning tries where the links of an arm or a measured load act on an axis.
 
-A torque offset then follows the angles of axes, and the signals of that axis.
+A torque offset then follows the angles of axes, their accelerations, and the signals of that axis.
 """
 
 import math
@@ -27,15 +27,15 @@ class LinkLoad(NamedTuple):
     """What another identification is made with."""
 
     signals: tuple[Correction, ...]
-    """The angles of axes, as signals of this one"""
+    """The angles and accelerations of axes, as signals of this one"""
     terms: tuple[str, ...]
-    """What the torque offset follows: "cos(axis2 + axis3)", "payload", .."""
+    """What the torque offset follows: "cos(axis2 + axis3)", "axis2-acceleration", "payload", .."""
 
 
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
-    """The angles and signals that the weight on an axis follows.
+    """The angles, accelerations and signals that the weight and the links on an axis follow.
 
-    None: the torque shows no weight, or only that which turns with itself.
+    None: the torque shows none, or only a weight which turns with the axis itself.
 
     ``text``: of the configuration, valid in ``folder``; ``records``: files, each with or without a range.
 
@@ -50,7 +50,9 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     if not arm and not loads:
         return None
     given = {signal.name for signal in axis.config.signal}
-    every = [change for changes in arm.values() for change in changes]
+    others = [other for other in _arm(config, axis) if other.config.name in arm]
+    coupled = [changes for other in others if (changes := _acceleration(axis, other))]
+    every = [change for changes in (*arm.values(), *coupled) for change in changes]
     config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
     loaded = [load(record, config, axis_id).record for record in records]
     names = {name: signal.key[1] for name, (signal, *_) in arm.items()}
@@ -61,18 +63,22 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         names[other.config.name] for other in config.axes if other.config.name in names and _turns_on(other)
     }
     motors = [name for name in known if extents[name] >= _MOST_TURN and name not in given | turning]
-    ratios = gear_ratios(loaded, own, known, motors) if own in motors else {}
+    known_loads, accelerations = (
+        [name for name in names if all(_extent(r.signals.get(name)) > 0 for r in loaded)]
+        for names in (loads, [changes[0].key[1] for changes in coupled])
+    )
+    ratios = gear_ratios(loaded, own, known, motors, accelerations) if own in motors else {}
     angles = [name for name in known if extents[name] < _MOST_TURN or name in ratios]
     if own not in angles:
         angles = []
-    known_loads = [name for name in loads if all(_extent(r.signals.get(name)) > 0 for r in loaded)]
-    found = link_weights([_behind_gears(record, ratios) for record in loaded], own, angles, known_loads)
+    geared = [_behind_gears(record, ratios) for record in loaded]
+    found = link_weights(geared, own, angles, known_loads, accelerations)
     if found is None:
         return None
     used = {signal for term in found.terms for signal in Term.read(term).signals}
     if used == {own}:
         return None
-    signals = [c for changes in arm.values() for c in changes if c.key[1] in used]
+    signals = [c for changes in (*arm.values(), *coupled) for c in changes if c.key[1] in used]
     signals += [_gear(name, ratio) for name, ratio in ratios.items() if name in used]
     return LinkLoad(tuple(signals), found.terms)
 
@@ -95,7 +101,8 @@ def _turns_on(axis: NamedAxis) -> bool:
 
 def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
     """The angle of an arm's axis as a signal, of the name that the configuration has for it, or that of the axis."""
-    names, own = {s.axis: s.name for s in axis.config.signal}, other.config.name
+    names = {s.axis: s.name for s in axis.config.signal if not s.acceleration}
+    own = other.config.name
     name = own if any(c.isalpha() for c in own) else f"axis{own}"  # a number is no signal
     name = names.get(own, f"{name}-angle" if name in names.values() else name)
     reason = f"the torque shows the weight of links, which follows the angle of {own}"
@@ -108,6 +115,22 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
             )
         )
     return tuple(found)
+
+
+def _acceleration(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
+    """The acceleration of another axis that is sampled alike; none of one whose angle starts again."""
+    own, angle = other.config.name, other.config.angle
+    if own == axis.config.name or angle is None or angle.wrap_period is not None:
+        return ()
+    if not other.config.is_sampled_as(axis.config):
+        return ()
+    given = {s.axis: s.name for s in axis.config.signal if s.acceleration}
+    name = f"{own}-acceleration" if any(c.isalpha() for c in own) else f"axis{own}-acceleration"
+    name, reason = given.get(own, name), f"the links couple the axis to the acceleration of {own}"
+    return (
+        Correction((SIGNAL, name, "axis"), own, reason),
+        Correction((SIGNAL, name, "acceleration"), True, reason),
+    )
 
 
 def _extent(angle: Floats | None) -> float:

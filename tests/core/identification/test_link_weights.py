@@ -159,6 +159,34 @@ def test_of_axes_that_stand_still_nothing_can_be_told(seed: int) -> None:
     assert set(found.terms) <= {"cos(q2)", "sin(q2)"}
 
 
+def test_what_accelerates_another_axis_is_found_beside_a_weight_or_alone(seed: int) -> None:
+    """One that moves with it, and turns nothing of it, is not taken; nor is any where the links are not coupled."""
+    t = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+
+    def accelerated(record: Record) -> Record:
+        found = {
+            f"{n}_accel": np.gradient(np.gradient(q, t), t) for n, q in record.signals.items() if n != "q2"
+        }
+        return replace(record, signals={**record.signals, **found})
+
+    def coupled(q: Mapping[str, Floats]) -> Floats:
+        return np.asarray((1.5 + 0.5 * np.cos(q["q3"])) * np.gradient(np.gradient(q["q3"], t), t))
+
+    def both(q: Mapping[str, Floats]) -> Floats:
+        return np.asarray(coupled(q) + 4 * np.cos(q["q2"]))
+
+    names = ("q1_accel", "q3_accel", "q4_accel")
+    for torque, terms in (
+        (coupled, {"q3_accel"}),
+        (both, {"cos(q2)", "q3_accel"}),
+        (lambda q: 4 * np.cos(q["q2"]), {"cos(q2)"}),
+    ):
+        record = accelerated(recorded(torque, np.random.default_rng(seed)))
+        found = link_weights([record], "q2", ANGLES, (), names)
+        assert found is not None
+        assert set(found.terms) == terms
+
+
 def test_long_records_and_several_are_used_together(seed: int) -> None:
     def weight(q: Mapping[str, Floats]) -> Floats:
         return np.asarray(8 * np.cos(q["q2"]) + 4 * np.cos(q["q2"] + q["q3"]))

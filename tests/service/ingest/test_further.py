@@ -11,11 +11,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from monitor_core.samples import concatenate
 from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import RecordError
 from service.commands.play import encode_table
 from service.config import Config
+from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Ingest
+from service.ingest.csv_tables import Rows
 from service.ingest.encode import FrameEncoder, Values
 from service.ingest.quantities import HeldColumns
 from service.ingest.records import read_record
@@ -24,6 +27,8 @@ from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
 
 HEAT = {"name": "heat", "message": "Other", "signal": "Something", "factor": 0.5, "offset": -10.0}
+ACCELERATION = {"name": "one-acceleration", "axis": "one", "acceleration": True, "factor": 3.0}
+GATE_TWO = {"gate": [{"signal": "one-acceleration", "above": -1e12}]}
 GATE = {"gate": [{"signal": "heat", "above": 0.0}]}
 
 
@@ -104,6 +109,35 @@ def test_the_motion_of_another_axis(tmp_path: Path) -> None:
     assert fed(config, *frames, axis_id="r.two") == [(), ()]
 
 
+@pytest.mark.parametrize("first", ["one", "two"])
+def test_the_acceleration_of_another_axis(first: str, tmp_path: Path) -> None:
+    """That at the time of the sample, whichever axis sends first, and whatever the times of receipt."""
+    two = axis2(signal=[ACCELERATION], **GATE_TWO)
+    sender = axis1()
+    sender["angle"] |= {"factor": -2.0}
+    config = make_config(tmp_path, sender, two)
+    T, h, count, lost, frames = START_US, 0.005, 40, 19, list[Frame]()
+    for k in range(count):
+        early = T + 5000 * k + 300 * (k % 3)
+        of_two = [both2(early if first == "two" else early + 1500, 0.5, 1.0)]
+        of_one = (
+            []
+            if k == lost
+            else pair(early if first == "one" else early + 1500, angle=2.0 + 30.0 * (k * h) ** 3)
+        )
+        frames += of_one + of_two if first == "one" else of_two + of_one
+    found = np.array(fed(config, *frames, axis_id="r.two"))[:, 0]
+    wanted = -6.0 * 180.0 * h * np.arange(count)
+    # The first two have none; around the lost one the nearest is taken, or none.
+    near, beside = np.arange(count - 3), range(lost - 2, lost + 3)
+    exact = np.setdiff1d(near[2:], beside)
+    # The bus sends the angle in steps, of which some 0.5 make the second difference.
+    step = 6.0 * 2.0**-16 / h**2 / 2
+    np.testing.assert_allclose(found[exact], wanted[exact], atol=step)
+    off = np.abs(found - wanted[: len(found)])
+    assert (off[beside][:-1] < step + 5.0 * abs(wanted[1])).all()
+
+
 def test_a_value_in_the_very_frame_of_the_sample_counts(tmp_path: Path) -> None:
     mode = {"name": "mode", "message": "Wide4", "signal": "Mode"}
     config = make_config(tmp_path, axis4(signal=[mode], gate=[{"signal": "mode", "equals": [3.0]}]))
@@ -179,7 +213,7 @@ def test_blocks_of_a_table_change_nothing(
     warm = np.array([float(cell) if cell else math.nan for cell in cells])
     t_us = np.rint(5000.0 * np.arange(len(cells)))
     sources, at_once = config.axes[0].sources, signals_of(path, config)
-    held = HeldColumns(sources)
+    held = HeldColumns(sources, 0.005)
     pieces = [held.take(t_us[k : k + rows], {"warm": warm[k : k + rows]}) for k in range(0, len(cells), rows)]
     np.testing.assert_array_equal(np.concatenate(pieces), at_once)
 
@@ -191,6 +225,41 @@ def test_the_column_of_another_axis(tmp_path: Path) -> None:
     np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, first, axis2())), [[6.0], [8.0]])
     first["signal"][0]["column"] = "torque_two"
     np.testing.assert_array_equal(signals_of(path, make_config(tmp_path, first, axis2())), [[2.0], [2.0]])
+
+
+def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) -> None:
+    """As on the bus, at the time of the row; blocks change nothing, to the last bit."""
+    rng = np.random.default_rng(seed)
+    rows = 60
+    t_us, angle = 5000.0 * np.arange(rows), np.cumsum(rng.normal(size=rows))
+    config = make_config(
+        tmp_path, axis1(time={"column": "t"}), axis2(time={"column": "t"}, signal=[ACCELERATION], **GATE_TWO)
+    )
+    (source,) = sources = config.axes[1].sources
+    columns = {
+        "t": 1e-6 * t_us,
+        "torque_two": np.arange(rows) / 100,
+        "speed_two": np.zeros(rows),
+        "angle_one": angle,
+    }
+    at_once, in_blocks = (
+        concatenate(
+            [
+                taken.samples(Rows({n: c[k : k + length] for n, c in columns.items()}, 1.0), k)
+                for k in range(0, rows, length)
+            ]
+        )
+        for taken, length in ((AxisColumns("r.two", config.axes[1].config, sources), n) for n in (rows, 7))
+    )
+    assert at_once.signals is not None
+    np.testing.assert_array_equal(in_blocks.signals, at_once.signals)
+    np.testing.assert_array_equal(at_once.t_us, t_us[:-3])
+    np.testing.assert_array_equal(at_once.u, columns["torque_two"][:-3])
+    second = np.convolve(angle, np.array([2, -1, -2, -1, 2]) / 7, "same") / 0.005**2
+    np.testing.assert_allclose(at_once.signals[2:, 0], source.factor * second[2:-3], rtol=1e-6)
+    angle[30] = math.nan
+    held = HeldColumns(sources, 0.005).take(t_us, {"angle_one": angle})[:, 0]
+    assert np.flatnonzero(np.isnan(held)).tolist() == [0, 1, 2, 3]  # else the nearest
 
 
 def test_a_column_that_is_missing_is_named(tmp_path: Path) -> None:

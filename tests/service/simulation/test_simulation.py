@@ -226,6 +226,13 @@ def test_the_motion_of_another_axis_is_what_that_sends(tmp_path: Path) -> None:
     assert math.isnan(conditions.signals(0.0, {})[0])
 
 
+def test_the_acceleration_of_another_axis_is_that_of_what_it_sends(tmp_path: Path) -> None:
+    named = axis(tmp_path, [], [slope("fm", "s", 0.0)], axis="two", factor=2.0, acceleration=True)
+    conditions, h = SimulatedConditions(named), 0.005
+    found = [conditions.signals(k * h, {"two": 1.5 * (k * h) ** 2})[0] for k in range(8)]
+    assert found == pytest.approx([math.nan] * 4 + [6.0] * 4, nan_ok=True)
+
+
 def test_a_drive_follows(tmp_path: Path) -> None:
     slopes = [slope("fm", "s", 1.0), {**slope("Ja", "s", 1.0), "slope": 10.0}]
     conditions = SimulatedConditions(axis(tmp_path, [], slopes))

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification import Effect, Obstacle, Rejection, TurningWeight, Watched
-from service.commands.commissioning.axis_commissioning import not_identified, unmonitored_words
+from monitor_core.calibration import CalibrationOptions
+from monitor_core.identification import Effect, Obstacle, Quality, Rejection, TurningWeight, Watched
+from service.commands.commissioning import axis_commissioning
+from service.commands.commissioning.axis_commissioning import Order, not_identified, unmonitored_words
 from service.commands.commissioning.commissioning_remedies import (
     memories_of,
     memory_change,
@@ -44,6 +46,7 @@ def report(
     follows: tuple[str, ...] = (),
     term: str = "cos(axis2)",
     missing: tuple[Effect, ...] = (),
+    quality: Quality = Quality.GOOD,
 ) -> Any:
     """What is looked at of an identification."""
     scheduled = [SimpleNamespace(parameter=name, term=term) for name in follows]
@@ -52,7 +55,7 @@ def report(
         watched=watched,
         options=SimpleNamespace(scheduled=scheduled),
         memory_s=5.0,
-        verdict=SimpleNamespace(missing=missing, slow=0.1),
+        verdict=SimpleNamespace(missing=missing, slow=0.1, quality=quality),
         estimate=estimate,
         slow_left_out=0.0,
     )
@@ -220,6 +223,55 @@ def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     assert axis.config.model.monitor == ("kT", "fc", "fm")
     other = retry(found, two, configured(two, NAME, tmp_path)[1], ["one-mass"], links=lambda: load)
     assert other is None or not other.schedule
+
+
+MASS = TEXT.replace(
+    '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
+).replace(", r = 0.01, Jg = 3.0 }", " }")
+
+
+def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:
+    """A good fit needs none, and a drive of several masses that was chosen is kept."""
+    load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("a2-acceleration",))
+    for text, quality, schedule in (
+        (MASS, Quality.FAIR, ("tau0: a2-acceleration",)),
+        (MASS, Quality.GOOD, ()),
+        (TEXT, Quality.FAIR, ()),
+    ):
+        found = report(KT, FM, quality=quality)
+        again = retry(found, text, configured(text, NAME, tmp_path)[1], links=lambda: load)
+        assert (again.schedule if again else ()) == schedule
+
+
+@pytest.mark.parametrize("with_links", [report(KT), report(KT, rejection="poor"), report(NO_FM)])
+def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
+    with_links: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alone = report(KT, FM, quality=Quality.FAIR)
+    reports = [alone, alone, with_links, with_links]  # a first look at part of the records, and all of them
+    task = SimpleNamespace(estimation=[SimpleNamespace(record=None)], run=lambda *_: reports.pop(0))
+    task.lively_part = lambda: task
+    load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("a2-acceleration",))
+    monkeypatch.setattr(axis_commissioning, "prepare", lambda *_: task)
+    monkeypatch.setattr(axis_commissioning, "link_load", lambda *_: load)
+    monkeypatch.setattr(axis_commissioning, "motion_for", lambda *_: None)
+    taken = list[Any]()
+
+    def with_values(*given: Any) -> Outcome:
+        taken.append(given)
+        outcome: Outcome = given[3]
+        return outcome
+
+    monkeypatch.setattr(axis_commissioning, "_with_values", with_values)
+    text = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
+    order = Order(text, NAME, ("a.csv",), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    outcome = axis_commissioning._identified(order, text, Outcome(NAME), lambda *_: None)
+    assert not outcome.refusal
+    ((_, axis, chosen, _, words),) = taken
+    better = with_links.rejection is None and with_links.result.watched == (KT,)
+    assert chosen is (with_links if better else alone)
+    assert [s.axis for s in axis.config.signal] == (["a2"] if better else [])
+    assert (len(outcome.corrections), len(outcome.notes), words) == ((1, 1, "") if better else (0, 0, ""))
 
 
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:

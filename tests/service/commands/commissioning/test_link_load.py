@@ -14,6 +14,7 @@ from service.commands import commission
 from service.commands.commissioning import axis_commissioning
 from service.commands.commissioning.link_load import link_load
 from service.config import NamedAxis, load
+from service.config.commissioned import corrected
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
@@ -145,6 +146,51 @@ def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: C
     assert without is not None
     ratios = [c.value for c in without.signals if c.key[2] == "factor"]
     assert ratios == pytest.approx([R, R], rel=1 / 3)
+
+
+SCARA = """
+[[robot]]
+name = "arm"
+[robot.defaults]
+sample_interval_s = 0.01
+time = { column = "t" }
+model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }
+[[robot.axis]]
+name = "inner"
+torque = { column = "u1" }
+angle = { column = "y1" }
+[[robot.axis]]
+name = "2"
+torque = { column = "u2" }
+angle = { column = "y2" }
+"""
+
+
+def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -> None:
+    """The outer arm of a SCARA, whose coupling depends on its angle; the corrections give it as a signal, once."""
+    rng, step = np.random.default_rng(seed), 0.01
+    t = np.arange(0.0, 120.0, step)
+    f, phase = rng.uniform(0.1, 0.6, (2, 5)), rng.uniform(0, 2 * np.pi, (2, 5))
+    q = np.sin(2 * np.pi * f[..., None] * t + phase[..., None]).mean(axis=1)
+    w = np.gradient(q, step, axis=1)
+    a, coupling = np.gradient(w, step, axis=1), 0.7 + 0.3 * np.cos(q[1])
+    u = np.array([[1.0], [0.5]]) * (a + 0.5 * w) + np.tanh(w / 0.05) + coupling * a[::-1]
+    u[0] -= coupling * a[1]  # the first feels nothing of the second
+    table = np.column_stack(
+        [t, u[0] + rng.normal(0, 0.1, t.size), q[0], u[1] + rng.normal(0, 0.1, t.size), q[1]]
+    )
+    np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2", comments="")
+    found = link_load(SCARA, "arm.2", [str(tmp_path / "a.csv")], tmp_path)
+    assert found is not None
+    assert found.terms == ("inner-acceleration",)
+    changes = {c.key: c.value for c in found.signals}
+    name = ("signal", "inner-acceleration")
+    assert changes == {(*name, "axis"): "inner", (*name, "acceleration"): True}
+    given = corrected(SCARA, "arm.2", found.signals)
+    again = link_load(given, "arm.2", [str(tmp_path / "a.csv")], tmp_path)
+    assert again is not None
+    assert again == found
+    assert link_load(SCARA, "arm.inner", [str(tmp_path / "a.csv")], tmp_path) is None
 
 
 POSITIONER = """

@@ -4,7 +4,7 @@ import numpy as np
 
 from monitor_core.samples import SampleBlock, concatenate
 from service.config.schema import AxisConfig, Config
-from service.ingest.torque_shift import TorqueShift
+from service.ingest.late_values import LateValues
 
 H_S, N, LATE = 0.004, 300, 2
 
@@ -29,7 +29,7 @@ def test_each_motion_has_the_torque_that_came_later(seed: int) -> None:
     sent = SampleBlock(t_us, number - LATE, number, signals=number[:, np.newaxis])
     come = np.sort(rng.choice(N, N - 10, replace=False))
     cuts = np.sort(rng.integers(0, come.size, 12)).tolist()
-    shift = TorqueShift(axis(LATE))
+    shift = LateValues(axis(LATE))
     blocks = [sent.select(part) for part in np.split(come, cuts)]
     found = concatenate([shift.paired(block) for block in blocks])
     np.testing.assert_array_equal(found.u, found.y)
@@ -39,4 +39,4 @@ def test_each_motion_has_the_torque_that_came_later(seed: int) -> None:
     # Only what is missing, and the samples whose torque is, are left out.
     assert found.size > N - LATE - 3 * 10
     assert found.size + shift.unpaired == come.size - LATE
-    assert TorqueShift(axis(0)).paired(sent) is sent
+    assert LateValues(axis(0)).paired(sent) is sent
