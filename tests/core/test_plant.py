@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiment, faulty
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
@@ -56,12 +55,6 @@ def test_a_run_can_be_continued(seed: int) -> None:
     second, last = simulate_linear(drive, REFERENCE_VALUES, u[25:], H, x)
     assert np.concatenate([first, second]) == pytest.approx(at_once, rel=1e-9, abs=1e-12)
     assert last == pytest.approx(end, rel=1e-9, abs=1e-15)
-
-
-def test_zero_order_hold_of_a_double_integrator() -> None:
-    Ad, Bd = zero_order_hold(np.array([[0.0, 1.0], [0.0, 0.0]]), np.array([[0.0], [2.0]]), 0.5)
-    assert pytest.approx(np.array([[1, 0.5], [0, 1]])) == Ad
-    assert pytest.approx(np.array([[0.25], [1.0]])) == Bd
 
 
 def test_reference_experiment(seed: int) -> None:

@@ -24,7 +24,7 @@ from monitor_core.modeling.modular import (
     residue,
 )
 from tests.core.modeling.generic_ranks import minimality
-from tests.core.modeling.spaces import library_three_mass, some_chain, table
+from tests.core.modeling.spaces import some_chain, table
 
 law = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
@@ -96,11 +96,6 @@ def test_definitions_are_evaluated_in_order(seed: int) -> None:
 def test_chains_are_minimal(seed: int, masses: int, data: st.DataObject) -> None:
     """Deflections and speeds: one state less than coordinates and speeds, whatever the damping and the sensor."""
     assert minimality(some_chain(masses, data), seed) == (2 * masses - 1, 2 * masses - 1)
-
-
-def test_the_library_drive_is_minimal(seed: int) -> None:
-    assert minimality(library_three_mass("speed"), seed) == (5, 5)
-    assert minimality(library_three_mass("angle"), seed) == (6, 6)
 
 
 @pytest.mark.parametrize(
