@@ -12,6 +12,7 @@ from monitor_core.modeling.drawing import Drawing, part
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.modular import Seed, krylov_basis, points_of, residues
 from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import Definition, Report, StateSpace
 from tests.core.modeling.expressions import parse
@@ -104,3 +105,12 @@ def some_chain(masses: int, data: st.DataObject, least: int = 0) -> StateSpace:
     """Dampers and friction, at ``least`` so many of each, and the sensor anywhere."""
     some = st.frozensets(st.integers(0, masses - 1), min_size=least)
     return free_chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1)))
+
+
+def minimality(ss: StateSpace, seed: Seed) -> tuple[int, int]:
+    """Dimensions of the part that the inputs reach and of the part that the sensors see, for generic values."""
+    ranks = []
+    for point in points_of(ss, seed):
+        A, B, C = residues(ss, point)
+        ranks.append((len(krylov_basis(A, B, point.prime)), len(krylov_basis(A.T, C.T, point.prime))))
+    return max(c for c, _ in ranks), max(o for _, o in ranks)

@@ -23,8 +23,7 @@ from monitor_core.modeling.modular import (
     rank,
     residue,
 )
-from tests.core.modeling.generic_ranks import minimality
-from tests.core.modeling.spaces import some_chain, table
+from tests.core.modeling.spaces import minimality, some_chain, table
 
 law = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
