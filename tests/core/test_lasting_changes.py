@@ -37,7 +37,7 @@ def test_an_onset_lies_in_its_interval_and_is_not_later_than_the_alarm(
 
 
 def test_a_lasting_change_is_one_alarm_with_its_size(seed: int) -> None:
-    """Before, two of six changes were two and three alarms; tests/soak/test_lasting_changes.py has all of them."""
+    """Of two changes; tests/soak/test_lasting_changes.py has all of them."""
     for course in courses(seed, LASTING_S, REPAIRED_S, [("kT", 0.8), ("fm", 1.3)]):
         (alarm,) = course.alarms
         assert (alarm.parameter, alarm.direction) == (course.parameter, "up" if course.size > 0 else "down")
