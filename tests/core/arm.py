@@ -8,7 +8,8 @@ motions of both axes at once.  Angles are counted from the horizontal, that of t
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.kernel.compile import entry
+from tests.core.plants import Moves, motion, redrawn_fields, shortest_s
 
 INTERVAL_S = 0.005
 SUBSTEPS = 20
@@ -67,15 +69,9 @@ class ArmTruth:
         return np.array(self.Jm) + R**2 * np.array([shoulder, elbow])
 
 
-def redrawn(rng: np.random.Generator, by: float = 0.2) -> ArmTruth:
-    """All values by up to so much more or less."""
-    usual, drawn = ArmTruth(), dict[str, float | tuple[float, float]]()
-    for name in usual.__annotations__:
-        value = getattr(usual, name)
-        two = isinstance(value, tuple)
-        factors = rng.uniform(1 - by, 1 + by, 2 if two else 1)
-        drawn[name] = tuple((np.array(value) * factors).tolist()) if two else float(value * factors[0])
-    return replace(usual, **drawn)  # type: ignore[arg-type]
+def redrawn(rng: np.random.Generator) -> ArmTruth:
+    """All values by up to a fifth more or less."""
+    return redrawn_fields(rng, ArmTruth(), 0.2)
 
 
 class ArmSamples(NamedTuple):
@@ -95,9 +91,8 @@ class Arm:
         # Motor angles, speeds, link angles, speeds; integrals of the controllers, disturbances.
         self._x = np.concatenate([start / R, np.zeros(2), start, np.zeros(2), np.zeros(4)])
         self._phase = rng.uniform(0, 2 * np.pi, 2)
-        self._moves = [np.zeros((0, 4)), np.zeros((0, 4))]
-        self._ends = [(0.0, float(at)) for at in start]
-        self._at = 0
+        self._moves = [Moves(partial(self._next_move, axis), float(at)) for axis, at in enumerate(start)]
+        self._at, self._pace = 0, 1.0
 
     def take(
         self,
@@ -115,8 +110,8 @@ class Arm:
         N = round(seconds / INTERVAL_S)
         k = self._at + np.arange(N)
         t = np.asarray(k * INTERVAL_S, np.float64)
-        for axis in range(2):
-            self._plan(axis, float(t[-1]) + INTERVAL_S, pace)
+        self._pace = pace
+        moves = [own.between(float(t[0]), float(t[-1]) + INTERVAL_S) for own in self._moves]
         own = np.array(
             [
                 [values[a] * factor.get(f"{AXES[a]} {name}", 1.0) for a in range(2)]
@@ -132,30 +127,17 @@ class Arm:
         gains = np.array([[BANDWIDTH / 1.5] * 2, inertia * BANDWIDTH * 1.5, inertia])
         u, y = np.empty((N, 2)), np.empty((N, 2))
         _simulate(
-            links, payload, fixed, own, gains, self._moves[0], self._moves[1], t, self._rng.standard_normal((N, 2)),
+            links, payload, fixed, own, gains, moves[0], moves[1], t, self._rng.standard_normal((N, 2)),
             np.zeros((N, 2)) if test is None else test, self._x, u, y,
         )  # fmt: skip
         self._at += N
         return ArmSamples(np.round(k * INTERVAL_S * 1e6).astype(np.int64), u, np.round(y / STEP) * STEP)
 
-    def _plan(self, axis: int, until: float, fastest: float) -> None:
-        """Moves (begin, duration, from, distance) of an axis up to a time; those that are over are forgotten."""
-        rng, (begin, at), new = self._rng, self._ends[axis], []
-        while begin <= until:
-            to = rng.uniform(*POSES[axis])
-            pace, distance = fastest * rng.uniform(SLOWEST, 1.0), abs(to - at)
-            # The minimum-jerk motion: its largest speed and acceleration over the mean ones.
-            duration = max(
-                1.875 * distance / (pace * SPEED),
-                float(np.sqrt(5.774 * distance / (pace**2 * ACCELERATION))),
-                0.2,
-            )
-            new.append((begin, duration, at, to - at))
-            begin, at = begin + duration + rng.uniform(*DWELL_S), to
-        now = self._at * INTERVAL_S
-        kept = np.concatenate([self._moves[axis], np.array(new).reshape(-1, 4)])
-        last = max(int(np.searchsorted(kept[:, 0], now, "right")) - 1, 0)
-        self._moves[axis], self._ends[axis] = kept[last:], (begin, at)
+    def _next_move(self, axis: int, at: float) -> tuple[float, float, float]:
+        rng, to = self._rng, self._rng.uniform(*POSES[axis])
+        pace, distance = self._pace * rng.uniform(SLOWEST, 1.0), abs(to - at)
+        duration_s = max(shortest_s(distance, pace * SPEED, pace**2 * ACCELERATION), 0.2)
+        return to, duration_s, rng.uniform(*DWELL_S)
 
 
 @entry
@@ -195,14 +177,10 @@ def _simulate(
                 moves = moves0 if i == 0 else moves1
                 while at[i] + 1 < moves.shape[0] and moves[at[i] + 1, 0] <= now:
                     at[i] += 1
-                T, way = moves[at[i], 1], moves[at[i], 3]
-                s = min(max((now - moves[at[i], 0]) / T, 0.0), 1.0)
-                wanted = (moves[at[i], 2] + way * s**3 * (10 - 15 * s + 6 * s * s)) / R
-                wanted_speed = way / T * 30 * s * s * (1 - s) ** 2 / R
-                acceleration = way / (T * T) * 60 * s * (1 - s) * (1 - 2 * s) / R
-                off = gains[0, i] * (wanted - x[i]) + wanted_speed - x[2 + i]
+                wanted, wanted_speed, acceleration = motion(moves, at[i], now)
+                off = gains[0, i] * (wanted / R - x[i]) + wanted_speed / R - x[2 + i]
                 x[8 + i] += gains[1, i] * h / INTEGRAL_S * off
-                torque = gains[1, i] * off + x[8 + i] + gains[2, i] * acceleration + test[k, i]
+                torque = gains[1, i] * off + x[8 + i] + gains[2, i] * (acceleration / R) + test[k, i]
                 total[i] += torque
                 v = x[2 + i]
                 rubbing = (own[2, i] + fixed[3, i] * np.exp(-((v / STRIBECK_SPEED) ** 2))) * np.tanh(

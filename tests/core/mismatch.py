@@ -30,6 +30,7 @@ from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.naming import alarm_versions
+from tests.core.plants import Moves, motion, shortest_s
 
 INTERVAL_S = 0.005
 SUBSTEPS = 10
@@ -128,7 +129,7 @@ class MismatchPlant:
         self._x = np.zeros(len(A))
         self._held = np.zeros(2)  # integral of the controller, disturbance
         self._phase = rng.uniform(0, 2 * np.pi)
-        self._moves, self._end, self._at = np.zeros((0, 4)), (0.0, 0.0), 0
+        self._moves, self._at = Moves(self._next_move), 0
 
     def take(
         self,
@@ -163,37 +164,22 @@ class MismatchPlant:
         """
         truth, N = self._truth, len(viscous)
         t = np.asarray((self._at + np.arange(N)) * INTERVAL_S, np.float64)
-        self._plan(t[-1] + INTERVAL_S)
+        moves = self._moves.between(float(t[0]), float(t[-1]) + INTERVAL_S)
         u, y = np.empty(N), np.empty(N)
         _simulate(
-            self._Ad, self._Bd, self._angle, self._speed, self._gains, self._moves, t, viscous, friction,
+            self._Ad, self._Bd, self._angle, self._speed, self._gains, moves, t, viscous, friction,
             kT * truth.values["kT"], truth.ripple, self._phase, truth.disturbance,
             self._rng.standard_normal(N), np.zeros(N) if test is None else test, self._held, self._x, u, y,
         )  # fmt: skip
         self._at += N
         return u, y
 
-    def _plan(self, until: float) -> None:
-        """Moves (begin, duration, from, distance) up to a time; those that are over are forgotten."""
-        rng, (begin, at), new = self._rng, self._end, []
-        while begin <= until:
-            distance = rng.uniform(*DISTANCE)
-            to = (
-                at + distance
-                if at + distance < _RANGE and (rng.random() < 0.5 or at - distance < -_RANGE)
-                else at - distance
-            )
-            pace = rng.uniform(SLOWEST, 1.0)
-            # The minimum-jerk motion: its largest speed and acceleration over the mean ones.
-            duration = max(
-                1.875 * distance / (pace * SPEED), np.sqrt(5.774 * distance / (pace * ACCELERATION))
-            )
-            new.append((begin, duration, at, to - at))
-            begin, at = begin + duration + rng.uniform(*DWELL_S), to
-        now = self._at * INTERVAL_S
-        kept = np.concatenate([self._moves, np.array(new).reshape(-1, 4)])
-        last = max(int(np.searchsorted(kept[:, 0], now, "right")) - 1, 0)
-        self._moves, self._end = kept[last:], (begin, at)
+    def _next_move(self, at: float) -> tuple[float, float, float]:
+        rng, distance = self._rng, self._rng.uniform(*DISTANCE)
+        forth = at + distance < _RANGE and (rng.random() < 0.5 or at - distance < -_RANGE)
+        pace = rng.uniform(SLOWEST, 1.0)
+        duration_s = shortest_s(distance, pace * SPEED, pace * ACCELERATION)
+        return at + distance if forth else at - distance, duration_s, rng.uniform(*DWELL_S)
 
 
 @entry
@@ -232,11 +218,7 @@ def _simulate(
             now = t[k] + part * h
             while move + 1 < moves.shape[0] and moves[move + 1, 0] <= now:
                 move += 1
-            T, way = moves[move, 1], moves[move, 3]
-            s = min((now - moves[move, 0]) / T, 1.0)
-            wanted = moves[move, 2] + way * s**3 * (10 - 15 * s + 6 * s * s)
-            wanted_speed = way / T * 30 * s * s * (1 - s) ** 2
-            acceleration = way / (T * T) * 60 * s * (1 - s) * (1 - 2 * s)
+            wanted, wanted_speed, acceleration = motion(moves, move, now)
             q, v = 0.0, 0.0
             for j in range(n):
                 q += angle[j] * x[j]

@@ -7,9 +7,9 @@ from monitor_core.drive.kalman import filter_gain, gains_after
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment
-from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model, three_mass
+from monitor_core.modeling.standard_drives import reference_model, three_mass
 from monitor_core.settings import Settings
+from tests.core.simulated import simulated
 
 H = 0.005
 MODEL = reference_model()
@@ -36,6 +36,4 @@ def lively_then_still(rng: np.random.Generator, lively: int, still: int, again: 
 
 def moved(output: Output, u: Floats, rng: np.random.Generator) -> Experiment:
     """The reference drive's linear part under this torque; what it lacks of another drive is noise to that."""
-    y, _ = simulate_linear(three_mass(output), REFERENCE_VALUES, u[:, np.newaxis], H)
-    noisy = y[:, 0] + NOISE[output] * rng.standard_normal(len(u))
-    return Experiment(np.arange(len(u), dtype=np.int64) * round(H * 1e6), u, noisy)
+    return simulated(rng, three_mass(output), u, output_noise=NOISE[output])

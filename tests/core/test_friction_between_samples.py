@@ -1,7 +1,7 @@
 """Friction acts at all times, and what is estimated from samples is right.
 
-A rigid axis in a position loop, integrated ten times finer than it is sampled.  With friction of the speed at the
-beginning of each interval kT came out 1.4 and 2.5 % low, fv 2 and 2.5 %, fc 1.2 and 2.5 %.
+A rigid axis in a position loop, integrated ten times finer than it is sampled.  Friction of the speed at the beginning
+of each interval makes kT, fv and fc 1 to 3 % too low.
 """
 
 from __future__ import annotations

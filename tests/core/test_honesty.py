@@ -14,12 +14,11 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import Output
-from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS, Experiment
-from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
+from monitor_core.excitation.reference_experiment import NOISE
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.settings import Settings
 from tests.core.figures import side_by_side
+from tests.core.simulated import simulated, torques
 from tests.shares import soaked
 
 SETTLED = 12
@@ -57,12 +56,8 @@ def honesty(
     # The seeding run alone takes ten memories.
     first = round(settings.settle_s / INTERVAL_S) + (10 + SETTLED) * n
     N = first + memories * n
-    u = np.stack([multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(axes)], axis=1)
-    acting = u + torque_noise * rng.standard_normal(u.shape)
-    y = simulate_linear(model.drive, REFERENCE_VALUES, acting, INTERVAL_S)[0]
-    y += NOISE[output] * rng.standard_normal(u.shape)
+    rec = simulated(rng, model.drive, torques(rng, N, axes), torque_noise, NOISE[output])
     late = slice(first, None, max(1, n // 8))
-    rec = Experiment(np.arange(N, dtype=np.int64) * round(INTERVAL_S * 1e6), u, y)
     # psi at the true parameters: of the same predictor with theta pinned (test_against_the_paper checks that psi).
     pinned = replace(settings, P0=tuple(1e-30 * model.scale**2), lam=1 - 1e-9, settle_s=0.0)
     trace, at_truth = (side_by_side(model, s, rec)[1] for s in (settings, pinned))

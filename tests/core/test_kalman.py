@@ -15,7 +15,6 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, gains_after, slowest_time_constant, stable_limits
 from monitor_core.drive.structure import Output
 from monitor_core.excitation.reference_experiment import NOISE, experiment
-from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import (
     INTERVAL_S,
     MONITORED,
@@ -26,6 +25,7 @@ from monitor_core.modeling.standard_drives import (
 from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.simulated import simulated
 from tests.shares import soaked
 
 H = 0.005
@@ -119,11 +119,9 @@ def test_innovations_are_white_and_of_variance_lambda_0(name: str, seed: int) ->
     model, torque_noise, N = axis_model(name), 0.3, 20_000
     noise = NOISE[model.drive.output] * (0.2 if name == "mean speed" else 1.0)
     K, lam0 = filter_gain(model, H, torque_noise, noise)
-    u = rng.standard_normal((N, 1))
-    y, _ = simulate_linear(model.drive, model.nominal, u + torque_noise * rng.standard_normal((N, 1)), H)
-    y += noise * rng.standard_normal((N, 1))
+    rec = simulated(rng, model.drive, rng.standard_normal(N), torque_noise, noise)
     pinned = Settings.paper(H, K=tuple(K), lam0=lam0, P0=tuple(1e-60 * model.scale**2))
-    _, trace = AxisMonitor(model, pinned).update_traced(SampleBlock(np.arange(N) * 5000, u[:, 0], y[:, 0]))
+    _, trace = AxisMonitor(model, pinned).update_traced(SampleBlock(*rec))
     eps = trace.eps[1000:] / np.sqrt(lam0)
     assert np.mean(eps**2) == pytest.approx(1, abs=5 * np.sqrt(2 / N))
     for lag in (1, 2, 5):

@@ -10,17 +10,6 @@ NAMES = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0", "kT")
 V = dict(zip(NAMES, (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0), strict=True)) | {"r": 0.5}
 
 
-def test_angle_output_adds_an_integrator_of_the_motor_speed() -> None:
-    A, B, C = AxisModel(three_mass("angle"), V, ("kT",)).matrices()
-    A5, B5, _ = AxisModel(three_mass("speed"), V, ("kT",)).matrices()
-    assert (A[:5, :5] == A5).all()
-    assert (A[:5, 5] == 0).all()
-    assert (A[5] == [0, 0, 1, 0, 0, 0]).all()
-    assert (B[:5] == B5).all()
-    assert (B[5] == 0).all()
-    assert (C == [[0, 0, 0, 0, 0, 1]]).all()
-
-
 def test_rest_moves_rigidly() -> None:
     """Without torque and friction nothing accelerates and no spring is tensioned."""
     for output in ("speed", "angle"):

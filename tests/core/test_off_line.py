@@ -13,11 +13,11 @@ from monitor_core.excitation.reference_experiment import NOISE, Experiment, expe
 from monitor_core.identification import Record as Measured
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Problem
-from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core.simulated import simulated
 
 LINEAR = ("kT", "tau0")
 """The prediction is linear in these, with a gain or without."""
@@ -132,12 +132,10 @@ class JointFilter:
 
 @pytest.fixture(scope="module")
 def rec(seed: int) -> Experiment:
-    rng, known = np.random.default_rng(seed), experiment(seed, samples=1500)
-    acting = known.u + TORQUE_NOISE * rng.standard_normal(known.u.shape)
-    y = simulate_linear(MODEL.drive, REFERENCE_VALUES, acting[:, np.newaxis], INTERVAL_S)[0][:, 0]
-    y += OUTPUT_NOISE * rng.standard_normal(y.shape)
-    y[0] = 0.0  # as the peer starts
-    return Experiment(known.t_us, known.u, y)
+    u = experiment(seed, samples=1500).u
+    found = simulated(np.random.default_rng(seed), MODEL.drive, u, TORQUE_NOISE, OUTPUT_NOISE)
+    found.y[0] = 0.0  # as the peer starts
+    return found
 
 
 @pytest.fixture(scope="module")

@@ -14,14 +14,12 @@ import numpy as np
 import pytest
 
 from monitor_core.detection import Alarm, same_payload
-from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Operating, Term
-from monitor_core.modeling.drawing import Drawing, part
-from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.statespace import drive_of
+from monitor_core.drive import AxisModel, Conditions, Follow, Operating, Term
 from monitor_core.monitoring import AxisMonitor, MonitoringOptions, recommended_settings
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 from tests.core.arm import AXES, INTERVAL_S, Arm, ArmSamples, ArmTruth, R
+from tests.core.chains import one_mass
 
 MONITORED = ("kT", "fm", "fc", "load")
 MEMORY_S, MIN_SPEED = 10.0, 3.0
@@ -70,25 +68,12 @@ ELBOW = Found(
 )
 
 
-def rigid() -> Drive:
-    """A motor with its mass, friction and offset; its angle is measured."""
-    components = [
-        part("torque", "motor", "shaft", kT="kT"),
-        part("inertia", "mass", "shaft", J="J"),
-        part("viscous-friction", "bearing", "shaft", d="fm"),
-        part("coulomb-friction", "friction", "shaft", fc="fc"),
-        part("torque-offset", "offset", "shaft", tau0="tau0"),
-        part("angle-sensor", "encoder", "shaft"),
-    ]
-    return drive_of(eliminate(Drawing("rigid", components).flat(), "angle"))
-
-
 class AxisWatch:
     """The monitor of an axis with what was found for it."""
 
     def __init__(self, found: Found, monitored: tuple[str, ...]) -> None:
         values = {"kT": 1.0, "J": found.J, "fm": found.fm, "fc": found.fc, "tau0": found.tau0, "load": 1.0}
-        model = AxisModel(rigid().with_load("tau0"), values, monitored)
+        model = AxisModel(one_mass("angle").with_load("tau0"), values, monitored)
         self.monitor = AxisMonitor(model, settings(model, found))
         terms = [Follow("tau0", Term.read(text), slope, 0.0, *ends) for text, slope, *ends in found.weight]
         self._operating = Operating(model, Conditions(("q2", "q3"), (), (), MIN_SPEED, weight=tuple(terms)))

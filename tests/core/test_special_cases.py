@@ -11,16 +11,15 @@ import pytest
 
 from monitor_core.detection import Alarm
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment, experiment
+from monitor_core.excitation.reference_experiment import Experiment, experiment
 from monitor_core.kernel.state import NEVER
-from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, NotTested, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 from tests.core.cases import BY_NAME, CASES, Case, record
 from tests.core.laws import restored
+from tests.core.simulated import simulated, torques
 
 SPEED = reference_model()
 
@@ -123,15 +122,12 @@ def test_one_absurd_value_leaves_everything_finite(huge: float, seed: int) -> No
 def lossy(seed: int, lost: int, lost_s: float) -> tuple[AxisMonitor, list[Alarm]]:
     """The reference drive with a precise encoder; every 7.5 s so many samples in a row are lost."""
     model, rng, N = reference_model("angle"), np.random.default_rng(seed), 8000
-    u = multisine(rng, N, 0.005, BAND_HZ, TORQUE_RMS)
-    acting = (u + 0.05 * rng.standard_normal(N))[:, np.newaxis]
-    y = simulate_linear(model.drive, model.nominal, acting, 0.005)[0][:, 0] + 1e-4 * rng.standard_normal(N)
+    t_us, u, y = simulated(rng, model.drive, torques(rng, N, 1)[:, 0], 0.05, 1e-4)
     K, lam0 = filter_gain(model, 0.005, 0.05, 1e-4)
     settings = Settings.paper(0.005, K=tuple(K), lam0=lam0, settle_s=4.5, lost_s=lost_s)
     monitor = AxisMonitor(model, settings)
     keep = np.arange(N) % 1500 >= lost
-    t = 5000 * np.arange(N, dtype=np.int64)
-    return monitor, [c.alarm for c in monitor.update(SampleBlock(t[keep], u[keep], y[keep]))]
+    return monitor, [c.alarm for c in monitor.update(SampleBlock(t_us[keep], u[keep], y[keep]))]
 
 
 @pytest.mark.parametrize("lost", [1, 2, 5, 9])

@@ -8,12 +8,13 @@ The axis can also be switched off: no sample comes, and it cools.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from monitor_core.arrays import Floats
 from tests.core.mismatch import INTERVAL_S, NOMINAL, STEP, Block, MismatchPlant, Truth, redrawn
+from tests.core.plants import redrawn_fields
 
 STEP_S = 1.0
 """The warmth is that of the beginning of each such step."""
@@ -36,9 +37,28 @@ class Warming:
 
 def redrawn_warming(rng: np.random.Generator) -> tuple[Truth, Warming]:
     """An axis with all values up to 0.3 (of its masses 0.2) more or less."""
-    truth, usual = redrawn(rng), Warming()
-    changed = {name: getattr(usual, name) * rng.uniform(0.7, 1.3) for name in usual.__annotations__}
-    return truth, replace(usual, **changed)
+    return redrawn(rng), redrawn_fields(rng, Warming(), 0.3)
+
+
+class Warmth:
+    """What the power of its friction has left in a gearbox."""
+
+    def __init__(self, warming: Warming) -> None:
+        self._warming = warming
+        self._parts = np.zeros(2)  # fast, slow
+
+    @property
+    def now(self) -> float:
+        return float(self._parts.sum())
+
+    def fall(self, friction: str) -> float:
+        """Factor by which a kind of friction is smaller than in a cold gearbox."""
+        return float(np.exp(-getattr(self._warming, friction) * self.now))
+
+    def take(self, seconds: float, watts: float = 0.0) -> None:
+        w = self._warming
+        kept = np.exp(-seconds / np.array([w.fast_s, w.slow_s]))
+        self._parts = kept * self._parts + (1 - kept) * [w.fast, 1 - w.fast] * watts / w.watts
 
 
 class WarmingPlant(MismatchPlant):
@@ -48,14 +68,13 @@ class WarmingPlant(MismatchPlant):
         self, rng: np.random.Generator, truth: Truth = NOMINAL, warming: Warming | None = None
     ) -> None:
         super().__init__(truth, rng)
-        self._warming = warming or Warming()
-        self._warmth = np.zeros(2)  # fast, slow
+        self._warmth = Warmth(warming or Warming())
         self._broken: dict[str, float] = dict.fromkeys(("kT", "fc", "fm"), 1.0)
 
     @property
     def warmth(self) -> float:
         """Now."""
-        return float(self._warmth.sum())
+        return self._warmth.now
 
     def break_down(self, fault: Mapping[str, float]) -> None:
         """From now on kT, fc and fm have so many times their values."""
@@ -69,17 +88,17 @@ class WarmingPlant(MismatchPlant):
         push: float = 0.0,
     ) -> Block:
         """The next samples, a whole number of steps; the rest as of the other plant."""
-        w, values, broken = self._warming, self._truth.values, {**self._broken, **(fault or {})}
+        values, broken = self._truth.values, {**self._broken, **(fault or {})}
         n, begin = round(STEP_S / INTERVAL_S), self._at
         torques, angles = list[Floats](), list[Floats]()
         for k in range(round(seconds / STEP_S)):
-            falls = {name: np.exp(-getattr(w, name) * self.warmth) for name in ("fm", "fc", "stribeck")}
+            falls = {name: self._warmth.fall(name) for name in ("fm", "fc", "stribeck")}
             fm, fc = (values[name] * broken[name] * falls[name] for name in ("fm", "fc"))
             friction = np.array([fc, self._truth.stribeck * falls["stribeck"], values["tau0"] + push])
             part = None if test is None else test[k * n : (k + 1) * n]
             u, y = self._moved(np.full(n, fm - values["fm"]), friction, broken["kT"], part)
             speed = np.abs(np.diff(y)) / INTERVAL_S
-            self._cool(STEP_S, float(np.mean(fm * speed**2 + fc * speed)))
+            self._warmth.take(STEP_S, float(np.mean(fm * speed**2 + fc * speed)))
             torques.append(u)
             angles.append(y)
         y = np.round(np.concatenate(angles) / STEP) * STEP
@@ -89,12 +108,5 @@ class WarmingPlant(MismatchPlant):
     def rest(self, seconds: float) -> None:
         """Switched off for so long; then the motion goes on where it was."""
         self._at += round(seconds / INTERVAL_S)
-        self._moves[:, 0] += seconds
-        self._end = self._end[0] + seconds, self._end[1]
-        self._cool(seconds, 0.0)
-
-    def _cool(self, seconds: float, watts: float) -> None:
-        w = self._warming
-        for k, (tau_s, share) in enumerate(((w.fast_s, w.fast), (w.slow_s, 1 - w.fast))):
-            kept = np.exp(-seconds / tau_s)
-            self._warmth[k] = kept * self._warmth[k] + (1 - kept) * share * watts / w.watts
+        self._moves.wait(seconds)
+        self._warmth.take(seconds)

@@ -6,7 +6,7 @@ be switched off: no sample comes, and it cools.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -14,7 +14,8 @@ import numpy as np
 from monitor_core.arrays import Floats
 from tests.core.arm import AXES, INTERVAL_S, Arm, ArmSamples, ArmTruth
 from tests.core.arm import redrawn as redrawn_arm
-from tests.core.warming import Warming
+from tests.core.plants import redrawn_fields
+from tests.core.warming import Warming, Warmth
 
 STEP_S = 1.0
 """The warmth is that of the beginning of each such step."""
@@ -25,13 +26,8 @@ WATTS = (30.0, 10.0)
 def redrawn_warming_arm(rng: np.random.Generator) -> tuple[ArmTruth, tuple[Warming, Warming]]:
     """An arm with all values up to 0.3 (of its masses 0.2) more or less."""
     truth = redrawn_arm(rng)
-
-    def drawn(watts: float) -> Warming:
-        usual = replace(Warming(), watts=watts)
-        changed = {name: getattr(usual, name) * rng.uniform(0.7, 1.3) for name in usual.__annotations__}
-        return replace(usual, **changed)
-
-    return truth, (drawn(WATTS[0]), drawn(WATTS[1]))
+    shoulder, elbow = (redrawn_fields(rng, replace(Warming(), watts=watts), 0.3) for watts in WATTS)
+    return truth, (shoulder, elbow)
 
 
 class WarmingArm(Arm):
@@ -39,13 +35,12 @@ class WarmingArm(Arm):
 
     def __init__(self, truth: ArmTruth, warming: tuple[Warming, Warming], rng: np.random.Generator) -> None:
         super().__init__(truth, rng)
-        self._warming = warming
-        self._warmth = np.zeros((2, 2))  # of each axis: fast, slow
+        self._warmth = [Warmth(each) for each in warming]
 
     @property
     def warmth(self) -> Floats:
         """Now, of both axes (2,)."""
-        return np.asarray(self._warmth.sum(axis=1))
+        return np.array([warmth.now for warmth in self._warmth])
 
     def take(
         self,
@@ -58,32 +53,21 @@ class WarmingArm(Arm):
         n, parts = round(STEP_S / INTERVAL_S), list[ArmSamples]()
         for k in range(round(seconds / STEP_S)):
             own = dict(changes or {})
-            for axis, name in enumerate(AXES):
+            for warmth, name in zip(self._warmth, AXES, strict=True):
                 for friction in ("fm", "fc"):
-                    fall = np.exp(-getattr(self._warming[axis], friction) * self.warmth[axis])
-                    own[f"{name} {friction}"] = own.get(f"{name} {friction}", 1.0) * float(fall)
+                    own[f"{name} {friction}"] = own.get(f"{name} {friction}", 1.0) * warmth.fall(friction)
             part = super().take(STEP_S, own, None if test is None else test[k * n : (k + 1) * n], pace)
             speed = np.abs(np.diff(part.y, axis=0)) / INTERVAL_S
-            watts = list[float]()
             for axis, name in enumerate(AXES):
                 fm, fc = (own[f"{name} {x}"] * getattr(self.truth, x)[axis] for x in ("fm", "fc"))
-                watts.append(float(np.mean(fm * speed[:, axis] ** 2 + fc * speed[:, axis])))
-            self._cool(STEP_S, watts)
+                watts = float(np.mean(fm * speed[:, axis] ** 2 + fc * speed[:, axis]))
+                self._warmth[axis].take(STEP_S, watts)
             parts.append(part)
         return ArmSamples(*(np.concatenate(pieces) for pieces in zip(*parts, strict=True)))
 
     def rest(self, seconds: float) -> None:
         """Switched off for so long; then the motion goes on where it was."""
         self._at += round(seconds / INTERVAL_S)
-        for moves in self._moves:
-            moves[:, 0] += seconds
-        self._ends = [(begin + seconds, at) for begin, at in self._ends]
-        self._cool(seconds, (0.0, 0.0))
-
-    def _cool(self, seconds: float, watts: Sequence[float]) -> None:
-        for axis, w in enumerate(self._warming):
-            for k, (tau_s, share) in enumerate(((w.fast_s, w.fast), (w.slow_s, 1 - w.fast))):
-                kept = np.exp(-seconds / tau_s)
-                self._warmth[axis, k] = (
-                    kept * self._warmth[axis, k] + (1 - kept) * share * watts[axis] / w.watts
-                )
+        for moves, warmth in zip(self._moves, self._warmth, strict=True):
+            moves.wait(seconds)
+            warmth.take(seconds)

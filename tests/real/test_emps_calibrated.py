@@ -11,8 +11,7 @@ of the two stands for both, and an alarm of fc means that "friction has changed"
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,24 +20,16 @@ import pytest
 import scipy.io
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
-from monitor_core.calibration.injection import equivalent_load, faulty_torque
-from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.detection import Alarm
 from monitor_core.identification import Record
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.problem import Problem
 from monitor_core.monitoring import AxisMonitor
-from monitor_core.samples import SampleBlock
-from service.commands.calibrate import calibrate_axis
-from service.commands.identification_task import Request, prepare
-from service.config import Config, load
-from service.ingest.loaded_records import load_samples
-from service.reports.calibration_report import Calibration
-from service.reports.formats import Provenance
-from service.reports.identification_files import as_toml
+from service.commands.identification_task import Request
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
+from tests.real.halves import EMPS, RealAxis, Watched, identified, watched
 
 pytestmark = pytest.mark.records
 
@@ -104,86 +95,16 @@ def test_simulated_position(record: Record, found: Estimate) -> None:
     assert ours > published
 
 
-GUESS = "nominal = { kT = 1.0, J = 100.0, fv = 200.0, fc = 20.0, tau0 = 0.0 }\nfriction_speed_scale = 0.001\n"
-AXIS = f"""[[robot]]
-name = "emps"
-[[robot.axis]]
-name = "cart"
-sample_interval_s = 0.001
-time = {{ column = "t" }}
-torque = {{ column = "vir", factor = 35.15065188248547 }}
-angle = {{ column = "qm" }}
-[robot.axis.model]
-drive = "cart.mo"
-monitor = ["kT", "fc"]
-{GUESS}
-[robot.axis.estimator]
-memory_s = 0.25
-"""
 HALF_S = 12.42
 """Of 24.84 s: the motion in the second half is that of the first, there and back twice."""
-BUDGET_S = 600.0
-"""Twelve seconds cannot promise much more."""
-
-
-def identified(folder: Path, half: str) -> Path:
-    """A folder with nominal.toml found in that half, as ``axiswatch identify`` does."""
-    (folder / "cart.mo").write_text(ONE_MASS, encoding="utf-8")
-    config = configured(folder, AXIS)
-    task = prepare(config, config.axes[0], [half], [], Request(start="values"))
-    found = task.run(Provenance("", "", ""))
-    assert not found.rejection
-    (folder / "nominal.toml").write_text(as_toml(found), encoding="utf-8")
-    return folder
-
-
-def watched(folder: Path, monitor: Sequence[str]) -> Config:
-    """The configuration of the daemon, with the nominal values of that folder."""
-    names = ", ".join(f'"{name}"' for name in monitor)
-    text = AXIS.replace(GUESS, 'nominal_file = "nominal.toml"\n')
-    return configured(folder, re.sub(r"monitor = .*", f"monitor = [{names}]", text))
-
-
-def configured(folder: Path, text: str) -> Config:
-    path = folder / "axis.toml"
-    path.write_text(text, encoding="utf-8")
-    return load(path, {})
-
-
-def calibrated(config: Config, half: str, budget_s: float) -> Calibration:
-    """Thresholds from that half, a text that selects it, as ``axiswatch calibrate`` finds them."""
-    request = CalibrationOptions(budget_s, None, (0.15,), 2, copies=200_000, bank_copies=20_000)
-    return calibrate_axis(config, config.axes[0], [half], request, Provenance("", "", ""))
-
-
-def samples(config: Config, found: Calibration, text: str) -> SampleBlock:
-    """The record, or a part of it, through the pipeline of the daemon."""
-    (block,), _ = load_samples([text], config, config.axes[0], found.result.model)
-    return block
-
-
-def faulty(found: Calibration, block: SampleBlock, change: Mapping[str, float], start: int) -> SampleBlock:
-    """The record if these parameters change by such parts at sample ``start``: the force that the same motion needs."""
-    nominal = found.result.model.nominal
-    values = {**nominal, **{name: nominal[name] * (1 + part) for name, part in change.items()}}
-    load = equivalent_load(found.result.model, values)
-    assert load is not None  # exact
-    axis = MonitoredAxis(found.result.model, found.result.settings)
-    u = block.u.copy()
-    u[start:] = faulty_torque(axis, block, load)[start:]
-    return block._replace(u=u)
-
-
-def alarms_and_peak(found: Calibration, block: SampleBlock) -> tuple[list[Alarm], float]:
-    """All alarms that the monitor reports, and the largest g over its threshold, of any test."""
-    monitor = AxisMonitor(found.result.model, found.result.settings)
-    alarms, trace = alarm_versions(monitor, block)
-    return alarms, float(np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0]))
-
-
+OPTIONS = CalibrationOptions(600.0, None, (0.15,), 2, copies=200_000, bank_copies=20_000)
+"""A budget of ten minutes: twelve seconds cannot promise much more."""
+CART = RealAxis(
+    EMPS, ONE_MASS, ("kT", "fc"), 0.25,
+    "nominal = { kT = 1.0, J = 100.0, fv = 200.0, fc = 20.0, tau0 = 0.0 }\nfriction_speed_scale = 0.001\n",
+)  # fmt: skip
 BEGINS_S = (4.0, 6.0, 8.0)
 """After the beginning of the other half; until 2.6 s P(0) is looked for."""
-WATCHED = ("kT", "fc")
 
 
 class Learned(NamedTuple):
@@ -194,56 +115,47 @@ class Learned(NamedTuple):
     other: str
 
 
-class Halves(NamedTuple):
-    """The thresholds from one half, and the other as the daemon sees it."""
-
-    found: Calibration
-    other: SampleBlock
-
-
 @pytest.fixture(scope="module")
 def learned(records_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Learned:
     """The first half; tests/soak/test_real_records.py takes either for the other."""
-    path = records_dir / "emps" / "DATA_EMPS.mat"
+    path, folder = records_dir / "emps" / "DATA_EMPS.mat", tmp_path_factory.mktemp("emps")
     own, other = f"{path}@0:{HALF_S}", f"{path}@{HALF_S}:"
-    return Learned(identified(tmp_path_factory.mktemp("emps"), own), own, other)
+    identified(CART, own, folder, Request(start="values"))
+    return Learned(folder, own, other)
 
 
 @pytest.fixture(scope="module")
-def half(learned: Learned) -> Halves:
-    config = watched(learned.folder, WATCHED)
-    found = calibrated(config, learned.own, BUDGET_S)
-    print(f"EMPS: {found.result.tests.promise}; {found.result.settings.thresholds}")
-    return Halves(found, samples(config, found, learned.other))
+def half(learned: Learned) -> Watched:
+    return watched(CART, learned.own, learned.other, learned.folder, OPTIONS)
 
 
-def test_the_other_half_is_quiet(half: Halves) -> None:
-    episodes, peak = alarms_and_peak(half.found, half.other)
+def test_the_other_half_is_quiet(half: Watched) -> None:
+    monitor = AxisMonitor(half.model, half.settings)
+    alarms, trace = alarm_versions(monitor, half.block)
+    peak = np.max(trace.g.max(axis=(0, 1)) / monitor.batch.thresholds[:, 0])
     print(f"EMPS: largest g {peak:.2f} of its threshold")
-    assert episodes == []
+    assert alarms == []
     assert peak < 0.5
 
 
-def watch(half: Halves, change: Mapping[str, float], begins_s: float) -> tuple[float, Alarm]:
+def after_fault(half: Watched, change: Mapping[str, float], begins_s: float) -> tuple[float, Alarm]:
     """Delay and last state of the only alarm."""
-    start = round(begins_s / half.found.result.settings.interval_s)
-    episodes, _ = alarms_and_peak(half.found, faulty(half.found, half.other, change, start))
-    assert len({(e.raised_us, e.first) for e in episodes}) == 1
-    delay_s = (episodes[0].raised_us - int(half.other.t_us[start])) * 1e-6
-    e = episodes[-1]
+    start = round(begins_s / half.settings.interval_s)
+    alarms = half.alarms(half.with_fault(change, start))
+    assert len({alarm.key for alarm in alarms}) == 1
+    delay_s, last = (alarms[0].raised_us - int(half.block.t_us[start])) * 1e-6, alarms[-1]
     print(
-        f"EMPS {change} at {begins_s:g} s: {e.parameter} {e.direction} ({e.stage}, first {e.first[0]}) after"
-        f" {delay_s:.2f} s, {100 * (e.size or 0.0) / half.found.result.model.nominal[e.parameter]:+.0f} %"
+        f"EMPS {change} at {begins_s:g} s: {last.parameter} {last.direction}, {last.size} after {delay_s:.2f} s"
     )
-    assert e.doubt == ""
-    return delay_s, e
+    assert last.doubt == ""
+    return delay_s, last
 
 
 @pytest.mark.parametrize("begins_s", BEGINS_S)
 @pytest.mark.parametrize("part", [0.15, -0.15])
-def test_a_changed_motor_force_is_named(half: Halves, part: float, begins_s: float) -> None:
+def test_a_changed_motor_force_is_named(half: Watched, part: float, begins_s: float) -> None:
     """Also where friction crossed first."""
-    delay_s, e = watch(half, {"kT": part}, begins_s)
+    delay_s, e = after_fault(half, {"kT": part}, begins_s)
     assert 0 < delay_s < 2
     assert (e.stage, e.parameter, e.direction) == ("named", "kT", "up" if part > 0 else "down")
     assert e.size == pytest.approx(part, abs=0.07)
@@ -251,9 +163,9 @@ def test_a_changed_motor_force_is_named(half: Halves, part: float, begins_s: flo
 
 @pytest.mark.parametrize("begins_s", BEGINS_S)
 @pytest.mark.parametrize("part", [0.15, -0.15])
-def test_a_changed_friction_is_named(half: Halves, part: float, begins_s: float) -> None:
+def test_a_changed_friction_is_named(half: Watched, part: float, begins_s: float) -> None:
     """Of both kinds: at 0.1 m/s viscous friction is as large as dry, so the size of fc is twice the part."""
-    delay_s, e = watch(half, {"fc": part, "fv": part}, begins_s)
+    delay_s, e = after_fault(half, {"fc": part, "fv": part}, begins_s)
     assert 0 < delay_s < 2
     assert (e.stage, e.parameter, e.direction) == ("named", "fc", "up" if part > 0 else "down")
 
@@ -261,6 +173,6 @@ def test_a_changed_friction_is_named(half: Halves, part: float, begins_s: float)
 @pytest.mark.soak
 def test_both_kinds_of_friction_are_more_than_this_record_can_tell(learned: Learned) -> None:
     """Watched at once they take each other's place, and scatter so much that nothing can be promised."""
-    config = watched(learned.folder, ("kT", "fv", "fc"))
+    cart = CART._replace(monitor=("kT", "fv", "fc"))
     with pytest.raises(CalibrationError, match=r"too short to promise one false alarm in 10 min"):
-        calibrated(config, learned.own, BUDGET_S)
+        watched(cart, learned.own, learned.other, learned.folder, OPTIONS)

@@ -33,8 +33,6 @@ from tests.real.irb import (
     goodness,
     model_and_settings,
     prediction_errors,
-    with_coulomb_friction,
-    with_torque_constant,
 )
 
 pytestmark = pytest.mark.records
@@ -91,8 +89,9 @@ def test_a_fault_in_the_second_half_is_named(irb_record: SampleBlock, fault: Fau
     others = [i for i, name in enumerate(monitor.model.monitored) if name != fault.alarm[0]]
     assert g[:, others].max() < 10
     parameter = monitor.status().parameters[monitor.model.monitored.index(fault.alarm[0])]
-    size = fault.torque_constant if fault.viscous == 0 else parameter.nominal + fault.viscous
-    assert parameter.estimate == pytest.approx(size, abs=3 * parameter.standard_deviation)
+    assert parameter.estimate == pytest.approx(
+        parameter.nominal + fault.change, abs=3 * parameter.standard_deviation
+    )
 
 
 def raised(episodes: Sequence[Alarm]) -> set[tuple[str, str]]:
@@ -128,7 +127,7 @@ def test_configured_variance_and_P0_are_those_of_the_record(irb_record: SampleBl
 
 def test_a_change_of_coulomb_friction_is_seen_as_one_of_viscous_friction(irb_record: SampleBlock) -> None:
     start = start_of_fault(irb_record)
-    episodes, _, monitor = run(with_coulomb_friction(irb_record, 0.1, start))
+    episodes, _, monitor = run(Fault("fc", 0.1).put_into(irb_record, start))
     assert raised(episodes) == {("fm", "up")}
     fm = monitor.status().parameters[2]
     assert 0.1 < fm.estimate / fm.nominal - 1 < 0.3
@@ -189,7 +188,7 @@ def test_a_torque_constant_is_told_from_a_scaled_output_when_there_is_evidence(
 ) -> None:
     start = len(irb_record.u) // 2
     bank = bank_of(found.result.model, found.result.settings, limits(found))
-    events = bank.run(SampleBlock(*with_torque_constant(irb_record, 1.2, start)[:3]))
+    events = bank.run(SampleBlock(*Fault("kT", 0.2).put_into(irb_record, start)[:3]))
     named = [e for e in events if isinstance(e, CauseIdentified)]
     assert isinstance(events[0], ChangeDetected)
     assert [event.shares[0].cause for event in named] == ["kT"] * len(named)

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.arrays import Floats
-from monitor_core.detection import Alarm
+from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.identification import (
     Effect,
@@ -34,7 +33,6 @@ from monitor_core.identification import (
 from monitor_core.identification.assessment.verdict import Quality
 from monitor_core.identification.greybox import Estimate, colour_of, fit
 from monitor_core.identification.problem import Problem
-from monitor_core.kernel.block import Trace
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -45,6 +43,7 @@ from service.config.drives import axis_model
 from service.ingest.loaded_records import Loaded
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
+from tests.real.halves import with_fault
 from tests.shares import soaked
 
 pytestmark = [pytest.mark.records, pytest.mark.usefixtures("without_pictures")]
@@ -276,14 +275,8 @@ def watched(
     return model, axis_settings(NamedAxis("ur10e.joint1", "ur10e", config), model)
 
 
-def run(
-    watched: tuple[AxisModel, Settings], record: Record, u: Floats
-) -> tuple[list[Alarm], Trace, AxisMonitor]:
-    monitor = AxisMonitor(*watched)
-    episodes, trace = alarm_versions(
-        monitor, SampleBlock(np.round(record.t * 1e6).astype(np.int64), u, record.y)
-    )
-    return episodes, trace, monitor
+def samples(record: Record) -> SampleBlock:
+    return SampleBlock(np.round(record.t * 1e6).astype(np.int64), record.u, record.y)
 
 
 @pytest.mark.parametrize("memory_s", [1.0, MEMORY_S])
@@ -293,7 +286,8 @@ def test_friction_is_tracked_for_a_minute_without_an_alarm(
     model, settings = watched
     assert set(np.rint(record.intervals * 1e3)) <= {2, 10, 12}  # the jitter is still there
     settings = replace(settings, lam=1 - INTERVAL_S / memory_s)
-    episodes, trace, monitor = run((model, settings), record, record.u)
+    monitor = AxisMonitor(model, settings)
+    episodes, trace = alarm_versions(monitor, samples(record))
     assert episodes == []
     assert (trace.g < model.scale).all()
     counters = monitor.status().counters
@@ -311,25 +305,14 @@ def test_friction_is_tracked_for_a_minute_without_an_alarm(
 CHANGES = [("fc", 0.3), ("fc", -0.3), ("fv", 0.3), ("fv", -0.3)]
 
 
-def with_other_friction(record: Record, model: AxisModel, name: str, change: float, at: int) -> Floats:
-    """The torque that the same motion would have needed from sample ``at`` on.
-
-    A friction acts with the mean speed of the interval over which the torque is held.
-    """
-    speed = np.append(np.diff(record.y) / record.intervals, 0.0)
-    acting = {"fc": np.tanh(speed / SPEED_SCALE), "fv": speed}[name]
-    u = record.u.copy()
-    u[at:] += change * model.nominal[name] * acting[at:]
-    return u
-
-
 @pytest.mark.parametrize(("name", "change"), CHANGES)
 def test_a_change_of_friction_in_the_second_half_is_named(
     name: str, change: float, watched: tuple[AxisModel, Settings], record: Record
 ) -> None:
     model, _ = watched
     half = len(record) // 2
-    episodes = run(watched, record, with_other_friction(record, model, name, change, half))[0]
+    faulty = with_fault(MonitoredAxis(*watched), samples(record), {name: change * model.nominal[name]}, half)
+    episodes, _ = alarm_versions(AxisMonitor(*watched), faulty)
     assert {(e.parameter, e.direction) for e in episodes} == {(name, "up" if change > 0 else "down")}
     assert record.t[half] < episodes[0].raised_us * 1e-6 < record.t[half] + 15
     assert episodes[-1].size is not None

@@ -22,11 +22,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner, Result
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from service.commands.main import app
 from service.commands.options import configuration
 from service.config import conditions_of
 from service.config.axis_settings import axis_settings
@@ -45,6 +43,8 @@ from tests.core.mismatch import (
     right,
 )
 from tests.service.by_commands import RefusedError
+from tests.service.command_line import axiswatch
+from tests.service.warming_axis import write
 
 pytestmark = pytest.mark.soak
 
@@ -82,25 +82,23 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     signal = multisine(
         np.random.default_rng(seed), round(EXCITE_S / INTERVAL_S), INTERVAL_S, EXCITE_HZ, EXCITE_RMS
     )
-    _write(folder / "excite.csv", plant.take(EXCITE_S, test=signal))
-    _write(folder / "cold.csv", plant.take(RECORD_S))
+    excited = _written(folder / "excite.csv", plant.take(EXCITE_S, test=signal))
+    operation = [_written(folder / "cold.csv", plant.take(RECORD_S))]
     for _ in range(round(BETWEEN_S / RECORD_S)):
         plant.take(RECORD_S)
-    _write(folder / "warm.csv", plant.take(RECORD_S))
-    axis, operation = folder / "axis.toml", ["cold.csv", "warm.csv"]
+    operation.append(_written(folder / "warm.csv", plant.take(RECORD_S)))
     warming = ("--schedule", "fm: temperature")
     # The masses by themselves, to start from; all; and what is watched from the motion of operation alone.
-    values = _identified(folder, {"kT": 1.0, "r": R}, ["excite.csv"])
+    values = _identified(folder, {"kT": 1.0, "r": R}, [excited])
     start = ("--start", "values") if "Jm" in values else ()
-    values = _identified(folder, values, ["excite.csv", *operation], *warming, *start)
+    values = _identified(folder, values, [excited, *operation], *warming, *start)
     free = ("--start", "values", "--free", "kT,fc,fm,tau0")
     if "Jm" not in values or _identified(folder, values, operation, *warming, *free) is values:
         raise RefusedError("no nominal values")
+    axis, found, page = folder / "axis.toml", folder / "thresholds.toml", folder / "calibrate.html"
     axis.write_text(AXIS % 'nominal_file = "nominal.toml"', encoding="utf-8")
-    wishes = ("--budget", BUDGET, "--within", str(WITHIN_S), "--sizes", "30", "--onsets", "1")
-    result = _run(
-        folder, "calibrate", operation, axis, "thresholds.toml", "--report", "calibrate.html", *wishes
-    )
+    wishes = ("--budget", BUDGET, "--within", WITHIN_S, "--sizes", 30, "--onsets", 1)
+    result = axiswatch("calibrate", *operation, "--config", axis, "-o", found, "--report", page, *wishes)
     if result.exit_code:
         raise RefusedError(f"no thresholds: {result.output[-1000:]}")
     both = 'nominal_file = "nominal.toml", thresholds_file = "thresholds.toml"'
@@ -108,38 +106,29 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     return axis
 
 
-def _write(path: Path, block: Block) -> None:
-    columns = np.column_stack([block.t_us * 1e-6, block.u, block.y, block.temperature])
-    header = "t,torque,angle,temperature"
-    np.savetxt(
-        path, columns, fmt=["%.4f", "%.8g", "%.10g", "%.1f"], delimiter=",", header=header, comments=""
-    )
+def _written(path: Path, block: Block) -> Path:
+    return write(path, block, temperature=block.temperature)
 
 
-def _identified(folder: Path, values: dict[str, float], records: list[str], *words: str) -> dict[str, float]:
+def _identified(folder: Path, values: dict[str, float], records: list[Path], *words: str) -> dict[str, float]:
     """What ``identify`` finds from these values; these values where it refuses, or says that it cannot tell them."""
-    config, found = folder / "identify.toml", folder / "nominal.toml"
+    config, found, page = folder / "identify.toml", folder / "nominal.toml", folder / "identify.html"
     text = ", ".join(f"{name} = {value}" for name, value in values.items())
     config.write_text(AXIS % f"nominal = {{ {text} }}", encoding="utf-8")
     found.unlink(missing_ok=True)
-    result = _run(folder, "identify", records, config, found.name, "--report", "identify.html", *words)
+    result = axiswatch(
+        "identify", *records, "--config", config, "--force", "-o", found, "--report", page, *words
+    )
+    names = " ".join(path.name for path in records)
     if result.exit_code:
-        print(f"identify {' '.join(records)}: {result.output.splitlines()[-1]}")
+        print(f"identify {names}: {result.output.splitlines()[-1]}")
         return values
     content = tomllib.loads(found.read_text(encoding="utf-8"))
     deviations = content["standard_deviations"]
     if vague := [name for name in MASSES if deviations.get(name, 0.0) > content["values"][name]]:
-        print(f"identify {' '.join(records)}: cannot tell {', '.join(vague)}")
+        print(f"identify {names}: cannot tell {', '.join(vague)}")
         return values
     return dict(content["values"])
-
-
-def _run(folder: Path, command: str, records: list[str], config: Path, output: str, *words: str) -> Result:
-    files = [str(folder / word) if word.endswith((".csv", ".html")) else word for word in (*records, *words)]
-    line = [command, *files, "--config", str(config), "--force", "-o", str(folder / output)]
-    result = CliRunner().invoke(app, line)
-    assert result.exit_code in (0, 2), result.exception
-    return result
 
 
 def watch_of(path: Path) -> Watch:

@@ -22,16 +22,26 @@ TAU = 50.0
 CASES = ((0.5, 1.0), (0.5, 3.0), (0.5, 6.0), (1.0, 0.5), (1.0, 2.0), (1.0, 3.0), (1.5, 1.0), (2.0, 0.5))
 """k and h of tests that alarm often enough to be counted."""
 STEPS = 6_000_000
+LOWEST = 0.8 * TAU
+"""Of the excursions whose heights are kept."""
 
 
 @entry
-def alarms_and_excursions(seed: int, steps: int, lam: float, k: Floats, h: Floats) -> tuple[Floats, Floats]:
-    """Alarms of each test, after which it restarts; and excursions from zero beyond h where it does not restart."""
+def watched(
+    seed: int, steps: int, lam: Floats, share: Floats, k: Floats, h: Floats, tops: Floats
+) -> tuple[Floats, Floats, int]:
+    """Of noise of which shares are forgotten at different rates: alarms of each test, after which it restarts.
+
+    And of tests that do not restart: excursions from zero beyond h; heights of those of the first, and their number.
+    """
     np.random.seed(seed)
-    d, g, level, top = 0.0, np.zeros(k.size), np.zeros(k.size), np.zeros(k.size)
-    alarms, single = np.zeros(k.size), np.zeros(k.size)
+    parts, g, level, top = np.zeros(lam.size), np.zeros(k.size), np.zeros(k.size), np.zeros(k.size)
+    alarms, single, found = np.zeros(k.size), np.zeros(k.size), 0
     for _ in range(steps):
-        d = lam * d + math.sqrt(1.0 - lam * lam) * np.random.standard_normal()
+        d = 0.0
+        for i in range(lam.size):
+            parts[i] = lam[i] * parts[i] + math.sqrt(1.0 - lam[i] * lam[i]) * np.random.standard_normal()
+            d += share[i] * parts[i]
         for i in range(k.size):
             g[i] = max(0.0, g[i] + d - k[i])
             if g[i] > h[i]:
@@ -41,14 +51,23 @@ def alarms_and_excursions(seed: int, steps: int, lam: float, k: Floats, h: Float
             top[i] = max(top[i], level[i])
             if level[i] == 0.0:
                 single[i] += 1.0 if top[i] > h[i] else 0.0
+                if i == 0 and top[i] > LOWEST and found < tops.size:
+                    tops[found] = top[i]
+                    found += 1
                 top[i] = 0.0
+    return alarms, single, found
+
+
+def alarms_and_excursions(seed: int, k: Floats, h: Floats) -> tuple[Floats, Floats]:
+    """Of noise of one memory."""
+    alarms, single, _ = watched(seed, STEPS, np.array([LAM]), np.ones(1), k, h * TAU, np.zeros(0))
     return alarms, single
 
 
 def test_formula_against_simulation(seed: int) -> None:
     """Within a quarter, and five standard deviations of the count."""
     k, h = np.array(CASES).T
-    count, _ = alarms_and_excursions(seed, STEPS, LAM, k, h * TAU)
+    count, _ = alarms_and_excursions(seed, k, h)
     ratio = STEPS / count / np.exp(log_mean_time(k, h, np.array(TAU)))
     for case, n, r in zip(CASES, count, ratio, strict=True):
         print(f"k = {case[0]}, h = {case[1]} sigma tau: {n:.0f} alarms, mean time over formula {r:.3f}")
@@ -59,7 +78,7 @@ def test_formula_against_simulation(seed: int) -> None:
 def test_an_excursion_is_one_however_far_it_goes(seed: int) -> None:
     """There are fewer than alarms, the more so the lower the threshold: within a tenth, and by chance."""
     k, h = np.array([(0.3, 2.0), (0.3, 5.0), (0.5, 1.5), (0.5, 4.0), (0.7, 3.0), (1.0, 1.5), (1.0, 2.5)]).T
-    alarm, single = alarms_and_excursions(seed, STEPS, LAM, k, h * TAU)
+    alarm, single = alarms_and_excursions(seed, k, h)
     off = np.log(single / alarm) - log_single(k, h)
     print(f"of alarms {(single / alarm).round(2)} are excursions, off by {off.round(3)} in the logarithm")
     assert (np.abs(off) < 0.1 + 4 / np.sqrt(single)).all()
@@ -142,42 +161,14 @@ def test_where_nothing_happened_though_it_was_expected_it_happens_less() -> None
     assert absurd.root == pytest.approx(np.diag([TAU_SD, LEVEL_SD]))
 
 
-@entry
-def remembered(
-    seed: int, steps: int, lam: Floats, share: Floats, k: float, h: Floats, alarms: Floats, tops: Floats
-) -> int:
-    """Alarms at each h and heights of excursions, for noise that is partly remembered longer; how many excursions."""
-    np.random.seed(seed)
-    parts, g, found, top, level = np.zeros(lam.size), np.zeros(h.size), 0, 0.0, 0.0
-    for _ in range(steps):
-        d = 0.0
-        for i in range(lam.size):
-            parts[i] = lam[i] * parts[i] + math.sqrt(1 - lam[i] * lam[i]) * np.random.standard_normal()
-            d += share[i] * parts[i]
-        level += d - k
-        if level > 0.0:
-            top = max(top, level)
-        else:
-            if top > 0.8 * 50.0 and found < tops.size:
-                tops[found] = top
-                found += 1
-            level, top = 0.0, 0.0
-        for c in range(h.size):
-            g[c] = max(0.0, g[c] + d - k)
-            if g[c] > h[c]:
-                alarms[c] += 1.0
-                g[c] = 0.0
-    return found
-
-
 @pytest.mark.soak
 def test_what_is_remembered_longer_is_extrapolated(seed: int) -> None:
     """Fitted to a part of a long record, alarms are as frequent as counted in all of it, farther out."""
     lam, share = np.array([0.98, 0.995]), np.sqrt([0.9, 0.1])
     h, steps = MEMORY * np.array([3.0, 4.0, 5.0]), 8_000_000
-    alarms, tops = np.zeros(3), np.zeros(100_000)
-    found = remembered(seed % 2**31, steps, lam, share, K, np.zeros(0), np.zeros(0), tops)
-    remembered((seed + 1) % 2**31, 8 * steps, lam, share, K, h, alarms, np.zeros(0))
+    tops = np.zeros(100_000)
+    found = watched(seed % 2**31, steps, lam, share, np.array([K]), np.full(1, np.inf), tops)[2]
+    alarms = watched((seed + 1) % 2**31, 8 * steps, lam, share, np.full(3, K), h, np.zeros(0))[0]
     heights = np.sort(tops[:found])[::-1] / MEMORY
     assert found > ENOUGH
     way = fit_peaks(K, heights, MEMORY, steps)

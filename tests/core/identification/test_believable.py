@@ -233,8 +233,8 @@ def test_the_few_windows_of_fast_motion_do_not_explain_noise(seed: int) -> None:
 
 
 def test_the_speed_scale_is_found(seed: int) -> None:
-    rec = record(seed)
     """Between those that are tried."""
+    rec = record(seed)
     scales = speed_scales([rec])
     result = found([rec], speed_scales=scales)
     scale = result.estimate.problem.speed_scale
@@ -325,29 +325,6 @@ def test_outlook(seed: int) -> None:
     assert held.watched[0].obstacle is Obstacle.NO_SIZE
 
 
-def test_the_outlook_follows_a_weight_that_is_not_monitored(seed: int) -> None:
-    """The same as of the record without the weight; without it in mind, the errors would be those of a wrong drive."""
-    plain = record(seed)
-    pose = np.cos(1.3 * np.sin(plain.t / 3))
-    heavy = replace(plain, u=plain.u + 5.0 * pose, signals={"pose": pose})
-    drive, free = one_mass(), ("J", "fv", "fc", "tau0")
-    light = identify(
-        Problem(drive, VALUES, free, speed_scale=SCALE), [plain], (),
-        IdentificationOptions(start="values", monitored=("kT", "fv", "fc")),
-    )  # fmt: skip
-    scheduled = scheduled_terms({"tau0": ("pose",)}, [heavy])
-    problem = Problem(drive, VALUES, free, speed_scale=SCALE, varying={"tau0": ("pose",)})
-    followed = [with_terms(heavy, scheduled)]
-    loaded = identify(
-        problem, followed, (),
-        IdentificationOptions(start="values", monitored=("kT", "fv", "fc"), scheduled=scheduled),
-    )  # fmt: skip
-    held = Outlook(loaded.estimate, followed).watched(("fv", "fc"), 5.0)
-    for own, expected in zip(held, Outlook(light.estimate, [plain]).watched(("fv", "fc"), 5.0), strict=True):
-        assert own.obstacle is None
-        assert own.change == pytest.approx(expected.change, rel=0.1)
-
-
 def with_weight(
     seed: int, size: float, seconds: float, *, asked: bool = False, memories_s: tuple[float, ...] = ()
 ) -> tuple[Record, IdentificationResult]:
@@ -362,6 +339,18 @@ def with_weight(
         load=asked, memory_s=1.0, memories_s=memories_s,
     )  # fmt: skip
     return with_terms(heavy, scheduled), identify(problem, [with_terms(heavy, scheduled)], (), options)
+
+
+def test_the_outlook_follows_a_weight_that_is_not_monitored(seed: int) -> None:
+    """The same as of the record without the weight; without it in mind, the errors would be those of a wrong drive."""
+    heavy, found = with_weight(seed, 5.0, 20.0)
+    loaded, light = (
+        Outlook(estimate, [rec]).watched(("fv", "fc"), 5.0)
+        for estimate, rec in ((found.estimate, heavy), (usual(seed).estimate, record(seed)))
+    )
+    for own, expected in zip(loaded, light, strict=True):
+        assert own.obstacle is None
+        assert own.change == pytest.approx(expected.change, rel=0.1)
 
 
 def test_the_load_is_offered_where_the_record_tells_it(seed: int) -> None:

@@ -16,6 +16,7 @@ from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.problems import EIGHT, TRUE, perturbed, reference_problem, reference_record
+from tests.core.simulated import simulated
 
 SAMPLES = 2000
 
@@ -224,11 +225,8 @@ def test_the_noise_levels_are_found(seed: int) -> None:
 
 def noisy_torque_record(seed: int, samples: int, torque: float, output: float) -> Record:
     """The reference experiment, its torque and its speed with white noise of these standard deviations."""
-    rng = np.random.default_rng(seed)
-    rec = reference_record(seed, samples, noise=0.0)
-    noisy = rec.u + torque * rng.standard_normal(samples)
-    y, _ = simulate_linear(three_mass("speed"), REFERENCE_VALUES, noisy[:, None], 0.005)
-    return replace(rec, y=y[:, 0] + output * rng.standard_normal(samples))
+    rng, rec = np.random.default_rng(seed), reference_record(seed, samples, noise=0.0)
+    return replace(rec, y=simulated(rng, three_mass("speed"), rec.u, torque, output).y)
 
 
 def test_what_the_drive_leaves_out_is_said(seed: int) -> None:

@@ -11,33 +11,20 @@ from monitor_core.identification.greybox import fit
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.standstill import find_standstill
-from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.standard_drives import DRAWINGS
-from monitor_core.modeling.statespace import drive_of
-from tests.core.chains import chain, values
+from tests.core.chains import one_mass
 from tests.core.identification.record_cases import H, healthy, picks
 from tests.shares import soaked
 
-NAMES = ("J1", "f", "fc", "tau0")
-TRUE = {"J1": 2e-3, "f": 5e-3, "fc": 0.5}
+NAMES = ("J", "fm", "fc", "tau0")
+TRUE = {"J": 2e-3, "fm": 5e-3, "fc": 0.5}
 
 
 @pytest.mark.parametrize("stiction", soaked([0.0, 0.15], 0.15))
 def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> None:
     """With a friction that is larger in the slow motion of each start and stop, too, which the monitor leaves out."""
     record = picks(seed, stiction, moves=16)
-    start = {
-        **values(1),
-        "J1": 3e-3,
-        "f": 3e-3,
-        "fc": 0.3,
-        "tau0": 0.0,
-        "kT": 1.0,
-        "fa": 0.0,
-        "gc": 0.0,
-        "gs": 0.0,
-    }
-    problem = Problem(chain(1, "angle"), start, NAMES, speed_scale=0.5)
+    start = {"J": 3e-3, "fm": 3e-3, "fc": 0.3, "tau0": 0.0, "kT": 1.0}
+    problem = Problem(one_mass("angle"), start, NAMES, speed_scale=0.5)
     options = IdentificationOptions("values", speed_scales=speed_scales([record]))
     found = identify(problem, [record], options=options)
     print(found.estimate.values, found.verdict)
@@ -57,12 +44,11 @@ def test_an_axis_that_stands_at_first_is_identified(seed: int, stands_s: float) 
     w = np.where(t < stands_s, 0.0, 40.0 * np.sin(2 * np.pi * 0.5 * (t - stands_s)))
     u = 2e-3 * np.gradient(w, step) + 5e-3 * w + 0.5 * np.tanh(w / 0.5)
     w, u = w + rng.normal(0, 0.02, t.size), u + rng.normal(0, 0.02, t.size)
-    true = {"J": 2e-3, "fm": 5e-3, "fc": 0.5}
-    drive = drive_of(eliminate(DRAWINGS["one-mass"].flat(), "speed"))
-    problem = Problem(drive, {**true, "tau0": 0.0, "kT": 1.0}, tuple(true), speed_scale=0.5, min_speed=2.0)
+    given = {**TRUE, "tau0": 0.0, "kT": 1.0}
+    problem = Problem(one_mass("speed"), given, tuple(TRUE), speed_scale=0.5, min_speed=2.0)
     found = fit(problem, [Record(t, u, w, "speed")])
     assert found.converged
-    for name, value in true.items():
+    for name, value in TRUE.items():
         assert found.values[name] == pytest.approx(value, rel=0.05), name
 
 
@@ -110,7 +96,7 @@ def conveyor(seed: int) -> Record:
     w, rest = np.convolve(np.concatenate(speeds), np.full(15, 1 / 15), "same"), np.concatenate(rests)
     t = np.arange(w.size) * step
     friction = TRUE["fc"] * (1 - 0.1 * t / t[-1])
-    taken = TRUE["J1"] * np.gradient(w, step) + TRUE["f"] / 10 * w + friction
+    taken = TRUE["J"] * np.gradient(w, step) + TRUE["fm"] / 10 * w + friction
     u = np.where(w > 0.5, taken, rest * friction)
     noisy_u, noisy_w = u + rng.normal(0, 0.005, t.size), w + rng.normal(0, 0.05, t.size)
     return Record(np.asarray(t, np.float64), noisy_u, np.asarray(noisy_w, np.float64), "speed")
@@ -119,9 +105,8 @@ def conveyor(seed: int) -> Record:
 def test_an_axis_that_moves_one_way_has_no_offset_and_no_weight(seed: int) -> None:
     """An offset is the same as its Coulomb friction, and what changes with the time does so with its angle."""
     record = conveyor(seed)
-    drive = drive_of(eliminate(DRAWINGS["one-mass"].flat(), "speed"))
     start = {"J": 1e-3, "fm": 1e-4, "fc": 0.2, "tau0": 0.0, "kT": 1.0}
-    problem = Problem(drive, start, ("J", "fm", "fc", "tau0"), speed_scale=1.0)
+    problem = Problem(one_mass("speed"), start, NAMES, speed_scale=1.0)
     options = IdentificationOptions(
         "records", speed_scales=speed_scales([record]), monitored=("kT", "fc", "fm")
     )
@@ -131,7 +116,7 @@ def test_an_axis_that_moves_one_way_has_no_offset_and_no_weight(seed: int) -> No
     assert found.held["tau0"] == "the axis moves in one direction only, and there it is the same as fc"
     assert found.verdict.quality is not Quality.POOR
     assert Effect.POSE not in found.verdict.missing
-    assert found.estimate.values["J"] == pytest.approx(TRUE["J1"], rel=0.1)
+    assert found.estimate.values["J"] == pytest.approx(TRUE["J"], rel=0.1)
     usual = 100.0  # rad/s; friction that falls with the time hides what is viscous
     friction = found.estimate.values["fc"] + usual * found.estimate.values["fm"]
-    assert friction == pytest.approx(0.95 * TRUE["fc"] + usual * TRUE["f"] / 10, rel=0.02)
+    assert friction == pytest.approx(0.95 * TRUE["fc"] + usual * TRUE["fm"] / 10, rel=0.02)

@@ -18,7 +18,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.torque_windows import TorqueTerm
-from tests.core.chains import chain, values
+from tests.core.chains import chain, one_mass, values
 from tests.core.identification.record_cases import picks
 
 INTERVAL_S, SCALE, SECONDS = 0.005, 0.3, 40.0
@@ -102,10 +102,8 @@ def test_a_constant_torque_that_friction_does_not_hold_is_a_weight() -> None:
 def test_friction_of_an_axis_that_stands_is_no_weight(seed: int) -> None:
     """Before it moved on it came from below at one place and from above at the other."""
     record = picks(seed)
-    names = {"J1": 2e-3, "f": 5e-3, "fc": 0.5, "tau0": 0.0, "kT": 1.0}
-    problem = Problem(
-        chain(1, "angle"), {**values(1), **names, "fa": 0.0, "gc": 0.0, "gs": 0.0}, ("fc",), speed_scale=1.0
-    )
+    true = {"J": 2e-3, "fm": 5e-3, "fc": 0.5, "tau0": 0.0, "kT": 1.0}
+    problem = Problem(one_mass("angle"), true, ("fc",), speed_scale=1.0)
     usual: tuple[TorqueTerm, ...] = ("viscous", "coulomb", "offset")
     with_stops, without = (rigid_fits([record], [usual], 1.0, moving=moving)[0] for moving in (False, True))
     assert with_stops is not None

@@ -1,15 +1,18 @@
-"""State spaces made by hand: the library's three masses from their terms, and chains written from Newton's law."""
+"""State spaces for tests: entries as text, the library's three masses, chains of masses."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+
+from hypothesis import strategies as st
 
 from monitor_core.drive.structure import Output, Quantity
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
+from monitor_core.modeling.drawing import Drawing, part
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
+from monitor_core.modeling.modular import Seed, krylov_basis, points_of, residues
 from monitor_core.modeling.standard_drives import DRAWINGS
 from monitor_core.modeling.statespace import Definition, Report, StateSpace
 from tests.core.modeling.expressions import parse
@@ -82,35 +85,32 @@ def library_three_mass(output: Output = "speed", inputs: Sequence[int] = (TORQUE
     return space(ss.A, B, ss.C, inputs=inputs, units={p.name: p.unit for p in ss.parameters})
 
 
-@dataclass(frozen=True)
-class Chain:
-    """Masses J0, J1 ... in a row, spring k_i and damper d_i between i and i + 1; friction f_i from i to ground."""
+def free_chain(
+    masses: int, dampers: Collection[int] = (), friction: Collection[int] = (), sensor: int = 0
+) -> StateSpace:
+    """Masses J0, J1 .. in a row; between i and i + 1 a spring k_i and, of some, a damper d_i; of some friction f_i.
 
-    masses: int
-    dampers: frozenset[int] = frozenset()
-    friction: frozenset[int] = frozenset()
-    sensor: int = 0
-    torque_constant: bool = True
+    The torque acts on the first; the output is the speed of mass ``sensor``.
+    """
+    parts = [part("torque", "motor", "m0", kT="kT"), part("speed-sensor", "encoder", f"m{sensor}")]
+    parts += [part("inertia", f"mass{i}", f"m{i}", J=f"J{i}") for i in range(masses)]
+    parts += [part("viscous-friction", f"bearing{i}", f"m{i}", d=f"f{i}") for i in sorted(friction)]
+    for i in range(masses - 1):
+        kind, damping = ("spring-damper", {"d": f"d{i}"}) if i in dampers else ("spring", {})
+        parts.append(part(kind, f"spring{i}", f"m{i}", f"m{i + 1}", c=f"k{i}", **damping))
+    return eliminate(Drawing("chain", parts).flat())
 
-    def state_space(self) -> StateSpace:
-        """States: the deflections, then the speeds; output: the speed of mass ``sensor``."""
-        N, w = self.masses, self.masses - 1
-        A: dict[tuple[int, int], Laurent] = {}
-        s = Laurent.symbol
-        for i in range(w):
-            A[i, w + i], A[i, w + i + 1] = Laurent.number(1), Laurent.number(-1)
-        for i in range(N):
-            ends = [(j, sign) for j, sign in ((i, -1), (i - 1, 1)) if 0 <= j < w]
-            for j, sign in ends:
-                A[w + i, j] = Laurent.number(sign) * s(f"k{j}") / s(f"J{i}")
-            if any(j in self.dampers for j, _ in ends) or i in self.friction:
-                A[w + i, w + i] = -(self._damping(i, ends)) / s(f"J{i}")
-            for j, sign in ends:
-                if j in self.dampers:
-                    A[w + i, w + (j + 1 if sign < 0 else j)] = s(f"d{j}") / s(f"J{i}")
-        torque = s("kT") if self.torque_constant else Laurent.number(1)
-        return space(A, {(w, 0): torque / s("J0")}, {(0, w + self.sensor): Laurent.number(1)})
 
-    def _damping(self, i: int, ends: list[tuple[int, int]]) -> Laurent:
-        names = [f"d{j}" for j, _ in ends if j in self.dampers] + ([f"f{i}"] if i in self.friction else [])
-        return sum((Laurent.symbol(name) for name in names), Laurent())
+def some_chain(masses: int, data: st.DataObject, least: int = 0) -> StateSpace:
+    """Dampers and friction, at ``least`` so many of each, and the sensor anywhere."""
+    some = st.frozensets(st.integers(0, masses - 1), min_size=least)
+    return free_chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1)))
+
+
+def minimality(ss: StateSpace, seed: Seed) -> tuple[int, int]:
+    """Dimensions of the part that the inputs reach and of the part that the sensors see, for generic values."""
+    ranks = []
+    for point in points_of(ss, seed):
+        A, B, C = residues(ss, point)
+        ranks.append((len(krylov_basis(A, B, point.prime)), len(krylov_basis(A.T, C.T, point.prime))))
+    return max(c for c, _ in ranks), max(o for _, o in ranks)

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.modeling.components.fragments import End, Joint, connect, merged
+from monitor_core.modeling.components.fragments import End, Joint, connect
 from monitor_core.modeling.flat import FlatEquation, Origin
 from monitor_core.modeling.laurent import Laurent
 
@@ -50,14 +50,6 @@ def test_angles_are_equal_in_each_group_and_only_there(pairs: list[tuple[str, st
     drawn = [tuple(name.removesuffix(".phi") for name in c) for c in equal]
     assert groups([(a, b) for a, b in drawn]) == groups(pairs)
     assert len(drawn) == len(FLANGES) - len(groups(pairs))
-
-
-@given(PAIRS)
-def test_the_order_of_drawing_does_not_matter(pairs: list[tuple[str, str]]) -> None:
-    def sets(drawn: list[Joint]) -> set[frozenset[End]]:
-        return {frozenset(joint.ends) for joint in merged(drawn)}
-
-    assert sets(joints(pairs)) == sets(joints([(b, a) for a, b in reversed(pairs)]))
 
 
 def test_no_torque_acts_on_an_unconnected_flange() -> None:

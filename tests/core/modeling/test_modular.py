@@ -23,8 +23,7 @@ from monitor_core.modeling.modular import (
     rank,
     residue,
 )
-from tests.core.modeling.generic_ranks import minimality
-from tests.core.modeling.spaces import Chain, library_three_mass, table
+from tests.core.modeling.spaces import minimality, some_chain, table
 
 law = settings(deadline=None, max_examples=30)
 seeds = st.integers(0, 2**32 - 1)
@@ -95,14 +94,7 @@ def test_definitions_are_evaluated_in_order(seed: int) -> None:
 @given(seed=seeds, masses=st.integers(1, 5), data=st.data())
 def test_chains_are_minimal(seed: int, masses: int, data: st.DataObject) -> None:
     """Deflections and speeds: one state less than coordinates and speeds, whatever the damping and the sensor."""
-    some = st.frozensets(st.integers(0, masses - 1))
-    chain = Chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1)))
-    assert minimality(chain.state_space(), seed) == (2 * masses - 1, 2 * masses - 1)
-
-
-def test_the_library_drive_is_minimal(seed: int) -> None:
-    assert minimality(library_three_mass("speed"), seed) == (5, 5)
-    assert minimality(library_three_mass("angle"), seed) == (6, 6)
+    assert minimality(some_chain(masses, data), seed) == (2 * masses - 1, 2 * masses - 1)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from monitor_core.modeling.resonances import resonances, resonances_of
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from tests.core.modeling.spaces import Chain, library_three_mass, table
+from tests.core.modeling.spaces import free_chain, library_three_mass, table
 
 law = settings(deadline=None, max_examples=40)
 seeds = st.integers(0, 2**32 - 1)
@@ -49,7 +49,7 @@ def test_two_masses(J0: float, J1: float, k: float, zeta: float) -> None:
     """Free-free: poles of  s (s^2 + (d s + k) / J),  1/J = 1/J0 + 1/J1;  zeros of  s^2 + (d s + k) / J1."""
     J = 1 / (1 / J0 + 1 / J1)
     d = 2 * zeta * math.sqrt(k * J)
-    ss = Chain(2, frozenset({0})).state_space()
+    ss = free_chain(2, [0])
     found = resonances_of(ss, {"J0": J0, "J1": J1, "k0": k, "d0": d, "kT": 1.0})
     assert len(found.poles) == 3
     assert abs(found.poles[0]) <= 1e-10 * abs(found.poles[-1])
@@ -70,11 +70,11 @@ def test_the_far_sensor_has_one_zero_and_no_antiresonance(
     """d s + k is all that is left above the line; without damping nothing is."""
     J = 1 / (1 / J0 + 1 / J1)
     d = 2 * zeta * math.sqrt(k * J)
-    ss = Chain(2, frozenset({0}), sensor=1).state_space()
+    ss = free_chain(2, [0], sensor=1)
     found = resonances_of(ss, {"J0": J0, "J1": J1, "k0": k, "d0": d, "kT": 1.0})
     close(found.zeros, [-k / d])
     assert found.antiresonances == ()
-    without = Chain(2, sensor=1).state_space()
+    without = free_chain(2, sensor=1)
     assert resonances_of(without, {"J0": J0, "J1": J1, "k0": k, "kT": 1.0}).zeros == ()
 
 
@@ -114,7 +114,7 @@ def test_zeros_are_where_the_response_vanishes(seed: int, masses: int, data: st.
     """det [sI - A, -b; c, 0] over the product of the other factors is zero there, and the count is right."""
     some = st.frozensets(st.integers(0, masses - 1), min_size=masses)
     sensor = data.draw(st.integers(0, masses - 1))
-    ss = Chain(masses, data.draw(some), data.draw(some), sensor).state_space()
+    ss = free_chain(masses, data.draw(some), data.draw(some), sensor)
     rng = np.random.default_rng(seed)
     values = {p.name: float(10 ** rng.uniform(-1, 1)) for p in ss.drawn}
     found = resonances_of(ss, values)

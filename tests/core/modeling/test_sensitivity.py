@@ -20,7 +20,7 @@ from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.modeling.statespace import drive_of
-from tests.core.modeling.spaces import Chain, table
+from tests.core.modeling.spaces import some_chain, table
 
 law = settings(deadline=None, max_examples=20)
 seeds = st.integers(0, 2**32 - 1)
@@ -168,8 +168,7 @@ def test_wrong_names_and_values(
 @law
 @given(seed=seeds, masses=st.integers(1, 3), data=st.data())
 def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, data: st.DataObject) -> None:
-    some = st.frozensets(st.integers(0, masses - 1), min_size=1)
-    ss = Chain(masses, data.draw(some), data.draw(some), data.draw(st.integers(0, masses - 1))).state_space()
+    ss = some_chain(masses, data, 1)
     rng = np.random.default_rng(seed)
     values = {p.name: rng.uniform(0.5, 2.0) for p in ss.drawn}
     names = tuple(values)

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import AxisModel
-from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
-from monitor_core.modeling.simulated_axis import simulate_linear
+from monitor_core.excitation.reference_experiment import NOISE
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
 from monitor_core.trend import PARTS, Kept, LearningWindow, Reading, WindowDoubt, WindowError
 from monitor_core.trend.learning_window import SKIPPED
+from tests.core.simulated import simulated, torques
 from tests.core.test_honesty import settings_for
 
 MODEL = reference_model("speed")
@@ -38,33 +37,23 @@ def repaired(rng: np.random.Generator, axes: int) -> list[dict[str, float]]:
     ]
 
 
-def windows(values: Sequence[dict[str, float]], rng: np.random.Generator) -> list[LearningWindow]:
-    """What axes with these values show, monitored with the reference values."""
-    N, W = (READINGS + SKIPPED + 11) * SETTINGS.naming_samples, len(values)
-    u = np.stack([multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in values], axis=1)
-    acting = u + 0.05 * rng.standard_normal(u.shape)
-    y = np.stack(
-        [
-            simulate_linear(MODEL.drive, v, acting[:, a : a + 1], INTERVAL_S)[0][:, 0]
-            for a, v in enumerate(values)
-        ],
-        axis=1,
-    )
-    y += NOISE["speed"] * rng.standard_normal(u.shape)
-    t = np.repeat(np.arange(N, dtype=np.int64)[:, np.newaxis] * round(INTERVAL_S * 1e6), W, axis=1)
-    found = [LearningWindow(MODEL, READINGS * SPAN_S) for _ in values]
-    for a, event in AxisBatch([MODEL] * W, [SETTINGS] * W).run(t, u, y):
+def window_of(values: Mapping[str, float], rng: np.random.Generator) -> LearningWindow:
+    """What an axis with these values shows, monitored with the reference values."""
+    u = torques(rng, (READINGS + SKIPPED + 11) * SETTINGS.naming_samples, 1)
+    rec = simulated(rng, MODEL.drive, u, 0.05, NOISE["speed"], values)
+    window = LearningWindow(MODEL, READINGS * SPAN_S)
+    for _, event in AxisBatch([MODEL], [SETTINGS]).run(rec.t_us[:, np.newaxis], rec.u, rec.y):
         if isinstance(event, Reading):
-            found[a].take(event)
-    return found
+            window.take(event)
+    return window
 
 
 def test_the_new_nominal_values_are_the_true_ones_within_their_standard_deviations(seed: int) -> None:
     """Six axes; rms of the 18 values of z: 0.57 to 1.54 with 10 seeds."""
     rng = np.random.default_rng(seed)
-    values = repaired(rng, 6)
     z = []
-    for window, v in zip(windows(values, rng), values, strict=True):
+    for v in repaired(rng, 6):
+        window = window_of(v, rng)
         assert window.complete
         found = window.learned()
         assert not found.kept

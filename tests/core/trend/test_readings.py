@@ -5,15 +5,13 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
-from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
+from monitor_core.excitation.reference_experiment import NOISE
+from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch, TrendMonitor
 from monitor_core.trend.entries import Reading
+from tests.core.simulated import simulated, torques
 from tests.core.test_honesty import settings_for
 
 AXES, HOURS, PER_HOUR = 12, 10, 8
@@ -21,30 +19,18 @@ TORQUE_NOISE = 0.05
 SETTINGS = settings_for("speed", TORQUE_NOISE, 4.0, joint=False)
 
 
-def torque_and_output(seed: int, N: int) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Healthy axes with fresh torque and noise each."""
-    rng, model = np.random.default_rng(seed), reference_model("speed")
-    u = np.stack([multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS) for _ in range(AXES)], axis=1)
-    acting = u + TORQUE_NOISE * rng.standard_normal(u.shape)
-    y = simulate_linear(model.drive, REFERENCE_VALUES, acting, INTERVAL_S)[0]
-    y += NOISE["speed"] * rng.standard_normal(u.shape)
-    return (
-        np.repeat(np.arange(N, dtype=np.int64)[:, np.newaxis] * round(INTERVAL_S * 1e6), AXES, axis=1),
-        u,
-        y,
-    )
-
-
 @cache
 def readings(seed: int, blocks: int) -> list[list[Reading]]:
     """Those of some healthy axes, run in so many blocks."""
     model, settings = reference_model("speed"), SETTINGS
-    n = settings.naming_samples
-    t, u, y = torque_and_output(seed, (HOURS * PER_HOUR + 12) * n)
+    rng = np.random.default_rng(seed)
+    u = torques(rng, (HOURS * PER_HOUR + 12) * settings.naming_samples, AXES)
+    rec = simulated(rng, model.drive, u, TORQUE_NOISE, NOISE["speed"])
+    t_us = np.repeat(rec.t_us[:, np.newaxis], AXES, axis=1)
     batch = AxisBatch([model] * AXES, [settings] * AXES)
     found: list[list[Reading]] = [[] for _ in range(AXES)]
-    for part in np.array_split(np.arange(len(t)), blocks):
-        for a, event in batch.run(t[part], u[part], y[part]):
+    for part in np.array_split(np.arange(len(u)), blocks):
+        for a, event in batch.run(t_us[part], u[part], rec.y[part]):
             if isinstance(event, Reading):
                 found[a].append(event)
     return found

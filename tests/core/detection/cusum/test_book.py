@@ -64,6 +64,7 @@ def test_a_wrong_first_crossing_is_one_alarm_whose_name_is_corrected() -> None:
     assert (raised.stage, raised.causes, raised.onset_us) == ("changed", (), 5)
     (joined,) = book.take(crossing("kT", 12, "down"))
     assert (joined.parameter, joined.crossings) == ("fm", 2)
+    assert {raised.size, raised.size_sd, joined.size, joined.size_sd} == {None}
     (e,) = book.take(evidence(20, -10.0, 0.5, 1.0))
     assert (e.parameter, e.direction, e.stage, e.raised_us, e.first) == (
         "kT",
@@ -82,13 +83,6 @@ def test_a_wrong_first_crossing_is_one_alarm_whose_name_is_corrected() -> None:
 
 def test_without_an_alarm_evidence_says_nothing() -> None:
     assert Book().take(evidence(5, 10.0, 0.0, 0.0)) == []
-
-
-def test_no_size_is_given_before_the_name() -> None:
-    book = Book()
-    (raised,) = book.take(crossing("kT", 10))
-    (again,) = book.take(crossing("kT", 12))
-    assert {raised.size, raised.size_sd, again.size, again.size_sd} == {None}
 
 
 def test_what_does_not_stand_out_gets_no_name_yet() -> None:

@@ -262,9 +262,3 @@ def test_a_predictor_that_swings_up_costs_no_other_its_samples(seed: int) -> Non
     for field in ("eps", "llr", "g"):
         np.testing.assert_array_equal(getattr(found, field)[:, 0], getattr(expected, field)[:, 0])
     assert found.g[:, 1].max() < 20.0
-
-
-def test_a_predictor_that_is_not_stable_is_refused() -> None:
-    case = BY_NAME["angle-paper"]
-    with pytest.raises(ValueError, match="not stable"):
-        HypothesisBank(case.model, replace(case.settings(), K=()), [Hypothesis("some")])

@@ -91,7 +91,7 @@ def test_an_alarm_is_raised_named_corrected_once_and_ended() -> None:
 
 
 def test_a_cause_whose_evidence_began_after_the_alarm_leaves_its_onset() -> None:
-    """An alarm was renamed to a torque offset, which only later explained more, and was raised before its own onset."""
+    """No alarm is raised before its own onset, whatever cause explains more later."""
     fm, later, about = share("fm"), Onset(18, 15, 19), Onset(11, 2, 14)
     _, ((raised,), (named_later,)) = feed(
         changed(10, "kT"), CauseIdentified(20, 10, later, (fm,), certain=True)

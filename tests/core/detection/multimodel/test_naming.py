@@ -48,7 +48,7 @@ def test_shares_sizes_and_what_is_alike() -> None:
 
 @pytest.mark.parametrize("factor", [0.8, 0.85, 1.16, 1.3, 1.5])
 def test_the_size_of_a_gain_is_exact_between_two_hypotheses(factor: float) -> None:
-    """The evidence for a gain is c (2 x* x - x^2) with x a factor less one; over logarithms it was 2 to 5 % off."""
+    """The evidence for a gain is c (2 x* x - x^2) with x a factor less one, no parabola over its logarithm."""
     sizes = [sign * size for sign in (-1, 1) for size in (0.05, 0.1, 0.2, 0.4, 0.8)]
     x, true = np.expm1(sizes), factor - 1
     (found,) = CausePosterior([Hypothesis("kT", size, is_gain=True) for size in sizes]).shares(

@@ -1,4 +1,4 @@
-"""Random drives: written as text, nested in sub-models or drawn, they are the same."""
+"""Random drives: written as text or drawn, they are the same."""
 
 from __future__ import annotations
 
@@ -40,13 +40,3 @@ def test_a_text_is_the_drawing(drive: RandomDrive, seed: int) -> None:
     assert {n: u for n, u in units.items() if not n.endswith("kT")} == {
         n: u for n, u in expected.items() if not n.endswith("kT")
     }
-
-
-@LAWS
-@given(drive=drives(), seed=seeds, data=st.data())
-def test_sub_models_change_nothing(drive: RandomDrive, seed: int, data: st.DataObject) -> None:
-    n = len(drive.parts)
-    groups = data.draw(st.lists(st.integers(0, 3), min_size=n, max_size=n))
-    nested, plain = flat(written(drive, groups), "Whole"), flat(written(drive))
-    assert behaviour(nested, seed) == behaviour(plain, seed)
-    assert values(nested) == values(plain)

@@ -1,4 +1,4 @@
-"""What a flat model does: its transfer functions at one point s, modulo a prime, by Gauss's elimination alone.
+"""What a flat model does: its transfer functions at one point s, modulo a prime.
 
 Modulo a prime numbers stay short, and two models that agree at random values agree.
 """
@@ -6,22 +6,21 @@ Modulo a prime numbers stay short, and two models that agree at random values ag
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from fractions import Fraction
+
+from sympy import GF
+from sympy.polys.matrices import DomainMatrix
 
 from monitor_core.modeling.flat import FlatModel
 from monitor_core.modeling.laurent import Laurent
 
 PRIME = 2**61 - 1
-Row = dict[str, int]
+FIELD = GF(PRIME, symmetric=False)
 
 
-def residue(coefficient: Laurent, values: Mapping[str, int]) -> int:
-    total = 0
-    for monomial, c in coefficient:
-        term = c.numerator * pow(c.denominator, -1, PRIME)
-        for name, e in monomial:
-            term = term * pow(values[name], e, PRIME) % PRIME
-        total += term
-    return total % PRIME
+def residue(coefficient: Laurent, values: Mapping[str, Fraction]) -> int:
+    value = Fraction(coefficient.value(values))
+    return value.numerator * pow(value.denominator, -1, PRIME) % PRIME
 
 
 def responses(
@@ -30,48 +29,22 @@ def responses(
     """(sensor's quantity, its number) -> kind of input -> transfer function there.
 
     Args:
-        model: as many equations as variables, or the elimination fails.
+        model: as many equations as variables, or there is no solution.
         value_of: the value of a parameter, not zero.
         s: where the transfer functions are wanted.
     """
-    values = {p.name: value_of(p.name) % PRIME for p in model.parameters}
-    kinds = {i.name: i.kind for i in model.inputs}
-    solution = solved([row(dict(e.terms), values, s) for e in model.equations], set(kinds))
+    values = {p.name: Fraction(value_of(p.name)) for p in model.parameters}
+    names = [v.name for v in model.variables]
+    column = {name: j for j, name in enumerate([*names, *(i.name for i in model.inputs)])}
+    rows = [[FIELD(0)] * len(column) for _ in model.equations]
+    for row, equation in zip(rows, model.equations, strict=True):
+        for (name, order), coefficient in equation.terms.items():
+            row[column[name]] += FIELD(residue(coefficient, values) * pow(s, order, PRIME))
+    M, n = DomainMatrix(rows, (len(rows), len(column)), FIELD), len(names)
+    solution = M[:, :n].lu_solve(-M[:, n:]).to_list()
     found = {}
     for k, sensor in enumerate(model.sensors):
         factor = s if sensor.quantity == "speed" else 1
-        angle = solution[sensor.angle]
-        found[sensor.quantity, k] = {kinds[u]: -c * factor % PRIME for u, c in angle.items() if c}
+        angle = zip(model.inputs, solution[column[sensor.angle]], strict=True)
+        found[sensor.quantity, k] = {i.kind: int(c) * factor % PRIME for i, c in angle if c}
     return found
-
-
-def row(terms: Mapping[tuple[str, int], Laurent], values: Mapping[str, int], s: int) -> Row:
-    out: Row = {}
-    for (name, order), coefficient in terms.items():
-        out[name] = (out.get(name, 0) + residue(coefficient, values) * pow(s, order, PRIME)) % PRIME
-    return {name: c for name, c in out.items() if c}
-
-
-def solved(rows: list[Row], inputs: set[str]) -> dict[str, Row]:
-    """Each variable as -(a sum of inputs); fails where the equations do not say."""
-    pivots: dict[str, Row] = {}
-    for equation in sorted(rows, key=len):
-        reduced = _without(equation, pivots)
-        name = next(n for n in reduced if n not in inputs)
-        scale = pow(reduced.pop(name), -1, PRIME)
-        pivot = {n: c * scale % PRIME for n, c in reduced.items()}
-        for other, held in pivots.items():
-            if name in held:
-                pivots[other] = _without(held, {name: pivot})
-        pivots[name] = pivot
-    return pivots
-
-
-def _without(equation: Row, pivots: Mapping[str, Row]) -> Row:
-    out = dict(equation)
-    for name in equation:
-        if name in pivots:
-            c = out.pop(name)
-            for other, d in pivots[name].items():
-                out[other] = (out.get(other, 0) - c * d) % PRIME
-    return {n: c for n, c in out.items() if c}

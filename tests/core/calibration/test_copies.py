@@ -1,9 +1,11 @@
-"""Copies of a record are what the axis would have done: the bias that colour makes is theirs, too."""
+"""Copies of a record: they are what the axis would have done, without what a gate leaves out."""
 
 import numpy as np
 import pytest
 
 from monitor_core.calibration.copy_excursions import simulate_excursions
+from monitor_core.calibration.healthy_records import deviations
+from monitor_core.calibration.surrogate_records import copy_source
 from tests.core.calibration.healthy_axes import plant_with, record
 from tests.shares import soaked
 
@@ -28,3 +30,19 @@ def test_records_too_short_for_copies_are_refused() -> None:
     plant = plant_with(0.0)
     with pytest.raises(ValueError, match=r"innovations|learned|memories"):
         simulate_excursions(plant.axis, [record(plant, 1, 1500)], 1.0, np.random.default_rng(1), 1000)
+
+
+def test_what_a_gate_leaves_out_is_counted_and_not_copied(seed: int) -> None:
+    plant = plant_with(0.0, memory=100)
+    ungated = record(plant, seed, 6000)
+    is_open = np.arange(6000) % 1000 < 600
+    gated = ungated._replace(gate=is_open)
+    (found,) = deviations(plant.axis, [gated])
+    late = np.arange(6000) >= found.seeding
+    assert 0 < found.seeding < 5000
+    assert found.gated == np.count_nonzero(late & ~is_open)
+    assert not found.tested[~is_open].any()
+    source = copy_source(plant.axis, gated)
+    assert source is not None
+    (first,) = np.flatnonzero(ungated.u == source.u[0])
+    np.testing.assert_array_equal(source.u, ungated.u[first:][is_open[first:]])
