@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import pytest
 from fastapi import FastAPI
@@ -307,10 +307,18 @@ def shared_app() -> FastAPI:
     return create_app(cast(AppState, _SHARED))
 
 
-class Daemon:
-    """The web server of a stage, in a thread of its own."""
+class Served(Protocol):
+    """What a web server can be started for."""
 
-    def __init__(self, stage: Stage, port: int = 0, certificate: Certificate | None = None) -> None:
+    stopping: bool
+
+    def app(self) -> FastAPI: ...
+
+
+class Daemon:
+    """The web server of a stage, or of a core that runs, in a thread of its own."""
+
+    def __init__(self, stage: Served, port: int = 0, certificate: Certificate | None = None) -> None:
         self._stop, self._ready = threading.Event(), threading.Event()
         self.port, self._stage = 0, stage
         stage.stopping = False
@@ -335,7 +343,7 @@ class Daemon:
 
 
 @contextmanager
-def serving(stage: Stage, certificate: Certificate | None = None) -> Iterator[str]:
+def serving(stage: Served, certificate: Certificate | None = None) -> Iterator[str]:
     """The address at which a stage is served."""
     daemon = Daemon(stage, certificate=certificate)
     try:
