@@ -17,7 +17,7 @@ from service.pipeline.bus_readers import BusReaders
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_transitions import Note
 from tests.end_to_end.processes import wait_for
-from tests.service.pipeline.robots import START_US, changed
+from tests.service.pipeline.robots import START_US, changed, on_bus, with_axes
 from tests.service.pipeline.running_core import AXIS, OTHER, RunningCore, cell, changed_axis
 from tests.service.pipeline.test_baselines import seconds, states
 
@@ -114,9 +114,7 @@ def test_the_alarms_of_an_axis_end_with_it_and_its_fault_is_found_again_where_it
     (alarm,), _ = core.journal.query(AXIS)
     note = Note(core.now_us, "anna")
     core.journal.act(alarm.id, AlarmEvent.SHELVE, note, core.now_us + 3_600_000_000)
-    (robot,) = core.config.robot
-    without = robot.model_copy(update={"axis": [axis for axis in robot.axis if axis.name != "axis1"]})
-    assert reloading.reload(core.config.model_copy(update={"robot": [without]})).removed == (AXIS,)
+    assert reloading.reload(with_axes(core.config, core.config.robot[0].axis[1:])).removed == (AXIS,)
     assert core.journal.query(AXIS, active=True)[1] == 0
     assert reloading.reload(core.config).added == (AXIS,)
     wait_for(lambda: len(core.worker.snapshot.axes) == 2)
@@ -171,10 +169,6 @@ def test_another_drawing_in_the_same_file_is_another_drive(
     with pytest.raises(ReloadError, match=r"cell\.mo:\d+: .*\bq\b"):
         reloading.reload(drawn)
     assert reloading.config == drawn
-
-
-def on_bus(config: Config, **values: object) -> Config:
-    return config.model_copy(update={"bus": (config.bus[0].model_copy(update=values),)})
 
 
 def test_a_bus_is_opened_again_and_its_axes_go_on(

@@ -22,7 +22,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, SimulatedConditions
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config
-from tests.service.pipeline.robots import changed, demo
+from tests.service.pipeline.robots import changed, demo, on_bus
 from tests.shares import soaked
 
 SPEED_ONLY = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
@@ -138,11 +138,7 @@ def test_after_a_stall_the_robot_goes_on_in_the_present(tmp_path: Path, seed: in
 
 def test_a_bus_inside_the_process_keeps_the_times_of_late_frames(tmp_path: Path, seed: int) -> None:
     """The robot of the demo may be stalled by what else its process does; its samples are not."""
-    config = demo(tmp_path, 1)
-    (bus,) = config.bus
-    config = config.model_copy(
-        update={"bus": (bus.model_copy(update={"options": {"preserve_timestamps": True}}),)}
-    )
+    config = on_bus(demo(tmp_path, 1), options={"preserve_timestamps": True})
     with open_buses(config.bus) as buses, open_buses(config.bus) as listening:
         send = sender(config, buses)
 
@@ -154,7 +150,7 @@ def test_a_bus_inside_the_process_keeps_the_times_of_late_frames(tmp_path: Path,
         frames, left_out = run_robot(
             SimulatedRobot(config, seed), stalled, threading.Event(), duration_s=0.2, latest_s=60.0
         )
-        times = [listening[bus.name].recv(0) for _ in range(frames)]
+        times = [listening["can0"].recv(0) for _ in range(frames)]
     assert left_out == 0
     stamps = np.array([message.timestamp for message in times if message is not None])
     np.testing.assert_allclose(np.unique(stamps) - stamps[0], np.arange(40) * 0.005, atol=1e-6)

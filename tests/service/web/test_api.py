@@ -14,7 +14,7 @@ from service.store.alarm_transitions import Note
 from service.texts.instants import iso
 from service.web import models, views
 from service.web.app_state import Latest
-from tests.service.web.conftest import COUNTERS, Stage, slow_courses
+from tests.service.web.conftest import COUNTERS, Stage, slow_courses, with_axis
 
 
 def get(client: TestClient, path: str, status: int = 200) -> Any:
@@ -120,8 +120,7 @@ def test_what_somebody_asks_for_is_made_with_each_snapshot(stage: Stage) -> None
 
 
 def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
-    first, other = stage.snapshot.axes
-    stage.snapshot = replace(stage.snapshot, axes=(replace(first, gated_by="mode = 2"), other))
+    with_axis(stage, gated_by="mode = 2")
     assert [axis["gated_by"] for axis in get(client, "/api/v1/axes")["axes"]] == ["mode = 2", None]
     metrics = client.get("/metrics").text
     assert 'axiswatch_axis_gated{axis="demo.axis1"} 1.0' in metrics

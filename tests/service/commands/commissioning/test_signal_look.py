@@ -13,7 +13,7 @@ from service.commands.commissioning.signal_look import SignalLook
 from service.config import Config
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.web.robot_setup import NoLookError, SignalCheck
-from tests.service.pipeline.robots import START_US, blocks, changed, demo
+from tests.service.pipeline.robots import START_US, blocks, changed, demo, with_axes
 from tests.service.web.test_recording_routes import ticking
 
 SECONDS = 6.0
@@ -85,10 +85,8 @@ def test_an_axis_that_sends_nothing_is_reported_by_its_message(
     tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
 ) -> None:
     config, sent = healthy
-    two = config.model_copy(
-        update={"robot": (config.robot[0].model_copy(update={"axis": demo(tmp_path, 3).robot[0].axis}),)}
-    )
-    found = looked_at(tmp_path, two, sent, "demo.axis3")
+    three = with_axes(config, demo(tmp_path, 3).robot[0].axis)
+    found = looked_at(tmp_path, three, sent, "demo.axis3")
     assert (found.samples, found.rate_hz, found.moves, found.signals) == (0, None, None, [])
     assert "message Axis3State (" in found.problems[0]
     assert f"never came on bus can0 in {SECONDS:.0f} s" in found.problems[0]
