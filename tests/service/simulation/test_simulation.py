@@ -23,6 +23,7 @@ from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, S
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config
 from tests.service.pipeline.robots import changed, demo, on_bus
+from tests.service.robot_tables import course
 from tests.shares import soaked
 
 SPEED_ONLY = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
@@ -42,11 +43,9 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
     estimator, changes = KINDS[kind]
     (simulated,) = changed(demo(tmp_path, 1), estimator={"initial_p": {}, **estimator}, **changes).axes
-    robot = ControlledAxis(simulated, np.random.default_rng(seed))
-    n = round(40 / robot.interval_s)
-    readings = [robot.sample(k) for k in range(n)]
-    times = np.arange(n) * round(robot.interval_s * 1e6)
-    u, y = (np.array([getattr(r, name) for r in readings]) for name in ("torque", "motion"))
+    interval_s = simulated.config.sample_interval_s
+    u, y = course(simulated, seed, round(40 / interval_s))
+    times = np.arange(u.size) * round(interval_s * 1e6)
     assert 0.5 < u.std() < 2.0
     monitors = AxisMonitors([simulated])
     assert monitors.update({simulated.id: SampleBlock(times, u, y)}) == []
