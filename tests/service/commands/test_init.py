@@ -14,10 +14,9 @@ from tests.service.commands.commissioning.test_commission import read_rows, tabl
 
 
 @pytest.fixture
-def record(tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> Path:
+def record(folder: Path, seed: int) -> Path:
     """A table of two axes with names: Time, A1_Trq, A1_Pos, A2_Trq, A2_Pos."""
-    monkeypatch.chdir(tmp_path)
-    return table(tmp_path / "record.csv", seed, 20.0, axes=2)
+    return table(folder / "record.csv", seed, 20.0, axes=2)
 
 
 def rename_columns(record: Path, names: str) -> None:
@@ -94,11 +93,9 @@ def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> Non
     assert (axis.config.torque.factor, axis.config.angle.wrap_period) == (-1, 360)
 
 
-def test_a_fast_motor_angle_of_a_slow_recorder(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("folder")
+def test_a_fast_motor_angle_of_a_slow_recorder(seed: int) -> None:
     """Every 12 ms, at up to 1400 turns a minute, rows missing: it moves a hundred degrees in a sample."""
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(seed)
     t = np.arange(5000) * 0.012
     accelerations = np.repeat(rng.uniform(-300, 300, 250), 20)

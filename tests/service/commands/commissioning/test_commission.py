@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
 from monitor_core.monitoring import axis_status
-from service.commands import commission, output_files
+from service.commands import output_files
 from service.commands.commissioning import axis_processes
 from service.commands.commissioning.signal_proposals import review
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
@@ -107,14 +107,6 @@ def write_rows(path: Path, rows: Floats, names: str | None = None, form: str | l
 def configured(path: Path, *axes: str) -> Path:
     path.write_text("# my robot\n[[robot]]\nname = 'cell'\n" + "".join(axes), encoding="utf-8")
     return path
-
-
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder in which commands run; calibrations are short."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)
-    return tmp_path
 
 
 def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
