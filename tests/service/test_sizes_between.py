@@ -23,8 +23,8 @@ def axis() -> NamedAxis:
     return load(shipped("demo/axiswatch.toml"), {}).axes[2]
 
 
-# kT 0.93 .. 1.16 are e^-0.07 .. e^0.15.  Friction that the scale of the output does not change would make up for the
-# error of the nearest size; then the scale of the output was named, and an alarm of fm followed.
+# kT 0.93 .. 1.16 are e^-0.07 .. e^0.15.  Friction that the scale of the output does not change may make up for the
+# error of the nearest size: the scale of the output must not be named for that.
 @pytest.mark.parametrize(
     ("name", "factor"),
     soaked(
