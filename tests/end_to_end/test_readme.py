@@ -24,7 +24,7 @@ from tests.conftest import no_pictures
 from tests.end_to_end.processes import PATIENCE_S, ROOT, demo_config, edit
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
-from tests.service.commands.commissioning.test_commission import table
+from tests.service.commands.commissioning.test_commission import FEW, table
 from tests.service.commands.live_robots import configured, moving
 from tests.service.commands.test_demo import as_shipped
 from tests.service.identification.conftest import write_record, write_robot
@@ -43,7 +43,6 @@ def code(language: str) -> list[str]:
 
 CONSOLE = list(dict.fromkeys(re.findall(r"^\$ (.+)$", "\n".join(code("console")), re.M)))
 TOML = code("toml")
-FEW_COPIES = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=60_000, bank_copies=20_000)
 
 
 def shown(start: str) -> list[list[str]]:
@@ -140,7 +139,7 @@ def test_a_robot_is_commissioned_by_one_command(
 ) -> None:
     (tmp_path / "axis.toml").write_text(TOML[0], encoding="utf-8")
     write_record(tmp_path / "healthy.csv", load(write_robot(tmp_path), {}), 34, seed)
-    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW_COPIES)
+    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)
     monkeypatch.chdir(tmp_path)
     (_, init, *_), (_, command) = shown("axiswatch init"), shown("axiswatch commission")
     proposed = axiswatch(*init[1:], "-o", "proposed.toml")
@@ -162,7 +161,7 @@ def test_a_robot_is_commissioned_on_its_bus(
         monkeypatch.setattr(axis_processes, "commission_axis", as_shipped)
     robot_config = configured(tmp_path / "true.toml", can_logs.dbc(tmp_path / "robot.dbc", 1, "rad"))
     rows = table(tmp_path / "rows.csv", seed, 40.0, sign=-1)
-    monkeypatch.setattr(commission, "options_for", lambda _budget_s: replace(FEW_COPIES, within_s=20.0))
+    monkeypatch.setattr(commission, "options_for", lambda _budget_s: replace(FEW, within_s=20.0))
     monkeypatch.setattr(live_recording, "LEAST_S", 1.0)
     monkeypatch.setattr(live_recording, "LOOK_S", 1.0)
     monkeypatch.chdir(tmp_path)

@@ -1,9 +1,13 @@
 """A configuration of the demo's first axes with columns for tables, and tables of its simulated robot."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from service.config import load
+import numpy as np
+
+from monitor_core.arrays import Floats
+from service.config import NamedAxis, load
+from service.simulation.axis import ControlledAxis, Reading
 from service.simulation.robot import Fault, SimulatedRobot
 from tests.end_to_end.processes import demo_config, edit
 
@@ -24,6 +28,18 @@ def configured(folder: Path, channel: str, *changes: tuple[str, str], axes: int 
         text = text.replace(old, new, 1)
     file.write_text(text, encoding="utf-8")
     return edit(file, *changes)
+
+
+def course(
+    axis: NamedAxis, seed: int, samples: int, fault: Mapping[str, float] = {}, fault_at: int = 0
+) -> tuple[Floats, Floats]:
+    """Torque and motion (samples,) of a simulated axis, whose parameters have other factors from that sample on."""
+    robot, readings = ControlledAxis(axis, np.random.default_rng(seed)), list[Reading]()
+    for k in range(samples):
+        if fault and k == fault_at:
+            robot.break_down(fault)
+        readings.append(robot.sample(k))
+    return np.array([r.torque for r in readings]), np.array([r.motion for r in readings])
 
 
 def rows(config: Path, seed: int, faults: Sequence[Fault], end_s: float) -> list[tuple[float, float, float]]:

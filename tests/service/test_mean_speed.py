@@ -15,7 +15,7 @@ from service.config import ConfigErrors, NamedAxis, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.axis import ControlledAxis
+from tests.service import robot_tables
 from tests.service.test_skew import written
 
 H, N, FAULT = 0.005, 6000, 4000
@@ -43,14 +43,7 @@ def run(axis: NamedAxis, u: np.ndarray, y: np.ndarray) -> AxisMonitor:
 @pytest.fixture(scope="module")
 def course(seed: int, tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, np.ndarray]:
     """Torque and mean speed of the simulated drive; kT falls by a fifth."""
-    robot = ControlledAxis(read(tmp_path_factory.mktemp("course")), np.random.default_rng(seed))
-    readings = []
-    for k in range(N):
-        if k == FAULT:
-            robot.break_down({"kT": 0.8})
-        readings.append(robot.sample(k)[:2])
-    u, y = (np.array(column) for column in zip(*readings, strict=True))
-    return u, y
+    return robot_tables.course(read(tmp_path_factory.mktemp("course")), seed, N, {"kT": 0.8}, FAULT)
 
 
 def test_the_model_has_the_mean_and_the_predictor_goes_with_it(tmp_path: Path) -> None:

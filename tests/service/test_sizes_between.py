@@ -11,7 +11,7 @@ from service.config.drive_sources import shipped
 from service.config.drives import axis_model
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.axis import ControlledAxis
+from tests.service.robot_tables import course
 from tests.shares import soaked
 
 HEALTHY, SAMPLES, BLOCK = 4_000, 14_000, 200
@@ -23,8 +23,8 @@ def axis() -> NamedAxis:
     return load(shipped("demo/axiswatch.toml"), {}).axes[2]
 
 
-# kT 0.93 .. 1.16 are e^-0.07 .. e^0.15.  Friction that the scale of the output does not change would make up for the
-# error of the nearest size; then the scale of the output was named, and an alarm of fm followed.
+# kT 0.93 .. 1.16 are e^-0.07 .. e^0.15.  Friction that the scale of the output does not change may make up for the
+# error of the nearest size: the scale of the output must not be named for that.
 @pytest.mark.parametrize(
     ("name", "factor"),
     soaked(
@@ -51,13 +51,8 @@ def test_the_cause_is_named(axis: NamedAxis, name: str, factor: float, seed: int
 
 def changed(axis: NamedAxis, fault: dict[str, float], seed: int) -> list[AxisAlarm]:
     """Every change of an alarm of the axis while it is simulated; the fault occurs after a while."""
-    robot, monitors = ControlledAxis(axis, np.random.default_rng(seed)), AxisMonitors([axis])
-    readings = []
-    for k in range(SAMPLES):
-        if k == HEALTHY:
-            robot.break_down(fault)
-        readings.append(robot.sample(k)[:2])
-    u, y = (np.array(column) for column in zip(*readings, strict=True))
+    u, y = course(axis, seed, SAMPLES, fault, HEALTHY)
+    monitors = AxisMonitors([axis])
     t_us = np.arange(SAMPLES, dtype=np.int64) * round(1e6 * axis.config.sample_interval_s)
     found = list[AxisAlarm]()
     for at in range(0, SAMPLES, BLOCK):

@@ -47,7 +47,7 @@ def test_every_truncation_gives_the_frames_before_it(tmp_path: Path, kind: str, 
 def test_a_head_that_is_cut_anywhere_is_no_endless_one(
     tmp_path: Path, kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A .trc file of 20 bytes, which ends in the comment behind its version, was read for ever."""
+    """As a .trc file of 20 bytes, which ends in the comment behind its version."""
     path, again, repeats = tmp_path / f"a{kind}", LogLines.again, list[int]()
 
     def counted(lines: LogLines) -> None:
@@ -65,7 +65,7 @@ def test_a_head_that_is_cut_anywhere_is_no_endless_one(
 
 
 def test_an_object_without_a_length_is_read_once(tmp_path: Path) -> None:
-    """In a .blf file: the same frame came again and again, for ever."""
+    """In a .blf file, where the next object would begin at the same place."""
     path = tmp_path / "a.blf"
     with can.BLFWriter(path, compression_level=0) as writer:
         for k in range(3):

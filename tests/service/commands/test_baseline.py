@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,12 @@ from structlog.testing import capture_logs
 from service.config.epoch_values import from_files, with_epoch
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
-from service.web.server import serve
 from tests.conftest import ROOT
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.running_core import AXIS, RunningCore, cell, changed_axis
+from tests.service.web.conftest import serving
 from tests.service.web.test_server import obeys_schema
 
 SECTION = "### After the repair: a new baseline"
@@ -48,20 +47,9 @@ def core(tmp_path: Path, seed: int) -> Iterator[RunningCore]:
 
 @pytest.fixture
 def url(core: RunningCore, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    stop, started, ports = threading.Event(), threading.Event(), list[int]()
-
-    def ready(port: int) -> None:
-        ports.append(port)
-        started.set()
-
-    server = threading.Thread(target=serve, args=(core.app(), "127.0.0.1", 0, ready, stop))
-    with capture_logs():
-        server.start()
-        assert started.wait(PATIENCE_S)
-        monkeypatch.setenv("AXISWATCH_URL", f"http://127.0.0.1:{ports[0]}")
-        yield f"http://127.0.0.1:{ports[0]}"
-        stop.set()
-        server.join(PATIENCE_S)
+    with capture_logs(), serving(core) as address:
+        monkeypatch.setenv("AXISWATCH_URL", address)
+        yield address
 
 
 def write_files(core: RunningCore, folder: Path) -> None:

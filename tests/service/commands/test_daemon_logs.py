@@ -41,12 +41,15 @@ def lines(stream: TextIO, log_format: LogFormat, environ: dict[str, str]) -> lis
     log = structlog.get_logger("test")
     log.info("running", axes=2)
     logging.getLogger("library").warning("said by a library")
+    secret = "axw_1234"
     try:
-        raise ValueError("first\nsecond")
+        raise ValueError(f"first\nsecond {len(secret)}")
     except ValueError:
         log.critical("failed", exc_info=True)
     stream.seek(0)
-    return stream.read().splitlines()
+    text = stream.read()
+    assert secret not in text, "a local variable, as the headers of a request are"
+    return text.splitlines()
 
 
 def test_a_file_gets_json(stream: TextIO) -> None:
@@ -57,7 +60,7 @@ def test_a_file_gets_json(stream: TextIO) -> None:
         ("failed", "critical"),
     ]
     assert found[0]["axes"] == 2
-    assert found[2]["exception"][0]["exc_value"] == "first\nsecond"
+    assert found[2]["exception"][0]["exc_value"] == "first\nsecond 8"
 
 
 def test_the_addresses_of_webhooks_which_httpx_logs_are_not_there(stream: TextIO) -> None:

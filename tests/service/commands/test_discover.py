@@ -215,11 +215,8 @@ def test_a_clock_that_was_set_back(seed: int) -> None:
     assert found_in(frames) == {"x50": ("x210", "angle")}
 
 
-def test_the_configuration_can_be_used_with_the_record(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    log = log_of(demo(tmp_path, 1), tmp_path / "unknown.log", seed)
-    monkeypatch.chdir(tmp_path)
+def test_the_configuration_can_be_used_with_the_record(folder: Path, seed: int) -> None:
+    log = log_of(demo(folder, 1), folder / "unknown.log", seed)
     text = shown("discover", log.name)
     assert "0x181" in text
     assert "0-1 signal (signed little-endian), 2-5 signal (signed little-endian), 6-7 counter" in text

@@ -10,14 +10,18 @@ import pytest
 from service.config import load
 from service.ingest.roles_by_name import role_of
 from tests.service.command_line import refused, shown
-from tests.service.commands.commissioning.test_commission import table
+from tests.service.commands.commissioning.test_commission import read_rows, table, write_rows
 
 
 @pytest.fixture
-def record(tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> Path:
+def record(folder: Path, seed: int) -> Path:
     """A table of two axes with names: Time, A1_Trq, A1_Pos, A2_Trq, A2_Pos."""
-    monkeypatch.chdir(tmp_path)
-    return table(tmp_path / "record.csv", seed, 20.0, axes=2)
+    return table(folder / "record.csv", seed, 20.0, axes=2)
+
+
+def rename_columns(record: Path, names: str) -> None:
+    _, _, rows = record.read_text(encoding="utf-8").partition("\n")
+    record.write_text(f"{names}\n{rows}", encoding="utf-8")
 
 
 def test_names_of_columns(record: Path) -> None:
@@ -70,8 +74,7 @@ def test_a_measured_load_is_a_signal(record: Path, column: str, axes: list[str])
 )
 def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes: list[str]) -> None:
     """A torque that a drive is asked for is one, too, where no other is recorded."""
-    _, _, rows = record.read_text(encoding="utf-8").partition("\n")
-    record.write_text(f"Time,{names}\n{rows}", encoding="utf-8")
+    rename_columns(record, f"Time,{names}")
     shown("init", record)
     found = load(Path("axis.toml")).axes
     assert [axis.config.name for axis in found] == axes
@@ -81,20 +84,18 @@ def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes:
 
 
 def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> None:
-    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    rows = read_rows(record)
     turned = np.column_stack([rows[:, 0], -rows[:, 1], np.degrees(rows[:, 2]) % 360])
-    np.savetxt(record, turned, "%.12g", ",", header="Time,Trq,Pos_deg", comments="")
+    write_rows(record, turned, "Time,Trq,Pos_deg")
     assert "torque Trq, angle Pos_deg: sure" in shown("init", record)
     (axis,) = load(Path("axis.toml")).axes
     assert axis.config.angle is not None
     assert (axis.config.torque.factor, axis.config.angle.wrap_period) == (-1, 360)
 
 
-def test_a_fast_motor_angle_of_a_slow_recorder(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.usefixtures("folder")
+def test_a_fast_motor_angle_of_a_slow_recorder(seed: int) -> None:
     """Every 12 ms, at up to 1400 turns a minute, rows missing: it moves a hundred degrees in a sample."""
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(seed)
     t = np.arange(5000) * 0.012
     accelerations = np.repeat(rng.uniform(-300, 300, 250), 20)
@@ -111,11 +112,11 @@ def test_a_fast_motor_angle_of_a_slow_recorder(
 
 def test_values_alone(record: Path) -> None:
     """Without names, times in milliseconds, one torque turned, a speed beside its angle, a wanted angle."""
-    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    rows = read_rows(record)
     t = 1e3 * (rows[:, 0] - rows[0, 0])
     first, second = (np.gradient(rows[:, k], 0.005) for k in (2, 4))
     columns = np.column_stack([t, rows[:, 2], first, -rows[:, 1], rows[:, 3], rows[:, 4], second, 0 * t])
-    np.savetxt(record, columns, "%.12g", ",")
+    write_rows(record, columns, "")
     text = shown("init", record)
     assert "not used: 2, 6, 7" in text
     a, b = (axis.config for axis in load(Path("axis.toml")).axes)
@@ -143,7 +144,7 @@ def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: i
     The axes make the same motion, so that each torque explains each of them.
     """
     rng = np.random.default_rng(seed)
-    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    rows = read_rows(record)
     angle, torque = rows[:, 2], rows[:, 1]
     noise = 0.05 * np.ptp(torque) * rng.standard_normal((len(torque), 2))
     wanted = np.convolve(torque, np.ones(5) / 5, "same")
@@ -152,7 +153,7 @@ def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: i
     table = np.column_stack([rows[:, 0] - rows[0, 0], *blocks])
     for row in rng.choice(np.arange(1, len(table) - 1), faulty_rows, replace=False):
         table[row, 1:] = rng.choice([0.0, 253.0, 1e293, -7e18], 8)
-    np.savetxt(record, table, "%.12g", ",")
+    write_rows(record, table, "")
     assert "not used: 3, 4, 7, 8" in shown("init", record)
     found = [(a.config.torque.column, a.config.motion.column) for a in load(Path("axis.toml")).axes]
     assert found == [("5", "1"), ("6", "2")]
@@ -161,26 +162,26 @@ def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: i
 def test_an_axis_that_nearly_always_stands(record: Path, seed: int) -> None:
     """It moves in one row of 130: that is no fault of the file, although its torque is far above its noise there."""
     rng = np.random.default_rng(seed)
-    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    rows = read_rows(record)
     torque = np.zeros(len(rows))
     torque[1000:1015], torque[1015:1030] = 5.0, -5.0
     speed = np.cumsum(torque / 0.01 * 0.005)
     rows[:, 3] = torque + 1e-3 * rng.standard_normal(len(rows))
     rows[:, 4] = np.cumsum(speed * 0.005) + 1e-5 * rng.standard_normal(len(rows))
-    np.savetxt(record, rows, "%.12g", ",", header="Time,A1_Trq,A1_Pos,A2_Trq,A2_Pos", comments="")
+    write_rows(record, rows, "Time,A1_Trq,A1_Pos,A2_Trq,A2_Pos")
     assert "axis2: torque A2_Trq, angle A2_Pos: sure" in shown("init", record)
 
 
 def test_two_torques_that_may_be_measured_are_both_named(record: Path, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    rows = read_rows(record)
     angle, torque = rows[:, 2], rows[:, 1]
     rough = [torque + 0.05 * np.ptp(torque) * rng.standard_normal(len(torque)) for _ in range(2)]
     # Of two axes, the second of which stands: what is of one quantity takes two columns.
     columns = [rows[:, 0] - rows[0, 0]]
     for quantity in (angle, np.gradient(angle, 0.005), *rough):
         columns += [quantity, np.zeros(len(angle))]
-    np.savetxt(record, np.column_stack(columns), "%.12g", ",")
+    write_rows(record, np.column_stack(columns), "")
     text = shown("init", record)
     assert (
         "torque 5, angle 1: likely; or torque 7" in text or "torque 7, angle 1: likely; or torque 5" in text
@@ -188,17 +189,13 @@ def test_two_torques_that_may_be_measured_are_both_named(record: Path, seed: int
 
 
 def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
-    lines = record.read_text(encoding="utf-8").splitlines()
-    lines[0] = "t,tau_1,q_1,tau_ref_2,q_cmd_2"
-    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rename_columns(record, "t,tau_1,q_1,tau_ref_2,q_cmd_2")
     assert "not used: tau_ref_2, q_cmd_2" in shown("init", record)
     assert [axis.id for axis in load(Path("axis.toml")).axes] == ["robot1.axis1"]
 
 
 def test_units_in_names(record: Path) -> None:
-    lines = record.read_text(encoding="utf-8").splitlines()
-    lines[0] = "Time,A1_Trq_mNm,A1_Pos_deg,A2_Trq [Nm],A2_Pos"
-    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rename_columns(record, "Time,A1_Trq_mNm,A1_Pos_deg,A2_Trq [Nm],A2_Pos")
     assert "sure" in shown("init", record)
     first, second = (axis.config for axis in load(Path("axis.toml")).axes)
     assert first.torque.factor == 0.001
@@ -253,7 +250,7 @@ def test_mistakes(record: Path, words: list[str], message: str) -> None:
 def test_a_table_with_a_row_for_each_axis_or_signal(
     record: Path, head: str, line: str, names: tuple[str, str]
 ) -> None:
-    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    rows = read_rows(record)
     lines = [line.format(row[0], k, row[2 * k - 1], row[2 * k]) for row in rows for k in (1, 2)]
     record.write_text(f"{head}\n" + "".join(lines), encoding="utf-8")
     text = shown("init", record)
@@ -278,7 +275,7 @@ def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None
 
 def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) -> None:
     """In degrees: of the arm behind a gear of 1 to 100, of a motor that is as fast as servo motors are."""
-    rows = np.loadtxt(record, delimiter=",", skiprows=1)
+    rows = read_rows(record)
     fastest = np.quantile(np.abs(rows[10:, 2] - rows[:-10, 2]), 0.999) / 0.05
     for rad_s, words in (
         (2.5, "of the arm, as it reaches"),
@@ -287,7 +284,7 @@ def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) 
     ):
         angle = np.degrees(rows[:, 2] * rad_s / fastest)
         columns = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], angle])
-        np.savetxt(record, columns, "%.12g", ",", header="Time,Trq [Nm],Pos [deg]", comments="")
+        write_rows(record, columns, "Time,Trq [Nm],Pos [deg]")
         shown("init", record, "--force")
         (line,) = (x for x in Path("axis.toml").read_text("utf-8").splitlines() if x.startswith("angle"))
         assert (words in line) if words else "likely of the" not in line
@@ -295,9 +292,7 @@ def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) 
 
 @pytest.mark.parametrize("name", ["Achse 1 Istposition (Grad)", "Pos_deg(:,1)", "Winkel [deg]"])
 def test_degrees(record: Path, name: str) -> None:
-    lines = record.read_text(encoding="utf-8").splitlines()
-    lines[0] = f'Time,A1_Trq,"{name}",A2_Trq,A2_Pos'
-    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    rename_columns(record, f'Time,A1_Trq,"{name}",A2_Trq,A2_Pos')
     shown("init", record)
     factors = {axis.config.motion.column: axis.config.motion.factor for axis in load(Path("axis.toml")).axes}
     assert factors[name] == pytest.approx(np.pi / 180)

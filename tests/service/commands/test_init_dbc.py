@@ -33,10 +33,7 @@ BA_ "GenMsgCycleTime" BO_ 702 10;
 """
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("folder")
 
 
 def proposed(dbc: Path) -> tuple[str, tuple[NamedAxis, ...]]:

@@ -26,12 +26,6 @@ def rows(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
     return table(tmp_path_factory.mktemp("rows") / "rows.csv", seed, 16.0, axes=2)
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def bus_of(config: Path) -> str:
     bus = load(config, {}).bus[0]
     return f"{bus.interface}:{bus.channel},preserve_timestamps=true"

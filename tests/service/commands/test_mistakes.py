@@ -41,7 +41,7 @@ def test_a_bus_that_cannot_be_opened(command: str, config: Path, record: Path) -
     bus = ('interface = "virtual"\nchannel = "mistakes"', 'interface = "socketcan"\nchannel = "can9"')
     given: list[Path | str] = [record] if command == "play" else []
     given += ["--yes"] if command in ("play", "simulate") else []
-    refused(3, ["bus can0:", "can9"], command, "--config", edit(config, bus), *given)
+    refused(3, ["bus can0:", "no network interface can9"], command, "--config", edit(config, bus), *given)
 
 
 def test_what_a_daemon_needs_is_taken(config: Path, tmp_path: Path) -> None:

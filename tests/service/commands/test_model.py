@@ -104,11 +104,8 @@ MISTAKES = [
 @pytest.mark.parametrize(
     ("arguments", "words"), MISTAKES, ids=[" ".join(a) or "nothing" for a, _ in MISTAKES]
 )
-def test_mistakes(
-    arguments: list[str], words: list[str], drawing: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    config = demo_config(tmp_path, axes=2)
+def test_mistakes(arguments: list[str], words: list[str], drawing: Path, folder: Path) -> None:
+    config = demo_config(folder, axes=2)
     given = [a.replace("CONFIG", str(config)).replace("DRAWING", str(drawing)) for a in arguments]
     message = refused("model", *given)
     assert [word for word in words if word not in message] == []

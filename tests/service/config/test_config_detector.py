@@ -37,11 +37,10 @@ def detector(path: Path, *rows: str) -> Path:
     return edit(path, ("[robot.axis.detector]\n", "\n".join(["[robot.axis.detector]", *rows, ""])))
 
 
-def calibrated(path: Path, entries: list[dict[str, object]]) -> Path:
+def calibrated(path: Path, entries: list[dict[str, object]], *thresholds: float) -> Path:
     axis = load(path, {}).axes[0].config
-    (path.parent / "thresholds.toml").write_text(
-        thresholds_text(axis) + hypotheses(entries), encoding="utf-8"
-    )
+    text = thresholds_text(axis, *thresholds) + hypotheses(entries)
+    (path.parent / "thresholds.toml").write_text(text, encoding="utf-8")
     path.write_text(named(robot_text()), encoding="utf-8")
     return path
 
@@ -138,13 +137,8 @@ def test_where_nominal_values_follow_the_heat_alone_the_bank_alarms(robot: Path)
 
 
 @pytest.fixture
-def thresholded(tmp_path: Path) -> Path:
-    path = write_robot(tmp_path)
-    (tmp_path / "thresholds.toml").write_text(
-        thresholds_text(load(path, {}).axes[0].config, 1.5, 7.0, 0.02), encoding="utf-8"
-    )
-    path.write_text(named(robot_text()), encoding="utf-8")
-    return path
+def thresholded(robot: Path) -> Path:
+    return calibrated(robot, [], 1.5, 7.0, 0.02)
 
 
 def settings(config: Config) -> tuple[Threshold, ...]:

@@ -6,15 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from service.commands.identification_task import Request, prepare
 from service.config import Config, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
-from service.simulation.axis import ControlledAxis
 from tests.demo_text import demo_text
+from tests.service.robot_tables import course
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
 TRUE = {"fc": 0.0, "tau0": 0.0}
@@ -54,14 +53,9 @@ def write_record(
     """A table of the simulated axis."""
     (axis,) = config.axes
     h = axis.config.sample_interval_s
-    plant = ControlledAxis(axis, np.random.default_rng(seed))
-    rows = []
-    for k in range(round(seconds / h)):
-        if fault and k == round(after_s / h):
-            plant.break_down(fault)
-        reading = plant.sample(k)
-        rows.append((k * h, reading.torque, reading.motion))
-    text = "".join(f"{t:.6f},{u:.10g},{y:.13g}\n" for t, u, y in rows)
+    torque, motion = course(axis, seed, round(seconds / h), fault, round(after_s / h))
+    rows = zip(torque, motion, strict=True)
+    text = "".join(f"{k * h:.6f},{u:.10g},{y:.13g}\n" for k, (u, y) in enumerate(rows))
     path.write_text("t,torque,angle\n" + text, encoding="utf-8")
     return path
 

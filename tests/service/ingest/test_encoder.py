@@ -17,8 +17,8 @@ from service.config.drives import axis_model
 from service.config.remarks import remarks
 from service.ingest.loaded_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.simulation.axis import ControlledAxis
 from service.simulation.robot import Fault
+from tests.service import robot_tables
 from tests.service.command_line import shown
 from tests.service.pipeline.robots import blocks, live
 from tests.service.test_skew import replayed, written
@@ -41,13 +41,7 @@ def config(folder: Path, angle: str = "", *changes: tuple[str, str]) -> Path:
 def course(seed: int, tmp_path_factory: pytest.TempPathFactory) -> Course:
     """Torque and motor angle; the torque constant falls by a third."""
     axis = load(config(tmp_path_factory.mktemp("course")), {}).axes[0]
-    robot = ControlledAxis(axis, np.random.default_rng(seed))
-    readings = []
-    for k in range(N):
-        if k == FAULT:
-            robot.break_down({"kT": 0.66})
-        readings.append(robot.sample(k))
-    u, y, *_ = (np.array(column) for column in zip(*readings, strict=True))
+    u, y = robot_tables.course(axis, seed, N, {"kT": 0.66}, FAULT)
     return u, y + 0.01  # its first angle is not about to start again
 
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from monitor_core.arrays import Floats
 from monitor_core.samples import concatenate
 from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import RecordError
@@ -231,7 +232,8 @@ def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) 
     """As on the bus, at the time of the row; blocks change nothing, to the last bit."""
     rng = np.random.default_rng(seed)
     rows = 60
-    t_us, angle = 5000.0 * np.arange(rows), np.cumsum(rng.normal(size=rows))
+    t_us: Floats = np.arange(0.0, 5000.0 * rows, 5000.0)
+    angle: Floats = np.cumsum(rng.normal(size=rows))
     config = make_config(
         tmp_path, axis1(time={"column": "t"}), axis2(time={"column": "t"}, signal=[ACCELERATION], **GATE_TWO)
     )

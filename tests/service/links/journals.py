@@ -4,6 +4,7 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
@@ -66,6 +67,9 @@ class Inbox:
 
 class Post:
     """A journal, its outbox and one link."""
+
+    inbox: Any
+    """As given; after ``close`` it may be another receiver"""
 
     def __init__(self, folder: Path, inbox: Inbox, priorities: Sequence[Priority] = PRIORITIES) -> None:
         self.folder, self.inbox, self.priorities = folder, inbox, priorities

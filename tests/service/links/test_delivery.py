@@ -1,7 +1,9 @@
 """What was promised to a link is delivered in order, at least once, or given up and counted."""
 
 import math
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -195,8 +197,8 @@ def test_other_priorities_are_passed_over_for_good(tmp_path: Path) -> None:
 def test_more_than_is_read_at_once(tmp_path: Path) -> None:
     post = Post(tmp_path, Inbox(most=PAGE))
     number = record(post.journal)
-    with post.journal._db.write() as connection:
-        connection.execute(
+    with closing(sqlite3.connect(post.folder / "alarms.sqlite")) as file, file:
+        file.execute(
             "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 1200)"
             " INSERT INTO alarm_transition (alarm_id, at_us, event, from_state, to_state, who, comment, work_order)"
             " SELECT ?, ?, 'comment', 'unacknowledged', 'unacknowledged', 'anna', i, '' FROM n",

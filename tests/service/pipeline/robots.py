@@ -22,9 +22,19 @@ START_US = 1_760_000_000_000_000
 def demo(folder: Path, axes: int = 2, **service: float) -> Config:
     """The demo's configuration for its first axes, with its state in a folder."""
     config = load(DEMO, {})
-    robot = config.robot[0].model_copy(update={"axis": config.robot[0].axis[:axes]})
     kept = config.service.model_copy(update={"state_dir": folder, **service})
-    return config.model_copy(update={"robot": (robot,), "service": kept})
+    return with_axes(config, config.robot[0].axis[:axes]).model_copy(update={"service": kept})
+
+
+def with_axes(config: Config, axes: Sequence[AxisConfig]) -> Config:
+    """The configuration of a robot that has these axes."""
+    robot = config.robot[0].model_copy(update={"axis": tuple(axes)})
+    return config.model_copy(update={"robot": (robot,)})
+
+
+def on_bus(config: Config, **values: object) -> Config:
+    """The configuration with other values of its bus."""
+    return config.model_copy(update={"bus": (config.bus[0].model_copy(update=values),)})
 
 
 def changed(config: Config, only: str = "", **parts: Any) -> Config:
@@ -37,9 +47,7 @@ def changed(config: Config, only: str = "", **parts: Any) -> Config:
         }
         return axis.model_copy(update=new) if only in ("", axis.name) else axis
 
-    robot = config.robot[0]
-    robot = robot.model_copy(update={"axis": tuple(map(with_parts, robot.axis))})
-    return config.model_copy(update={"robot": (robot,)})
+    return with_axes(config, [*map(with_parts, config.robot[0].axis)])
 
 
 def moments(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 
 from fastapi import FastAPI
 
+from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config
 from service.pipeline.alarm_recording import Alarms, quantities
@@ -21,6 +22,7 @@ from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisSnapshot
+from service.pipeline.wall_clock import WallClock
 from service.pipeline.worker import Compiled, Worker
 from service.simulation.robot import Fault
 from service.store.checkpoints import Checkpoints
@@ -34,13 +36,15 @@ from tests.end_to_end.processes import wait_for
 from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 
 AXIS, OTHER = "demo.axis1", "demo.axis2"
+NOW_US = 1_760_000_100_000_000
+"""Of a clock that stands still."""
 TRUTH = 1.3 * 0.06
 """Friction of the first axis; the configuration has 0.06."""
 
 
 def cell(folder: Path, axes: int = 2) -> Config:
     """The demo without the multi-model detectors, which take most of the time to start."""
-    return changed(demo(folder, axes), detector={"shadow": False})
+    return changed(demo(folder, axes, checkpoint_interval_s=3600.0), detector={"shadow": False})
 
 
 def changed_axis(folder: Path, seconds_s: float, seed: int) -> list[Frame]:
@@ -66,42 +70,86 @@ class Fed(Waiting):
             self.frames += frames
 
 
-class RunningCore:
-    """The core of the daemon in a folder, from its start until ``close``."""
+class StandingCore:
+    """The core of the daemon in a folder, whose worker has not been started.
 
-    def __init__(self, folder: Path, config: Config) -> None:
-        self.config, self.reader = config, Fed()
-        self.now_us = START_US
+    Args:
+        folder: of its files.
+        config: the configuration.
+        reader: what the worker takes its frames from.
+        recorder: of all frames.
+        clock_us: the time of the day.
+        wall: the same where it is looked at for steps.
+        start_messages: further messages of the start.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        config: Config,
+        reader: Waiting,
+        recorder: FrameRecorder | None = None,
+        clock_us: Callable[[], int] = lambda: NOW_US,
+        wall: WallClock | None = None,
+        start_messages: Sequence[str] = (),
+    ) -> None:
+        self.config = config
         self.journal = Journal(folder / "alarms.sqlite")
         self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
-        begun = at_start(config.axes, self.journal.epochs, self.now_us)
-        self.core = FramePipeline(config, begun.axes)
+        self.begun = at_start(config.axes, self.journal.epochs, clock_us())
+        self.core = FramePipeline(config, self.begun.axes)
         monitors = self.core.monitors
-        restored = bring_back(monitors, begun, self.checkpoints, self.journal, self.now_us)
-        self.messages = (*begun.messages, *restored.messages)
-        alarms = Alarms(self.journal, quantities(monitors.by_id))
+        restored = bring_back(monitors, self.begun, self.checkpoints, self.journal, clock_us())
+        self.messages = (*self.begun.messages, *restored.messages, *start_messages)
+        alarms = Alarms(self.journal, quantities(monitors.by_id), wall=wall)
         alarms.adopt(restored.open)
-        compiled = Compiled(Future(), Future())
-        for kernel in compiled:
-            kernel.set_result(None)
+        self.compiled = Compiled(Future(), Future())
         self.failed = threading.Event()
-        recording = Recording(None)
-        bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
-        self.checkpointer = Checkpointer(self.checkpoints, monitors, 3600.0, lambda: self.now_us)
-        parts = WorkerParts(
-            self.core,
-            alarms,
-            HistoryRecording(lambda: HistoryStore(folder / "history.sqlite", bounds), 10.0),
-            recording,
-            self.checkpointer,
+        self.recording = Recording(recorder)
+        bounds, service = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9), config.service
+        self.history = HistoryRecording(
+            lambda: HistoryStore(folder / "history.sqlite", bounds), service.history_interval_s
         )
-        buses = [BusIntake("can0", self.reader, self.core.ingests["can0"], recording)]
+        self.checkpointer = Checkpointer(self.checkpoints, monitors, service.checkpoint_interval_s, clock_us)
         self.worker = Worker(
-            config, parts, buses, compiled, lambda: self.now_us, self.messages, self.failed.set
+            config,
+            WorkerParts(self.core, alarms, self.history, self.recording, self.checkpointer),
+            [BusIntake("can0", reader, self.core.ingests["can0"], self.recording)],
+            self.compiled,
+            wall or clock_us,
+            self.messages,
+            self.failed.set,
         )
+
+    def compile(self) -> None:
+        """The kernels are ready from now on."""
+        for kernel in self.compiled:
+            kernel.set_result(None)
+
+    def run(self) -> Worker:
+        """To the end of the frames, with kernels that are ready at once."""
+        self.compile()
+        self.worker.start()
+        self.worker.stop()
+        return self.worker
+
+    def close(self) -> None:
+        """Its files."""
+        self.history.stop()
+        self.journal.close()
+        self.checkpoints.close()
+
+
+class RunningCore(StandingCore):
+    """The core of the daemon in a folder, from its start until ``close``; its clock is that of the last frame."""
+
+    def __init__(self, folder: Path, config: Config) -> None:
+        self.reader, self.now_us, self.stopping = Fed(), START_US, False
+        super().__init__(folder, config, self.reader, clock_us=lambda: self.now_us)
         self.baselines = Baselines(
-            config.axes, begun.axes, self.worker, self.journal.epochs, lambda: self.now_us
+            config.axes, self.begun.axes, self.worker, self.journal.epochs, lambda: self.now_us
         )
+        self.compile()
         self.worker.start()
 
     def feed(self, frames: Sequence[Frame]) -> None:
@@ -141,6 +189,5 @@ class RunningCore:
     def close(self) -> None:
         """End it, with a last checkpoint."""
         self.worker.stop()
-        self.journal.close()
-        self.checkpoints.close()
+        super().close()
         assert self.failed.is_set() or self.worker.error is None

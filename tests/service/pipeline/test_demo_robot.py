@@ -10,7 +10,7 @@ from service.config.drive_sources import shipped
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault, FaultError, SimulatedRobot
-from tests.service.pipeline.robots import START_US, blocks, demo
+from tests.service.pipeline.robots import START_US, blocks, demo, with_axes
 from tests.shares import soaked
 
 FAULT_S = 10.0
@@ -21,8 +21,7 @@ NAMED_S = 1.2
 def commissioned(axes: int) -> Config:
     """What the demo's daemon runs with, for its first axes."""
     config = load(shipped("demo/axiswatch.toml"), {})
-    robot = config.robot[0].model_copy(update={"axis": config.robot[0].axis[:axes]})
-    return config.model_copy(update={"robot": (robot,)})
+    return with_axes(config, config.robot[0].axis[:axes])
 
 
 def alarms(

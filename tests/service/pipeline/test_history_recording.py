@@ -42,10 +42,16 @@ def at(t_s: float, **changes: Any) -> AxisStatus:
 class Bench:
     """A recording whose clock moves by hand."""
 
-    def __init__(self, path: Path, interval_s: float = 10.0, most: int = 1000) -> None:
+    def __init__(
+        self,
+        path: Path,
+        interval_s: float = 10.0,
+        most: int = 1000,
+        opened: Callable[[Path, Bounds], HistoryStore] = HistoryStore,
+    ) -> None:
         self.path, self.clock = path, 0.0
         self.recording = HistoryRecording(
-            lambda: HistoryStore(path, BOUNDS), interval_s, lambda: self.clock, lambda: NOW_S, most
+            lambda: opened(path, BOUNDS), interval_s, lambda: self.clock, lambda: NOW_S, most
         )
 
     def take(self, status: AxisStatus, paused: bool = False) -> None:
@@ -251,14 +257,13 @@ def test_a_file_that_becomes_damaged_is_set_aside_and_a_new_one_takes_what_waits
 def test_a_file_that_cannot_be_opened_is_tried_again(tmp_path: Path) -> None:
     tries: list[int] = []
 
-    def opened() -> HistoryStore:
+    def opened(path: Path, bounds: Bounds) -> HistoryStore:
         tries.append(1)
         if len(tries) < 3:
             raise StoreError("history.sqlite.lock: No space left on device")
-        return HistoryStore(tmp_path / "history.sqlite", BOUNDS)
+        return HistoryStore(path, bounds)
 
-    bench = Bench(tmp_path / "history.sqlite")
-    bench.recording._open = opened
+    bench = Bench(tmp_path / "history.sqlite", opened=opened)
     for k in range(3):
         bench.take(at(10 * k))
         bench.write()

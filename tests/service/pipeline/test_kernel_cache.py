@@ -187,7 +187,7 @@ print(*sorted(kind.__name__ for kind in set(typeof_impl.registry) - before))
 
 
 def test_a_first_call_changes_nothing_that_a_call_in_another_thread_looks_through(tmp_path: Path) -> None:
-    """A daemon with a checkpoint calls the kernel while a thread loads it: it ended now and then at its start."""
+    """A daemon with a checkpoint calls the kernel while a thread loads it."""
     environ = os.environ | {VARIABLE: str(tmp_path)}
     command = [sys.executable, "-c", _FIRST_CALL]
     answer = subprocess.run(command, env=environ, capture_output=True, text=True, timeout=300, check=False)

@@ -16,7 +16,7 @@ from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import Fault
 from tests.demo_text import demo_text
 from tests.service.ingest.plant import rows_of
-from tests.service.pipeline.robots import DEMO, START_US, cut, live, moments, replayed
+from tests.service.pipeline.robots import DEMO, START_US, cut, live, moments, replayed, with_axes
 
 LENGTH_S = 40.0
 FAULT_S = 30.0
@@ -237,10 +237,7 @@ def test_a_signal_that_is_silent_is_no_longer_believed(file: Path, broken: list[
 def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[Frame]) -> None:
     """Whichever its place is in the bank that it shares."""
     frames, config = with_state(healthy[:9000], {"from": 5.0, "to": 7.0, "mode": 1}), load(file, {})
-    (robot_config,) = config.robot
-    turned = config.model_copy(
-        update={"robot": (robot_config.model_copy(update={"axis": robot_config.axis[::-1]}),)}
-    )
+    turned = with_axes(config, config.robot[0].axis[::-1])
     cores = [ran(each, frames)[0] for each in (config, turned)]
     for axis_id, gated in (("demo.axis1", 400), ("demo.axis2", 0)):
         first, second = (core.monitors.by_id[axis_id] for core in cores)

@@ -17,7 +17,7 @@ from service.pipeline.bus_readers import BusReaders
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_transitions import Note
 from tests.end_to_end.processes import wait_for
-from tests.service.pipeline.robots import START_US, changed
+from tests.service.pipeline.robots import START_US, changed, on_bus, with_axes
 from tests.service.pipeline.running_core import AXIS, OTHER, RunningCore, cell, changed_axis
 from tests.service.pipeline.test_baselines import seconds, states
 
@@ -68,33 +68,27 @@ def test_an_axis_that_is_not_changed_is_the_same_bits(
     plain.close()
 
 
-def test_an_axis_with_other_thresholds_keeps_its_estimates_and_its_alarm(
-    core: RunningCore, reloading: Reloading
+def test_what_leaves_the_model_as_it_is_keeps_estimates_alarm_and_epoch(
+    core: RunningCore, reloading: Reloading, frames: list[Frame]
 ) -> None:
-    before = core.axis()
-    new = changed(
-        core.config,
-        "axis1",
-        detector=core.config.axes[0].config.detector.model_copy(update={"alpha_2": 25.0}),
-    )
-    found = reloading.reload(new)
+    """Another trend, other thresholds, and nothing, with a window that is learned meanwhile."""
+    before, state = core.axis(), states(core, AXIS)
+    trend = changed(core.config, "axis1", trend={"lead_time": 86400.0})
+    assert reloading.reload(trend).changed == (AXIS,)
+    assert states(core, AXIS) == state
+    thresholds = changed(trend, "axis1", detector={"alpha_2": 25.0})
+    found = reloading.reload(thresholds)
     assert (found.changed, found.kept) == ((AXIS,), 1)
     wait_for(lambda: core.axis().status.parameters[2].h != before.status.parameters[2].h)
     after = core.axis()
-    assert after.epoch.number == 1
     assert after.status.parameters[2].h == pytest.approx(25 / 20 * before.status.parameters[2].h)
     assert [a.raised_us for a in after.open_alarms] == [a.raised_us for a in before.open_alarms]
-
-
-def test_an_axis_with_another_trend_goes_on_where_it_was(
-    core: RunningCore, reloading: Reloading, frames: list[Frame]
-) -> None:
-    before = states(core, AXIS)
-    new = changed(core.config, "axis1", trend={"lead_time": 86400.0})
-    assert reloading.reload(new).changed == (AXIS,)
-    assert states(core, AXIS) == before
     core.feed(seconds(frames, 12, 13))
     assert (core.axis().epoch.number, core.axis().status.samples) == (1, 2600)
+    core.baselines.learn(AXIS, 36.0, 0.0, Note(START_US, "anna"))
+    assert reloading.reload(thresholds) == Reloaded((), (), (), 2, ())
+    assert reloading.reload(changed(thresholds, "axis2", trend={"lead_time": 86400.0})).changed == (OTHER,)
+    assert core.epochs()[0].state == "learning"
 
 
 def test_axes_are_added_and_removed(
@@ -120,9 +114,7 @@ def test_the_alarms_of_an_axis_end_with_it_and_its_fault_is_found_again_where_it
     (alarm,), _ = core.journal.query(AXIS)
     note = Note(core.now_us, "anna")
     core.journal.act(alarm.id, AlarmEvent.SHELVE, note, core.now_us + 3_600_000_000)
-    (robot,) = core.config.robot
-    without = robot.model_copy(update={"axis": [axis for axis in robot.axis if axis.name != "axis1"]})
-    assert reloading.reload(core.config.model_copy(update={"robot": [without]})).removed == (AXIS,)
+    assert reloading.reload(with_axes(core.config, core.config.robot[0].axis[1:])).removed == (AXIS,)
     assert core.journal.query(AXIS, active=True)[1] == 0
     assert reloading.reload(core.config).added == (AXIS,)
     wait_for(lambda: len(core.worker.snapshot.axes) == 2)
@@ -179,10 +171,6 @@ def test_another_drawing_in_the_same_file_is_another_drive(
     assert reloading.config == drawn
 
 
-def on_bus(config: Config, **values: object) -> Config:
-    return config.model_copy(update={"bus": (config.bus[0].model_copy(update=values),)})
-
-
 def test_a_bus_is_opened_again_and_its_axes_go_on(
     core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
 ) -> None:
@@ -222,17 +210,3 @@ def arrive(core: RunningCore, config: Config, frames: list[Frame], samples: int)
         for frame in frames:
             send(buses["can0"], frame.key, frame.data, frame.t_us * 1e-6)
     wait_for(lambda: [axis.status.samples for axis in core.worker.snapshot.axes[:2]] == [samples] * 2)
-
-
-def test_a_reload_without_a_change_keeps_an_epoch(core: RunningCore, reloading: Reloading) -> None:
-    reload = reloading.reload
-    core.baselines.learn(AXIS, 36.0, 0.0, Note(START_US, "anna"))
-    assert reload(core.config) == Reloaded((), (), (), 2, ())
-    assert reload(
-        changed(
-            core.config,
-            "axis2",
-            trend=core.config.axes[1].config.trend.model_copy(update={"lead_time": 86400.0}),
-        )
-    )
-    assert core.epochs()[0].state == "learning"

@@ -10,7 +10,7 @@ from service.can.frames import Frame, FrameBlock
 from service.pipeline.wall_clock import WallClock
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import START_US, Waiting, blocks, demo
-from tests.service.pipeline.test_worker import Bench
+from tests.service.pipeline.running_core import StandingCore
 
 HOUR_US = 3_600_000_000
 FAULTS = [Fault("demo.axis1", {"fm": 2.0}, 6.0), Fault("demo.axis1", {"fm": 0.5}, 14.0)]
@@ -82,7 +82,7 @@ def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame]
     clocks = Clocks()
     reader = Stepping(frames, step_us, clocks)
     wall = WallClock(clocks.wall_us, clocks.steady)
-    bench = Bench(tmp_path, demo(tmp_path, 1), reader, wall=wall)
+    bench = StandingCore(tmp_path, demo(tmp_path, 1), reader, wall=wall)
     bench.compile()
     while reader.frames:
         reader.go_on()

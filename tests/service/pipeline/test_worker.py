@@ -1,8 +1,6 @@
 """The worker with real monitors, a real journal and real checkpoints; only the frames are there from the start."""
 
-import threading
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Future
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,84 +10,26 @@ from structlog.testing import capture_logs
 from monitor_core.monitoring import AlarmEvent, Status
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
-from service.config import Config
 from service.config.schema_model import DetectorConfig
 from service.pipeline import publishing
 from service.pipeline import worker as worker_module
-from service.pipeline.alarm_recording import Alarms, quantities
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.bus_readers import BusIntake
-from service.pipeline.checkpointing import Checkpointer, states_of
-from service.pipeline.history_recording import HistoryRecording
-from service.pipeline.publishing import LOOKED_AT_S, UNSEEN_S, WorkerParts
-from service.pipeline.recording import Recording
+from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.checkpointing import states_of
+from service.pipeline.publishing import LOOKED_AT_S, UNSEEN_S
 from service.pipeline.snapshot import Snapshot
-from service.pipeline.wall_clock import WallClock
-from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, Compiled, Worker
+from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL
 from service.simulation.robot import Fault
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.checkpoints import Checkpoint, Checkpoints
+from service.store.checkpoints import Checkpoint
 from service.store.database import StoreError
 from service.store.history_query import Question, ask
-from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
-from service.store.journal import Journal
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.ingest.test_can_logs import fill_the_disk
 from tests.service.pipeline.robots import Waiting, blocks, changed, demo
+from tests.service.pipeline.running_core import NOW_US, StandingCore
 
-NOW_US = 1_760_000_100_000_000
-
-
-class Bench:
-    """A worker and all that it needs."""
-
-    def __init__(
-        self,
-        folder: Path,
-        config: Config,
-        reader: Waiting,
-        recorder: FrameRecorder | None = None,
-        wall: WallClock | None = None,
-    ) -> None:
-        self.core = FramePipeline(config)
-        self.journal = Journal(folder / "alarms.sqlite")
-        self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
-        self.compiled = Compiled(Future(), Future())
-        self.failed = threading.Event()
-        monitors = self.core.monitors
-        self.recording = Recording(recorder)
-        bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
-        self.history = HistoryRecording(
-            lambda: HistoryStore(folder / "history.sqlite", bounds), config.service.history_interval_s
-        )
-        saver = Checkpointer(self.checkpoints, monitors, config.service.checkpoint_interval_s, lambda: NOW_US)
-        alarms = Alarms(self.journal, quantities(monitors.by_id), wall=wall)
-        self.worker = Worker(
-            config,
-            WorkerParts(self.core, alarms, self.history, self.recording, saver),
-            [BusIntake("can0", reader, self.core.ingests["can0"], self.recording)],
-            self.compiled,
-            wall or (lambda: NOW_US),
-            ["said at the start"],
-            self.failed.set,
-        )
-
-    def compile(self) -> None:
-        for kernel in self.compiled:
-            kernel.set_result(None)
-
-    def run(self) -> Worker:
-        """To the end of the frames, with a kernel that is ready at once."""
-        self.compile()
-        self.worker.start()
-        self.worker.stop()
-        return self.worker
-
-    def close(self) -> None:
-        self.history.stop()
-        self.journal.close()
-        self.checkpoints.close()
+SAID = ("said at the start",)
 
 
 @pytest.fixture(scope="module")
@@ -101,9 +41,11 @@ def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
 
 
 @pytest.fixture
-def bench(tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+def bench(tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch) -> Iterator[StandingCore]:
     monkeypatch.setattr(worker_module, "MOST_FRAMES", 40)  # many blocks
-    bench = Bench(tmp_path, demo(tmp_path, 2, history_interval_s=1.0), Waiting(frames))
+    bench = StandingCore(
+        tmp_path, demo(tmp_path, 2, history_interval_s=1.0), Waiting(frames), start_messages=SAID
+    )
     yield bench
     bench.close()
 
@@ -120,7 +62,7 @@ def test_a_block_has_some_samples_of_the_fastest_axis(
 
 
 def test_a_block_that_takes_long_is_followed_by_a_longer_one(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
+    bench: StandingCore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker, took_s, dues_s = bench.worker, iter((0.001, 0.06, 3.0)), list[float]()
 
@@ -141,7 +83,7 @@ def test_a_block_that_takes_long_is_followed_by_a_longer_one(
 
 
 def test_answers_are_prepared_before_their_snapshot_is_shown(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
+    bench: StandingCore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(publishing, "UNSEEN_S", 0.0)
     prepared = list[tuple[Snapshot, Snapshot]]()
@@ -151,7 +93,7 @@ def test_answers_are_prepared_before_their_snapshot_is_shown(
     assert all(new is not before for new, before in prepared)
 
 
-def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
+def test_what_is_shown_is_in_the_journal(bench: StandingCore) -> None:
     bench.compile()
     bench.worker.start()
     seen = set()
@@ -169,7 +111,7 @@ def test_what_is_shown_is_in_the_journal(bench: Bench) -> None:
     assert bench.worker.error is None
 
 
-def test_each_axis_gives_points_of_the_history_while_it_is_tested(bench: Bench) -> None:
+def test_each_axis_gives_points_of_the_history_while_it_is_tested(bench: StandingCore) -> None:
     bench.run()
     bench.history.write()
     assert bench.history.store is not None
@@ -184,23 +126,23 @@ def test_each_axis_gives_points_of_the_history_while_it_is_tested(bench: Bench) 
 
 def test_an_axis_out_of_service_is_shown_from_the_next_start_on(tmp_path: Path) -> None:
     removed = Note(NOW_US, "anna", "new gearbox")
-    before = Bench(tmp_path, demo(tmp_path, 2), Waiting([]))
+    before = StandingCore(tmp_path, demo(tmp_path, 2), Waiting([]))
     assert [axis.out_of_service for axis in before.worker.snapshot.axes] == [None, None]
     before.journal.services.change("demo.axis1", AlarmEvent.REMOVE, removed)
     before.close()
-    after = Bench(tmp_path, demo(tmp_path, 2), Waiting([]))
+    after = StandingCore(tmp_path, demo(tmp_path, 2), Waiting([]))
     assert [axis.out_of_service for axis in after.worker.snapshot.axes] == [removed, None]
     message = "out of service, with alarms that are recorded but not announced: demo.axis1 (anna)"
     assert after.worker.snapshot.messages[:2] == (message, COMPILING)
     after.close()
 
 
-def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[Frame]) -> None:
+def test_stopping_processes_all_frames_and_saves(bench: StandingCore, frames: Sequence[Frame]) -> None:
     last = bench.run().snapshot
     assert [axis.status.samples for axis in last.axes] == [2400, 2400]
     assert (last.buses[0].frames, last.buses[0].up, last.checkpoint_us) == (len(frames), True, NOW_US)
     assert sum(last.processing.counts) > 1
-    assert last.messages == ("said at the start",)
+    assert last.messages == SAID
     for axis_id, monitor in bench.core.monitors.by_id.items():
         found = bench.checkpoints.load(axis_id, monitor.key, NOW_US)
         assert isinstance(found, Checkpoint)
@@ -208,7 +150,7 @@ def test_stopping_processes_all_frames_and_saves(bench: Bench, frames: Sequence[
 
 
 def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_alarm_changes(
-    bench: Bench, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
+    bench: StandingCore, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = 0.0
     monkeypatch.setattr(publishing, "perf_counter", lambda: clock)
@@ -246,7 +188,7 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
 def test_a_pause_between_snapshots_is_ten_times_as_long_as_one_takes_but_at_most_a_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, making_s: float, pause_s: float
 ) -> None:
-    bench = Bench(tmp_path, demo(tmp_path, 2), Waiting())
+    bench = StandingCore(tmp_path, demo(tmp_path, 2), Waiting())
     clock, step_s, pauses = 0.0, 0.01, list[float]()
     monkeypatch.setattr(publishing, "perf_counter", lambda: clock)
     worker, make = bench.worker, bench.worker.publisher._snapshot
@@ -269,7 +211,7 @@ def test_a_pause_between_snapshots_is_ten_times_as_long_as_one_takes_but_at_most
 
 
 def test_until_the_kernel_is_ready_frames_wait_and_snapshots_go_on(
-    bench: Bench, frames: Sequence[Frame]
+    bench: StandingCore, frames: Sequence[Frame]
 ) -> None:
     first = bench.worker.snapshot
     bench.worker.start()
@@ -289,7 +231,7 @@ class Seen(NamedTuple):
     alarms: list[RecordedAlarm]
 
 
-def seen(bench: Bench) -> Seen:
+def seen(bench: StandingCore) -> Seen:
     assert bench.worker.error is None
     states = (state for axis in bench.core.monitors.by_id.items() for state in states_of(*axis))
     saved = {state.name: (state.arrays() or {}) for state in states}
@@ -308,7 +250,7 @@ def test_the_monitor_of_one_axis_is_replaced_and_the_others_are_the_same_bits(
     folders = [tmp_path / name for name in ("as-before", "replaced")]
     for folder in folders:
         folder.mkdir()
-    plain, bench = (Bench(folder, config, Waiting(frames)) for folder in folders)
+    plain, bench = (StandingCore(folder, config, Waiting(frames)) for folder in folders)
     plain.run()
 
     bench.compile()
@@ -337,7 +279,7 @@ def test_the_monitor_of_one_axis_is_replaced_and_the_others_are_the_same_bits(
     bench.close()
 
 
-def test_what_cannot_be_done_between_blocks_is_raised_to_the_caller(bench: Bench) -> None:
+def test_what_cannot_be_done_between_blocks_is_raised_to_the_caller(bench: StandingCore) -> None:
     def fails() -> None:
         raise KeyError("no axis")
 
@@ -362,7 +304,9 @@ def test_estimates_do_not_wait_for_the_multi_model_detector_which_gets_all_sampl
     folders = [tmp_path / name for name in ("at-once", "late")]
     for folder in folders:
         folder.mkdir()
-    at_once, late = (Bench(folder, watched, Waiting(frames)) for folder in folders)
+    at_once, late = (
+        StandingCore(folder, watched, Waiting(frames), start_messages=SAID) for folder in folders
+    )
     at_once.run()
 
     late.compiled.estimates.set_result(None)
@@ -370,7 +314,7 @@ def test_estimates_do_not_wait_for_the_multi_model_detector_which_gets_all_sampl
     taken, waits = (4800, ()) if most > 4800 else (most, (COMPILING,))
     wait_for(lambda: sum(axis.status.samples for axis in late.worker.snapshot.axes) >= taken)
     assert taken <= late.core.monitors.deferred_samples < taken + 40
-    assert late.worker.snapshot.messages == (*waits, COMPILING_MULTIMODEL, "said at the start")
+    assert late.worker.snapshot.messages == (*waits, COMPILING_MULTIMODEL, *SAID)
     assert [axis.open_alarms for axis in late.worker.snapshot.axes] == [(), ()]
     late.compiled.multimodel.set_result(None)
     late.worker.stop()
@@ -381,7 +325,7 @@ def test_estimates_do_not_wait_for_the_multi_model_detector_which_gets_all_sampl
     late.close()
 
 
-def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: Bench) -> None:
+def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: StandingCore) -> None:
     bench.compiled.estimates.set_result(None)
     bench.worker.start()
     with capture_logs() as logs:
@@ -390,7 +334,7 @@ def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: Be
 
 
 def test_a_disk_that_refuses_checkpoints_is_logged_once_and_when_it_takes_them_again(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
+    bench: StandingCore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:
         raise StoreError("database or disk is full")
@@ -409,7 +353,7 @@ def test_no_checkpoint_is_saved_while_the_detectors_are_behind_the_estimates(
     tmp_path: Path, frames: Sequence[Frame]
 ) -> None:
     watched = demo(tmp_path, 2, checkpoint_interval_s=1e-6)
-    bench = Bench(tmp_path, watched, Waiting(frames))
+    bench = StandingCore(tmp_path, watched, Waiting(frames))
     bench.compiled.estimates.set_result(None)
     bench.worker.start()
     wait_for(lambda: bench.core.monitors.deferred_samples == 4800)
@@ -422,7 +366,7 @@ def test_no_checkpoint_is_saved_while_the_detectors_are_behind_the_estimates(
     bench.close()
 
 
-def test_a_fault_of_the_worker_is_told(bench: Bench) -> None:
+def test_a_fault_of_the_worker_is_told(bench: StandingCore) -> None:
     bench.compiled.estimates.set_exception(RuntimeError("no compiler"))
     bench.worker.start()
     assert bench.failed.wait(PATIENCE_S)
@@ -435,7 +379,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
 ) -> None:
     recorder = FrameRecorder(tmp_path / "frames.log")
     fill_the_disk(recorder)
-    bench = Bench(tmp_path, demo(tmp_path, 2), Waiting(frames), recorder)
+    bench = StandingCore(tmp_path, demo(tmp_path, 2), Waiting(frames), recorder)
     bench.run()
     with capture_logs() as logs:
         bench.recording.close()
@@ -446,7 +390,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
     assert bench.worker.snapshot.axes[0].status.samples == 2400
 
 
-def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: Bench) -> None:
+def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: StandingCore) -> None:
     bench.checkpoints.close()
     worker = bench.run()
     assert worker.error is None

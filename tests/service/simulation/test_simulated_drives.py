@@ -11,6 +11,7 @@ from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import SPEED_RMS, ControlledAxis
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
+from tests.service.robot_tables import course
 from tests.shares import soaked
 
 FAULT_S = 15.0
@@ -76,8 +77,7 @@ def moved_by(folder: Path, name: str, *monitor: str, torque_noise: float = 1e-9)
 @pytest.mark.parametrize("name", soaked([*LIBRARY, *DRAWINGS], "three-mass-weight", "large"))
 def test_every_drive_moves_as_fast(name: str, tmp_path: Path, seed: int) -> None:
     axis = moved_by(tmp_path, name).axes[0]
-    robot = ControlledAxis(axis, np.random.default_rng(seed))
-    angle = np.array([robot.sample(k).motion for k in range(4000)])
+    _, angle = course(axis, seed, 4000)
     speed = np.diff(angle[2000:]) / axis.config.sample_interval_s
     assert 0.7 * SPEED_RMS < speed.std() < 1.4 * SPEED_RMS
     assert np.abs(angle).max() < 10

@@ -22,7 +22,8 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, SimulatedConditions
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config
-from tests.service.pipeline.robots import changed, demo
+from tests.service.pipeline.robots import changed, demo, on_bus
+from tests.service.robot_tables import course
 from tests.shares import soaked
 
 SPEED_ONLY = {"angle": None, "speed": SpeedConfig(message="Axis1State", signal="Angle")}
@@ -42,11 +43,9 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
 def test_the_monitor_of_an_axis_finds_its_nominal_values(kind: str, tmp_path: Path, seed: int) -> None:
     estimator, changes = KINDS[kind]
     (simulated,) = changed(demo(tmp_path, 1), estimator={"initial_p": {}, **estimator}, **changes).axes
-    robot = ControlledAxis(simulated, np.random.default_rng(seed))
-    n = round(40 / robot.interval_s)
-    readings = [robot.sample(k) for k in range(n)]
-    times = np.arange(n) * round(robot.interval_s * 1e6)
-    u, y = (np.array([getattr(r, name) for r in readings]) for name in ("torque", "motion"))
+    interval_s = simulated.config.sample_interval_s
+    u, y = course(simulated, seed, round(40 / interval_s))
+    times = np.arange(u.size) * round(interval_s * 1e6)
     assert 0.5 < u.std() < 2.0
     monitors = AxisMonitors([simulated])
     assert monitors.update({simulated.id: SampleBlock(times, u, y)}) == []
@@ -138,11 +137,7 @@ def test_after_a_stall_the_robot_goes_on_in_the_present(tmp_path: Path, seed: in
 
 def test_a_bus_inside_the_process_keeps_the_times_of_late_frames(tmp_path: Path, seed: int) -> None:
     """The robot of the demo may be stalled by what else its process does; its samples are not."""
-    config = demo(tmp_path, 1)
-    (bus,) = config.bus
-    config = config.model_copy(
-        update={"bus": (bus.model_copy(update={"options": {"preserve_timestamps": True}}),)}
-    )
+    config = on_bus(demo(tmp_path, 1), options={"preserve_timestamps": True})
     with open_buses(config.bus) as buses, open_buses(config.bus) as listening:
         send = sender(config, buses)
 
@@ -154,7 +149,7 @@ def test_a_bus_inside_the_process_keeps_the_times_of_late_frames(tmp_path: Path,
         frames, left_out = run_robot(
             SimulatedRobot(config, seed), stalled, threading.Event(), duration_s=0.2, latest_s=60.0
         )
-        times = [listening[bus.name].recv(0) for _ in range(frames)]
+        times = [listening["can0"].recv(0) for _ in range(frames)]
     assert left_out == 0
     stamps = np.array([message.timestamp for message in times if message is not None])
     np.testing.assert_allclose(np.unique(stamps) - stamps[0], np.arange(40) * 0.005, atol=1e-6)

@@ -1,7 +1,6 @@
 """What is done about an alarm is in the journal, in one transaction with the state that it makes."""
 
 import sqlite3
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -30,13 +29,6 @@ S, E = AlarmState, AlarmEvent
 AXIS, SECOND = "demo.axis1", 1_000_000
 RAISED = Alarm("fm", "up", 1 * SECOND, 2 * SECOND, 2 * SECOND, None, 0.018, 0.002, 1)
 PLAIN = AlarmRules()
-
-
-@pytest.fixture
-def journal(tmp_path: Path) -> Iterator[Journal]:
-    opened = Journal(tmp_path / "alarms.sqlite")
-    yield opened
-    opened.close()
 
 
 def recorded(journal: Journal, alarm: Alarm = RAISED, rules: AlarmRules = PLAIN) -> int:

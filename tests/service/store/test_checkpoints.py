@@ -2,7 +2,6 @@
 
 import random
 import sqlite3
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,6 @@ from service.store.checkpoints import (
 from tests.service.store.quarantine import quarantined
 
 FILE = "checkpoints.sqlite"
-
-
-@pytest.fixture
-def checkpoints(tmp_path: Path) -> Iterator[Checkpoints]:
-    opened = Checkpoints(tmp_path / FILE)
-    yield opened
-    opened.close()
 
 
 def arrays(seed: int) -> Arrays:

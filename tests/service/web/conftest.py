@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 import pytest
 from fastapi import FastAPI
@@ -53,6 +53,7 @@ from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import Certificate, serve
 from tests.end_to_end.processes import PATIENCE_S
 from tests.ports import own_port
+from tests.service.pipeline.robots import with_axes
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -307,10 +308,18 @@ def shared_app() -> FastAPI:
     return create_app(cast(AppState, _SHARED))
 
 
-class Daemon:
-    """The web server of a stage, in a thread of its own."""
+class Served(Protocol):
+    """What a web server can be started for."""
 
-    def __init__(self, stage: Stage, port: int = 0, certificate: Certificate | None = None) -> None:
+    stopping: bool
+
+    def app(self) -> FastAPI: ...
+
+
+class Daemon:
+    """The web server of a stage, or of a core that runs, in a thread of its own."""
+
+    def __init__(self, stage: Served, port: int = 0, certificate: Certificate | None = None) -> None:
         self._stop, self._ready = threading.Event(), threading.Event()
         self.port, self._stage = 0, stage
         stage.stopping = False
@@ -335,7 +344,7 @@ class Daemon:
 
 
 @contextmanager
-def serving(stage: Stage, certificate: Certificate | None = None) -> Iterator[str]:
+def serving(stage: Served, certificate: Certificate | None = None) -> Iterator[str]:
     """The address at which a stage is served."""
     daemon = Daemon(stage, certificate=certificate)
     try:
@@ -368,6 +377,12 @@ def with_status(stage: Stage, **changes: Any) -> None:
     stage.snapshot = replace(stage.snapshot, axes=(replace(axis, status=replace(axis.status, **changes)),))
 
 
+def with_axis(stage: Stage, **changes: Any) -> None:
+    """The first axis with other values, and the others as they are."""
+    first, *others = stage.snapshot.axes
+    stage.snapshot = replace(stage.snapshot, axes=(replace(first, **changes), *others))
+
+
 SIGNAL_CHECK = SignalCheck(
     axis="demo.axis1", seconds=10.0, samples=2000, rate_hz=200.0, scatter_s=0.00041, missing=0.005, moves=True,
     signals=[
@@ -385,8 +400,7 @@ def robot_setup(look: Callable[[str], SignalCheck] = lambda _: SIGNAL_CHECK) -> 
     """That of the demo, as it was commissioned, with its first two axes."""
     file = shipped("demo/axiswatch.toml")
     full = load(file, {})
-    robot = full.robot[0].model_copy(update={"axis": full.robot[0].axis[:2]})
-    config = full.model_copy(update={"robot": (robot,)})
+    config = with_axes(full, full.robot[0].axis[:2])
     return RobotSetup(lambda: config, file, look, lambda: {"alarms.sqlite": None})
 
 

@@ -16,7 +16,7 @@ from service.store.alarm_entries import Entry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from tests.end_to_end.processes import PATIENCE_S
-from tests.service.web.conftest import Stage
+from tests.service.web.conftest import Stage, with_axis
 from tests.service.web.page_parts import alarm_row, tile
 
 pytestmark = pytest.mark.browser
@@ -154,8 +154,7 @@ def test_an_axis_is_taken_out_of_service(page: Page, stage: Stage, fm_alarm: Ala
     expect(form).to_have_count(0)
     removed = stage.journal.services.removed()["demo.axis1"]
     assert (removed.who, removed.comment) == ("local", "new gearbox")
-    first, *others = stage.snapshot.axes
-    stage.snapshot = replace(stage.snapshot, axes=(replace(first, out_of_service=removed), *others))
+    with_axis(stage, out_of_service=removed)
     banner = page.get_by_role("region", name="Service")
     expect(banner).to_contain_text("Out of service since 2026-03-01 12:00:00 (local; new gearbox)")
     page.goto("/")

@@ -14,7 +14,7 @@ from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_entries import Entry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import CONFIGURATION, Note
-from tests.service.web.conftest import NOON_US, Stage
+from tests.service.web.conftest import NOON_US, Stage, with_axis
 
 HOUR_US = 3_600_000_000
 
@@ -285,12 +285,7 @@ def test_an_axis_is_taken_out_of_service_and_returned(stage: Stage, client: Test
     assert found["out_of_service"] == out
     assert get(client, f"/{number}")["state"] == "out-of-service"
     assert "out of service already" in service("out-of-service", {}, 409)["detail"]
-    stage.snapshot = replace(
-        stage.snapshot,
-        axes=(
-            replace(stage.snapshot.axes[0], out_of_service=stage.journal.services.removed()["demo.axis1"]),
-        ),
-    )
+    with_axis(stage, out_of_service=stage.journal.services.removed()["demo.axis1"])
     assert client.get("/api/v1/axes/demo.axis1").json()["out_of_service"] == out
     assert state_body(stage.snapshot.axes[0], NOON_US).model_dump()["out_of_service"] == out
     found = service("return-to-service", {"comment": "done"})
@@ -306,8 +301,7 @@ def test_an_axis_is_taken_out_of_service_and_returned(stage: Stage, client: Test
 def test_an_axis_that_the_configuration_has_taken_out_of_service_says_so(
     stage: Stage, client: TestClient
 ) -> None:
-    axis = replace(stage.snapshot.axes[0], out_of_service=Note(0, CONFIGURATION))
-    stage.snapshot = replace(stage.snapshot, axes=(axis,))
+    with_axis(stage, out_of_service=Note(0, CONFIGURATION))
     out = {"since": None, "who": "configuration", "comment": None, "work_order": None}
     for address in ("demo.axis1", "demo.axis1/service"):
         assert client.get(f"/api/v1/axes/{address}").json()["out_of_service"] == out

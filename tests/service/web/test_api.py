@@ -14,7 +14,7 @@ from service.store.alarm_transitions import Note
 from service.texts.instants import iso
 from service.web import models, views
 from service.web.app_state import Latest
-from tests.service.web.conftest import COUNTERS, PARAMETERS, Stage, slow_courses, with_status
+from tests.service.web.conftest import COUNTERS, Stage, slow_courses, with_axis
 
 
 def get(client: TestClient, path: str, status: int = 200) -> Any:
@@ -58,16 +58,20 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert second["detectors"][0]["leading"] is None
 
 
-def test_axes_are_written_as_their_model_is(client: TestClient, stage: Stage) -> None:
+def test_axes_are_written_as_their_model_is_and_what_is_not_finite_as_null(
+    client: TestClient, stage: Stage
+) -> None:
     first, second = stage.snapshot.axes
     kT, *others = first.status.parameters
-    status = replace(first.status, parameters=(replace(kT, estimate=math.nan, g_up=math.inf), *others))
+    kT = replace(kT, estimate=math.nan, g_up=math.inf, g_down=-math.inf)
+    status = replace(first.status, parameters=(kT, *others), innovation_variance=math.nan)
     away = replace(
         second, out_of_service=Note(stage.now_us, "anna", "new gearbox"), gated_by="mode = 2", heat=None
     )
     stage.snapshot = replace(stage.snapshot, axes=(replace(first, status=status), away))
     axes = [views.axis(a, stage.now_us) for a in stage.snapshot.axes]
-    assert axes[0].parameters[0].estimate is None
+    broken = axes[0].parameters[0]
+    assert (broken.estimate, broken.cusum.up, broken.cusum.down, axes[0].innovation_variance) == (None,) * 4
     expected = models.Axes(taken=iso(stage.snapshot.taken_us), axes=axes)
     assert client.get("/api/v1/axes").text == expected.model_dump_json()
 
@@ -116,8 +120,7 @@ def test_what_somebody_asks_for_is_made_with_each_snapshot(stage: Stage) -> None
 
 
 def test_what_forbids_to_learn_is_told(client: TestClient, stage: Stage) -> None:
-    first, other = stage.snapshot.axes
-    stage.snapshot = replace(stage.snapshot, axes=(replace(first, gated_by="mode = 2"), other))
+    with_axis(stage, gated_by="mode = 2")
     assert [axis["gated_by"] for axis in get(client, "/api/v1/axes")["axes"]] == ["mode = 2", None]
     metrics = client.get("/metrics").text
     assert 'axiswatch_axis_gated{axis="demo.axis1"} 1.0' in metrics
@@ -146,15 +149,6 @@ def test_what_is_not_tested_says_why_and_what_would_help(client: TestClient) -> 
     assert {p["not_tested_reason"] for p in second["parameters"]} == {"no sample"}
     (words,) = second["not_tested"]
     assert words.startswith("kT, 1/Ja and fm are not tested: no sample has been received. Needed: ")
-
-
-def test_numbers_that_are_not_finite_are_null(stage: Stage, client: TestClient) -> None:
-    broken = replace(PARAMETERS[0], estimate=math.nan, g_up=math.inf, g_down=-math.inf)
-    with_status(stage, parameters=(broken,), innovation_variance=math.nan)
-    body = get(client, "/api/v1/axes/demo.axis1")
-    assert body["parameters"][0]["estimate"] is None
-    assert body["parameters"][0]["cusum"] == {"up": None, "down": None}
-    assert body["innovation_variance"] is None
 
 
 def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: TestClient) -> None:

@@ -1,7 +1,6 @@
 """The page of an axis in a real browser: estimates over time, the drive, signals of the last seconds, Bode plot."""
 
 import re
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +12,7 @@ from monitor_core.monitoring import AxisTrace, Trace
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.pipeline.snapshot import MonitoredDrive
-from tests.service.web.conftest import NOON_US, Stage
+from tests.service.web.conftest import NOON_US, Stage, with_axis
 from tests.service.web.page_parts import serious_faults, tile
 
 pytestmark = pytest.mark.browser
@@ -76,8 +75,7 @@ def watch_the_reference(stage: Stage) -> None:
         Settings(0.005, outlier_limit=6.0),
         DRAWINGS["three-mass"].flat().components,
     )
-    first, *others = stage.snapshot.axes
-    stage.snapshot = replace(stage.snapshot, axes=(replace(first, watched=watched), *others))
+    with_axis(stage, watched=watched)
 
 
 def add_samples(stage: Stage) -> None:

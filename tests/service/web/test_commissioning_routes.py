@@ -10,6 +10,7 @@ from fastapi.testclient import TestClient
 from service.config.drive_sources import shipped
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import NoLookError, SignalCheck
+from tests.service.pipeline.robots import with_axes
 from tests.service.web.conftest import SIGNAL_CHECK, Stage, robot_setup
 
 
@@ -26,8 +27,7 @@ def commissioned(stage: Stage, tmp_path: Path) -> TestClient:
     setup = robot_setup()
     first, second, *_ = setup.config().robot[0].axis
     lacking = second.model_copy(update={"model": second.model.model_copy(update={"thresholds_file": None})})
-    robot = setup.config().robot[0].model_copy(update={"axis": (first, lacking)})
-    config = setup.config().model_copy(update={"robot": (robot,)})
+    config = with_axes(setup.config(), (first, lacking))
     stage.setup = replace(setup, config=lambda: config, file=folder / "axiswatch.toml")
     stage.reports = ReportPages(folder, ["demo.axis1", "demo.axis2"])
     return stage.client()

@@ -28,6 +28,7 @@ from tests.service.web.conftest import (
     quiet_page,
     robot_setup,
     waiting_axis,
+    with_axis,
     with_status,
 )
 from tests.service.web.page_parts import parameter, serious_faults, tile, unfold
@@ -312,8 +313,7 @@ def test_values_that_are_no_numbers_and_the_gate_that_pauses_estimation(page: Pa
     expect(row.locator(".share")).to_have_text("0")
     kT, *others = (replace(p, not_tested=NotTested.CONDITIONS) for p in PARAMETERS)
     with_status(stage, parameters=(kT, *others))
-    axis = stage.snapshot.axes[0]
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, gated_by="temperature is not known"),))
+    with_axis(stage, gated_by="temperature is not known")
     expect(parameter(page, "demo.axis1", "kT")).to_contain_text("not tested")
     expect(parameter(page, "demo.axis1", "fm")).to_contain_text("alarm")
     tile(page, "demo.axis1").click()

@@ -102,8 +102,7 @@ def test_the_report_is_made_on_request_and_kept_beside_the_recording(plant: Plan
 
 def later_frames(plant: Plant) -> list[Any]:
     """Of an hour later."""
-    config = plant.reports._config()
-    found = list(blocks(config, 1.0, 0, []))
+    found = list(blocks(plant.config, 1.0, 0, []))
     for block in found:
         block.records["t_us"] += 3600 * S
     return found

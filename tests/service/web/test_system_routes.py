@@ -21,6 +21,7 @@ from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from tests.conftest import ROOT
 from tests.demo_text import demo_text
+from tests.service.pipeline.robots import with_axes
 from tests.service.web.conftest import NOON_US, Stage, robot_setup
 
 S = 1_000_000
@@ -124,9 +125,7 @@ def test_what_is_in_force_is_shown_and_defaults_are_not(set_up: TestClient, stag
     assert "queue_frames" not in text
     assert "defaults" not in text
     config = stage.setup.config()
-    other = config.model_copy(
-        update={"robot": (config.robot[0].model_copy(update={"axis": config.robot[0].axis[:1]}),)}
-    )
+    other = with_axes(config, config.robot[0].axis[:1])
     assert public_text(other, stage.setup.file.parent).count("nominal_file") == 1
 
 

@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.modeling import SimulatedAxis, two_mass
 from monitor_core.monitoring import axis_status
-from service.commands import commission, output_files
+from service.commands import output_files
 from service.commands.commissioning import axis_processes
 from service.commands.commissioning.signal_proposals import review
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
@@ -48,6 +48,8 @@ angle = {{ column = "A{n}_Pos" }}
 estimator = {{ torque_noise = 1.0, output_noise = 1.0 }}
 model = {{ drive = "two-mass", monitor = ["kT", "fm"], friction_speed_scale = 1.0, nominal = {{ kT = 1, r = 0.0085 }} }}
 """
+RECEIVED = ["%.6f", "%.10g", "%.10g"]
+"""Seconds since 1970, torque and angle of an axis."""
 FEW = CalibrationOptions(120.0, 4.0, (0.3,), 3, copies=60_000, bank_copies=20_000)
 
 
@@ -90,17 +92,21 @@ def _rows(seed: int, seconds: float, fault: float, axes: int) -> Floats:
     return np.column_stack(columns)
 
 
-def configured(path: Path, *axes: str) -> Path:
-    path.write_text("# my robot\n[[robot]]\nname = 'cell'\n" + "".join(axes), encoding="utf-8")
+def read_rows(path: Path) -> Floats:
+    """Of a table: time, torque and angle of each axis (N, 1 + 2 axes)."""
+    return np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def write_rows(path: Path, rows: Floats, names: str | None = None, form: str | list[str] = "%.12g") -> Path:
+    """A table with these rows; ``names``: of its columns, those that it has if they are not given."""
+    head = path.read_text(encoding="utf-8").partition("\n")[0] if names is None else names
+    np.savetxt(path, rows, form, ",", header=head, comments="")
     return path
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The folder in which commands run; calibrations are short."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)
-    return tmp_path
+def configured(path: Path, *axes: str) -> Path:
+    path.write_text("# my robot\n[[robot]]\nname = 'cell'\n" + "".join(axes), encoding="utf-8")
+    return path
 
 
 def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,51 +151,29 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: p
     assert "kT" in found.output.split("Alarms")[1]
 
 
-def test_an_axis_that_is_not_tested_in_its_own_records_is_not_ready(
+def test_an_axis_that_its_own_records_do_not_test_is_not_ready(
     folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(axis_status, "MIN_TESTED_MEMORIES", 1e6)
-    record = table(folder / "healthy.csv", seed, 25.0)
-    config = configured(folder / "robot.toml", AXIS.format(n=1, interval=H))
-    result = axiswatch("commission", record, "--config", config, "--output", "made", "--yes")
+    """Of a range: the whole file would be long enough to count as tested.
+
+    The torque is in percent of a rated torque that nobody has given: N m is none in the reports.
+    """
+    monkeypatch.setattr(axis_status, "MIN_TESTED_MEMORIES", 45)
+    record = table(folder / "healthy.csv", seed, 80.0)
+    record.write_text(record.read_text(encoding="utf-8").replace("A1_Trq", "A1_Trq_pct", 1), encoding="utf-8")
+    axis = AXIS.format(n=1, interval=H).replace("output_noise", "memory_s = 1.0, output_noise")
+    config = configured(folder / "robot.toml", axis.replace("A1_Trq", "A1_Trq_pct"))
+    result = axiswatch("commission", "healthy.csv@:40", "--config", config, "--output", "made", "--yes")
     assert result.exit_code == NOT_TESTED, result.output
     page = (folder / "made" / "report.html").read_text(encoding="utf-8")
     assert "0 of 1 axis ready." in page
     assert "nothing is tested in its own records" in page
     assert "In its own records kT and fm are not tested: " in page
-    assert load(folder / "made" / "axiswatch.toml").axes
-
-
-def test_of_a_range_nothing_else_is_replayed(
-    folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The whole file would be long enough to count as tested."""
-    monkeypatch.setattr(axis_status, "MIN_TESTED_MEMORIES", 45)
-    table(folder / "healthy.csv", seed, 80.0)
-    axis = AXIS.format(n=1, interval=H).replace("output_noise", "memory_s = 1.0, output_noise")
-    config = configured(folder / "robot.toml", axis)
-    result = axiswatch("commission", "healthy.csv@:40", "--config", config, "--output", "made", "--yes")
-    assert result.exit_code == NOT_TESTED, result.output
-    assert "nothing is tested in its own records" in (folder / "made" / "report.html").read_text("utf-8")
+    unit = "read N m as that in all numbers of this report and its files. torque.factor = rated torque / 100 [N m]"
+    for name in ("report.html", "cell.a1-identification.html", "cell.a1-calibration.html"):
+        assert (folder / "made" / name).read_text(encoding="utf-8").count(unit) == 1, name
     replayed = axiswatch("replay", "healthy.csv", "--config", folder / "made" / "axiswatch.toml")
     assert replayed.exit_code == 0, replayed.output
-
-
-def test_a_unit_that_nothing_converts_is_named_beside_the_numbers(folder: Path, seed: int) -> None:
-    """The torque is in percent of a rated torque that nobody has given: N m is none in the reports."""
-    record = table(folder / "healthy.csv", seed, 25.0)
-    record.write_text(record.read_text(encoding="utf-8").replace("A1_Trq", "A1_Trq_pct", 1), encoding="utf-8")
-    axis = AXIS.format(n=1, interval=H).replace("A1_Trq", "A1_Trq_pct")
-    config = configured(folder / "robot.toml", axis)
-    result = axiswatch("commission", record, "--config", config, "--output", "made", "--yes")
-    assert result.exit_code == 0, result.output
-    words = "read N m as that in all numbers of this report and its files. torque.factor = rated torque / 100 [N m]"
-    for page, times in (
-        ("report.html", 1),
-        ("cell.a1-identification.html", 1),
-        ("cell.a1-calibration.html", 1),
-    ):
-        assert (folder / "made" / page).read_text(encoding="utf-8").count(words) == times, page
 
 
 @pytest.mark.parametrize(
@@ -248,14 +232,9 @@ def test_a_fault_of_the_program_or_of_the_disk_is_shown_and_reported(
 def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     """Milliseconds, per mille of 2.4 N m, counts of 2^14; the nominal values are about known."""
     record = table(folder / "healthy.csv", seed, 30.0)
-    head, rows = (
-        record.read_text(encoding="utf-8").partition("\n")[0],
-        np.loadtxt(record, delimiter=",", skiprows=1),
-    )
+    rows = read_rows(record)
     wrong = [1e3 * (rows[:, 0] - rows[0, 0]), 1000 / 2.4 * rows[:, 1], 2**14 / (2 * np.pi) * rows[:, 2]]
-    np.savetxt(
-        record, np.column_stack([wrong[0], *np.rint(wrong[1:])]), "%.12g", ",", header=head, comments=""
-    )
+    write_rows(record, np.column_stack([wrong[0], *np.rint(wrong[1:])]))
     nominal = ", ".join(f"{name} = {0.9 * v if name in ('Jm', 'Ja') else v}" for name, v in VALUES.items())
     config = configured(
         folder / "robot.toml", AXIS.format(n=1, interval=H).replace("kT = 1, r = 0.0085", nominal)
@@ -293,8 +272,7 @@ def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, fold
     where the first frames had waited for 150 ms.
     """
     rows = table(folder / "rows.csv", seed, seconds)
-    head, _, _ = rows.read_text(encoding="utf-8").partition("\n")
-    columns = np.loadtxt(rows, delimiter=",", skiprows=1)
+    columns = read_rows(rows)
     since = columns[:, 0] - columns[0, 0]
     bunch = np.floor(since / every_s + 1e-9)
     columns[:, 0] += (
@@ -302,7 +280,7 @@ def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, fold
     )
     late = since < waited_s
     columns[late, 0] = columns[0, 0] + waited_s + 1e-5 * np.arange(np.count_nonzero(late))
-    np.savetxt(rows, columns, fmt=["%.6f", "%.10g", "%.10g"], delimiter=",", header=head, comments="")
+    write_rows(rows, columns, form=RECEIVED)
     config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
     log = can_logs.log_of(rows, config, folder / "healthy.log")
     found = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
@@ -314,10 +292,9 @@ def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, fold
 def test_a_counter_whose_cycle_is_another_one(bits: int, every_s: float, folder: Path, seed: int) -> None:
     """Times by the counter have the configured interval of 5 ms, whatever the true one is.  Each twentieth is lost."""
     rows = table(folder / "rows.csv", seed, 20.0)
-    head, _, _ = rows.read_text(encoding="utf-8").partition("\n")
-    columns = np.loadtxt(rows, delimiter=",", skiprows=1)
+    columns = read_rows(rows)
     columns[:, 0] *= every_s / 0.005
-    np.savetxt(rows, columns, fmt=["%.6f", "%.10g", "%.10g"], delimiter=",", header=head, comments="")
+    write_rows(rows, columns, form=RECEIVED)
     messages = can_logs.dbc(folder / "robot.dbc", 1, "rad")
     text = messages.read_text("utf-8").replace(
         "24|40@1- (1E-006,0) [-549755|549755]", "24|24@1- (1E-005,0) [-83|83]"
@@ -338,10 +315,9 @@ def test_a_counter_whose_cycle_is_another_one(bits: int, every_s: float, folder:
 def test_frames_with_each_value_four_times(folder: Path, seed: int) -> None:
     """A drive that updates at 50 Hz on a bus of 200 Hz: what is to be changed is at the controller."""
     rows = table(folder / "rows.csv", seed, 20.0)
-    head, _, _ = rows.read_text(encoding="utf-8").partition("\n")
-    columns = np.loadtxt(rows, delimiter=",", skiprows=1)
+    columns = read_rows(rows)
     columns[:, 1:] = np.repeat(columns[::4, 1:], 4, axis=0)
-    np.savetxt(rows, columns, fmt=["%.6f", "%.10g", "%.10g"], delimiter=",", header=head, comments="")
+    write_rows(rows, columns, form=RECEIVED)
     config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
     log = can_logs.log_of(rows, config, folder / "healthy.log")
     (fault,) = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder).faults

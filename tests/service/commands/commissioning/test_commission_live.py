@@ -25,10 +25,8 @@ from service.config import load
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands import can_logs
-from tests.service.commands.commissioning.test_commission import folder, table
+from tests.service.commands.commissioning.test_commission import table
 from tests.service.commands.live_robots import configured, moving
-
-__all__ = ["folder"]  # a fixture
 
 LOOK_S = 1.0
 

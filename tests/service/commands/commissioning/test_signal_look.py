@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import closing, contextmanager
 from pathlib import Path
 
@@ -12,10 +12,8 @@ from service.can.frames import FrameBlock
 from service.commands.commissioning.signal_look import SignalLook
 from service.config import Config
 from service.pipeline.recording import Extracts, RecordingFolder
-from service.simulation.axis import Reading
-from service.simulation.robot import Moment
 from service.web.robot_setup import NoLookError, SignalCheck
-from tests.service.pipeline.robots import START_US, blocks, changed, demo
+from tests.service.pipeline.robots import START_US, blocks, changed, demo, with_axes
 from tests.service.web.test_recording_routes import ticking
 
 SECONDS = 6.0
@@ -39,11 +37,6 @@ def looked_at(
         return SignalLook(lambda: config, extracts, lambda: now_us)(axis)
 
 
-def second(reading: Callable[[Reading], Reading]) -> Callable[[Moment], Mapping[str, Reading]]:
-    """What is measured where the second axis sends something else."""
-    return lambda moment: {**moment.readings, "demo.axis2": reading(moment.readings["demo.axis2"])}
-
-
 @pytest.fixture(scope="module")
 def healthy(tmp_path_factory: pytest.TempPathFactory, seed: int) -> tuple[Config, list[FrameBlock]]:
     config = demo(tmp_path_factory.mktemp("state"))
@@ -64,24 +57,6 @@ def test_a_healthy_axis(tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
         assert signal.low is not None
         assert signal.high is not None
         assert signal.low < signal.high
-
-
-@pytest.mark.parametrize(
-    ("reading", "problem"),
-    [
-        (lambda r: r._replace(torque=0.5), "the torque is 0.5 all the time, while the axis moves"),
-        (lambda r: r._replace(motion=0.5), "the angle is 0.5 all the time, while the torque changes"),
-        (lambda r: r._replace(torque=0.0, motion=0.5), "it does not move: let the robot work"),
-    ],
-    ids=["torque", "angle", "standing"],
-)
-def test_what_is_stuck_is_named(
-    reading: Callable[[Reading], Reading], problem: str, tmp_path: Path, seed: int
-) -> None:
-    config = demo(tmp_path / "state")
-    found = looked_at(tmp_path, config, blocks(config, SECONDS, seed, measured=second(reading)))
-    assert problem in found.problems[0]
-    assert found.proposals == []
 
 
 def test_a_wrong_sign_is_proposed_to_be_turned(
@@ -110,10 +85,8 @@ def test_an_axis_that_sends_nothing_is_reported_by_its_message(
     tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
 ) -> None:
     config, sent = healthy
-    two = config.model_copy(
-        update={"robot": (config.robot[0].model_copy(update={"axis": demo(tmp_path, 3).robot[0].axis}),)}
-    )
-    found = looked_at(tmp_path, two, sent, "demo.axis3")
+    three = with_axes(config, demo(tmp_path, 3).robot[0].axis)
+    found = looked_at(tmp_path, three, sent, "demo.axis3")
     assert (found.samples, found.rate_hz, found.moves, found.signals) == (0, None, None, [])
     assert "message Axis3State (" in found.problems[0]
     assert f"never came on bus can0 in {SECONDS:.0f} s" in found.problems[0]

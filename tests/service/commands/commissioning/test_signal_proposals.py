@@ -14,7 +14,15 @@ from service.commands.commissioning.axis_commissioning import Order, commission_
 from service.commands.commissioning.signal_proposals import exchanged, review
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
-from tests.service.commands.commissioning.test_commission import AXIS, FEW, VALUES, H, table
+from tests.service.commands.commissioning.test_commission import (
+    AXIS,
+    FEW,
+    VALUES,
+    H,
+    read_rows,
+    table,
+    write_rows,
+)
 from tests.service.commands.moving_axes import moves
 
 ROBOT = "[[robot]]\nname = 'cell'\n"
@@ -31,12 +39,10 @@ def known(n: int = 1) -> str:
 
 def changed(path: Path, change: Callable[[Floats], None]) -> str:
     """The table with other columns: time, torque, angle, torque, ..."""
-    head = path.read_text(encoding="utf-8").partition("\n")[0]
-    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    rows = read_rows(path)
     rows[:, 0] -= rows[0, 0]
     change(rows)
-    np.savetxt(path, rows, "%.12g", ",", header=head, comments="")
-    return str(path)
+    return str(write_rows(path, rows))
 
 
 def milliseconds(rows: Floats) -> None:
