@@ -29,7 +29,7 @@ class Entry(NamedTuple):
     nominal: float
     alarm: Alarm
     rules: AlarmRules = AlarmRules()
-    promised: int = 0
+    reserved_id: int = 0
     """The id that a new alarm gets: it was shown before the disk took it; 0: the next one"""
     acknowledged: Note | None = None
     """Who has acknowledged it before the disk took it"""
@@ -103,8 +103,8 @@ def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
     e = entry.alarm
     values = _columns_of(entry) | {"crossings": e.crossings}
     values |= dict(zip(("first_parameter", "first_direction"), e.first, strict=True))
-    if entry.promised and alarm_by_id(connection, entry.promised) is None:
-        values["id"] = entry.promised
+    if entry.reserved_id and alarm_by_id(connection, entry.reserved_id) is None:
+        values["id"] = entry.reserved_id
     places = ", ".join(f":{name}" for name in values)
     cursor = connection.execute(f"INSERT INTO alarm ({', '.join(values)}) VALUES ({places})", values)
     assert cursor.lastrowid is not None

@@ -16,7 +16,7 @@ from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.epochs_at_start import at_start, bring_back
+from service.pipeline.epochs_at_start import epochs_in_force, resume_monitors
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Recording
@@ -74,10 +74,10 @@ class RunningCore:
         self.now_us = START_US
         self.journal = Journal(folder / "alarms.sqlite")
         self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
-        begun = at_start(config.axes, self.journal.epochs, self.now_us)
+        begun = epochs_in_force(config.axes, self.journal.epochs, self.now_us)
         self.core = FramePipeline(config, begun.axes)
         monitors = self.core.monitors
-        restored = bring_back(monitors, begun, self.checkpoints, self.journal, self.now_us)
+        restored = resume_monitors(monitors, begun, self.checkpoints, self.journal, self.now_us)
         self.messages = (*begun.messages, *restored.messages)
         alarms = Alarms(self.journal, quantities(monitors.by_id))
         alarms.adopt(restored.open)
