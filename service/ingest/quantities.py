@@ -1,6 +1,6 @@
-"""The quantities of an axis: how a value follows from a signal on the bus, or from a column of a table.
+"""The quantities of an axis: their values from a signal on the bus or from a column of a table.
 
-Auxiliary signals are held: each sample gets the last received value, if that is not too old.
+Auxiliary signals are forward-filled: each sample gets the last received value, if that is not too old.
 """
 
 import math
@@ -18,9 +18,9 @@ from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
 
 
 class Quantity(NamedTuple):
-    """One value of an axis: value = factor * signal + offset.
+    """One quantity of an axis: value = factor * signal + offset.
 
-    SI on the motor side; auxiliary signals in their own unit.
+    The value is in SI units on the motor side, or in the own unit of an auxiliary signal.
     """
 
     name: str  # "torque", "angle", "speed", "counter" or "signal NAME"
@@ -40,7 +40,7 @@ class Quantity(NamedTuple):
 
 
 def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: Decoder) -> Quantity:
-    """The quantity in a message of the bus, which the decoder decodes from now on.
+    """The quantity in a message of the bus; registers its signal with the decoder.
 
     Raises:
         DescriptionError: the bus has no such message or signal.
@@ -53,7 +53,7 @@ def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: 
 
 
 class HeldSignal:
-    """The last value of an auxiliary signal on the bus, with the time of its receipt."""
+    """The last value of an auxiliary signal on the bus, with its time of receipt."""
 
     def __init__(self, source: FurtherSignalConfig, decoder: Decoder) -> None:
         self.quantity = quantity_of(f"signal {source.name}", source, decoder)
@@ -61,12 +61,12 @@ class HeldSignal:
         self._value, self._t_us = math.nan, 0
 
     def take(self, decoded: Mapping[FrameKey, Decoded], places: Ints, t_us: Ints) -> Floats:
-        """The values (N,) for samples completed by the frames at these places of a block; NaN: none, or too old.
+        """The values (N,) for samples completed by the frames at these places of a block; NaN: no value, or too old.
 
         Args:
-            decoded: of the block; its last value that is a number is kept for the blocks to come.
-            places: of frames in the block (N,), increasing; a value in the very frame counts.
-            t_us: when they were received (N,).
+            decoded: decoded messages of the block; the last finite value is kept for the next blocks.
+            places: positions of frames in the block (N,), increasing; a value in the same frame counts.
+            t_us: times of receipt of these frames (N,).
         """
         values, times, since = [self._value], [self._t_us], np.zeros(0, np.int64)
         if (found := decoded.get(self.quantity.key)) is not None:
@@ -82,9 +82,9 @@ class HeldSignal:
 
 
 class HeldColumns:
-    """The auxiliary signals (at least one) in the rows of a table, block by block.
+    """The auxiliary signals (at least one) in the rows of a table, forward-filled block by block.
 
-    An empty cell has the value before it.
+    An empty cell gets the value before it.
     """
 
     def __init__(self, sources: Sequence[FurtherSignalConfig]) -> None:
@@ -97,7 +97,7 @@ class HeldColumns:
 
         Args:
             time_us: times of the rows (N,) [us]; rows with NaN are ignored.
-            columns: of these rows (N,), by name.
+            columns: columns of these rows (N,), by name.
         """
         raw = np.stack([s.factor * columns[str(s.column)] + s.offset for s in self._sources], axis=1)
         known_us = np.where(np.isfinite(raw), time_us[:, np.newaxis], np.nan)

@@ -1,4 +1,4 @@
-"""A torque that is sent later than the motion that it has caused: each motion gets the torque that belongs to it."""
+"""Corrects a torque that is sent some samples later than the motion that it caused."""
 
 import numpy as np
 
@@ -6,23 +6,23 @@ from monitor_core.samples import SampleBlock, concatenate
 from service.config.schema import AxisConfig
 
 _NEAR = 0.5
-"""Of an interval: where the times are farther apart, samples between are missing."""
+"""Tolerance of the time difference in intervals; outside it, samples in between are missing."""
 
 
 class TorqueShift:
-    """The samples of an axis with the torque that comes ``late_samples`` later, block by block.
+    """Combines each motion with the torque that is received ``late_samples`` samples later, block by block.
 
-    The last samples wait for their torque.  One whose torque is missing is left out, and counted.
+    The last samples wait for their torque.  A sample whose torque is missing is dropped and counted.
     """
 
     def __init__(self, config: AxisConfig) -> None:
         self._late, self._interval_us = config.torque.late_samples, 1e6 * config.sample_interval_s
         self._waiting: list[SampleBlock] = []
         self.unpaired = 0
-        """Samples whose torque is missing"""
+        """Number of samples whose torque is missing"""
 
     def paired(self, block: SampleBlock) -> SampleBlock:
-        """The samples whose torque is now known."""
+        """Take samples; returns those whose torque is now known, with that torque."""
         if not self._late:
             return block
         known = concatenate([*self._waiting, block])
