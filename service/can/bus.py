@@ -1,4 +1,4 @@
-"""Opening a bus of any interface that python-can knows, and sending on it."""
+"""Opens buses of any interface that python-can supports, and sends frames."""
 
 import errno
 import re
@@ -38,32 +38,34 @@ class BusSettings(Protocol):
 
     @property
     def queue_frames(self) -> int:
-        """Frames that may wait for the worker."""
+        """Most frames that wait for the worker."""
 
     @property
     def options(self) -> Mapping[str, Any]:
         """Further options for python-can."""
 
 
-_IN_THE_MACHINE = ("virtual", "udp_multicast")
-"""Interfaces without an adapter."""
-FD_INTERFACES = ("socketcan", *_IN_THE_MACHINE)
-"""Interfaces that give CAN FD frames without further options"""
+_WITHOUT_ADAPTER = ("virtual", "udp_multicast")
+"""Interfaces without a CAN adapter."""
+FD_INTERFACES = ("socketcan", *_WITHOUT_ADAPTER)
+"""Interfaces that receive CAN FD frames without further options"""
 _LAST_NUMBER = re.compile(r"(?<!\d)\d{1,4}$")
 _VIRTUAL_DEVICE = re.compile(r"vx?can\d*")
 _STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
 _ARPHRD_CAN = "280"
-"""How Linux marks the devices of CAN"""
+"""Device type of CAN interfaces in Linux"""
 _SEND_TIMEOUT_S = 1.0
 
 
 def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -> Bus:
-    """Open a bus; ``wanted``: let only these frames through, in the kernel where the interface supports it; None: all.
+    """Open a bus.
 
-    SocketCAN gives CAN FD frames, too, unless the options say otherwise; other interfaces need bit rates for that.
+    ``wanted``: filters of the frames to receive, applied in the kernel if the interface supports that; None: all
+    frames.  SocketCAN also receives CAN FD frames, unless the options say otherwise; other interfaces need bit rates
+    for that.
 
     Raises:
-        BusError: it cannot be opened; the text says what to do.
+        BusError: the bus cannot be opened; the text says what to do.
     """
     defaults = {"fd": True} if config.interface == "socketcan" else {}
     options: dict[str, Any] = {
@@ -75,7 +77,7 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -
     if wanted is not None:
         options["can_filters"] = [_filter(entry) for entry in wanted]
     try:
-        # python-can leaves its socket open where there is no device.
+        # Check first: python-can leaves its socket open if there is no device.
         if config.interface == "socketcan" and all(
             device != config.channel for _, device in socket.if_nameindex()
         ):
@@ -88,25 +90,25 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -
     except OSError as error:
         raise BusError(_refused(config, error)) from None
     except (can.CanError, ValueError, TypeError) as error:
-        # The system error says more than that of python-can.
+        # The operating system's error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
         raise BusError(_cannot_open(config, why)) from None
 
 
 def can_devices(devices: Path = Path("/sys/class/net")) -> list[str]:
-    """The CAN interfaces of this machine that Linux has a driver for."""
+    """Names of the CAN network interfaces of this machine."""
     kinds = sorted(devices.glob("*/type"))
     return [kind.parent.name for kind in kinds if kind.read_text(encoding="ascii").strip() == _ARPHRD_CAN]
 
 
 def channel_number(channel: str) -> int | None:
-    """The number at the end of a channel, of at most four digits, by which log formats without names know it."""
+    """The number (up to four digits) at the end of a channel; log formats without names identify the channel by it."""
     found = _LAST_NUMBER.search(channel)
     return None if found is None else int(found[0])
 
 
 def blf_channels(buses: Sequence[BusSettings]) -> dict[str, int] | None:
-    """The numbers, from 0 on, of buses in files without names, by their names; None: they cannot be told apart."""
+    """Channel numbers, from 0 on, for log formats without bus names; None: two buses would have the same number."""
     if len(buses) == 1:
         return {buses[0].name: 0}
     found = {bus.name: number for bus in buses if (number := channel_number(bus.channel)) is not None}
@@ -114,20 +116,20 @@ def blf_channels(buses: Sequence[BusSettings]) -> dict[str, int] | None:
 
 
 def reaches_hardware(config: BusSettings, devices: Path = Path("/sys/class/net")) -> bool:
-    """Whether what is sent on a bus may reach a drive: where it is not known to be virtual, it may.
+    """Whether frames sent on a bus may reach a drive: true unless the bus is known to be virtual.
 
-    ``devices``: where Linux describes its network interfaces.
+    ``devices``: the folder in which Linux describes its network interfaces.
     """
     if config.interface != "socketcan":
-        return config.interface not in _IN_THE_MACHINE
-    # By its name, as serial adapters have no device in there either.
+        return config.interface not in _WITHOUT_ADAPTER
+    # The name decides, too, as serial adapters have no device in that folder either.
     named_virtual = _VIRTUAL_DEVICE.fullmatch(config.channel) is not None
     return not named_virtual or (devices / config.channel / "device").exists()
 
 
 @contextmanager
 def open_buses(configs: Iterable[BusSettings]) -> Iterator[dict[str, Bus]]:
-    """Buses by name, to send on, until the end of the block.
+    """Open buses for sending, by name; they are closed at the end of the ``with`` block.
 
     Raises:
         BusError: a bus cannot be opened.
@@ -141,12 +143,12 @@ def open_buses(configs: Iterable[BusSettings]) -> Iterator[dict[str, Bus]]:
 
 
 def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
-    """Send a frame: CAN FD when it is longer than 8 bytes.
+    """Send a frame; it is a CAN FD frame if it is longer than 8 bytes.
 
-    ``at_s``: the time of its receipt since 1970 on a bus inside the process that keeps times; others ignore it.
+    ``at_s``: time stamp since 1970, kept by virtual buses inside the process; other buses ignore it.
 
     Raises:
-        BusError: the bus does not take it.
+        BusError: the bus refuses the frame.
     """
     message = can.Message(
         arbitration_id=key.can_id,
@@ -164,7 +166,7 @@ def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
         except (can.CanError, OSError) as error:
             if getattr(error, "error_code", None) != errno.ENOBUFS or time.monotonic() > end:
                 raise BusError(f"cannot send on {bus.channel_info}: {error}") from None
-        time.sleep(0.001)  # the transmit queue is full, which poll does not report
+        time.sleep(0.001)  # the transmit queue is full; poll does not report that
 
 
 def _filter(wanted: FrameFilter) -> CanFilter:

@@ -1,4 +1,4 @@
-"""Reader of a bus: a thread that owns the bus and puts received frames into a bounded queue."""
+"""Reads a bus: a thread that owns the bus and puts received frames into a bounded queue."""
 
 import errno
 import threading
@@ -18,15 +18,14 @@ from service.can.socket_receivers import BLOCK_FRAMES, reader_of, receiver_of
 from service.can.user_errors import BusError
 
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
-"""Why a frame did not reach the worker.  kernel_overflow is known for socketcan and
-udp_multicast only."""
+"""Why a frame did not reach the worker.  kernel_overflow is counted for socketcan and udp_multicast only."""
 
 _RETRY_S = 0.25
 LONGEST_RETRY_S = 5.0
-"""Between two tries to open a bus"""
+"""Longest time between two tries to open a bus"""
 _IFF_UP = 1
 _MOST_ERRORS = 100
-"""Error frames, and no other, from which on a bus counts as down"""
+"""After this number of error frames without a data frame, a bus counts as down"""
 _ONLY_ERRORS = sentence(
     "only errors",
     "down: nothing but error frames since the last data; are bit rate, cable and termination right?",
@@ -35,9 +34,9 @@ _GONE = sentence("interface gone", "down: the interface is gone; trying to open 
 
 
 class FrameQueue:
-    """Blocks of frames from the reader to the worker, at most that number of frames.
+    """Queue of blocks of frames from the reader to the worker, with at most ``most`` frames.
 
-    A block that does not fit is refused as a whole, so that there is a single gap.
+    A block that does not fit is refused as a whole, so that the loss is a single gap.
     """
 
     def __init__(self, most: int) -> None:
@@ -47,7 +46,7 @@ class FrameQueue:
         self._lock = threading.Lock()
 
     def put(self, block: FrameBlock) -> bool:
-        """Add a block; False, and nothing added, when it does not fit."""
+        """Add a block; returns False, and adds nothing, if it does not fit."""
         with self._lock:
             if self._frames + block.size > self._most:
                 return False
@@ -56,7 +55,7 @@ class FrameQueue:
         return True
 
     def take(self, most: int) -> FrameBlock:
-        """The oldest frames, whole blocks until there are ``most`` or more; empty when none wait."""
+        """Take the oldest blocks until they have ``most`` frames or more; empty if none wait."""
         taken, count = list[FrameBlock](), 0
         with self._lock:
             while self._blocks and count < most:
@@ -68,14 +67,14 @@ class FrameQueue:
 
 @dataclass(frozen=True, slots=True)
 class BusSnapshot:
-    """One bus: its state in words ("up", "down: ...", "closed"), frames received, frames dropped by reason."""
+    """One bus: state in words ("up", "down: ...", "closed"), number of received frames, dropped frames by reason."""
 
     name: str
     state: str
     frames: int
     dropped: Mapping[str, int]
     reader: str = ""
-    """How its frames are received"""
+    """How the frames are received, in words"""
 
     @property
     def up(self) -> bool:
@@ -84,11 +83,11 @@ class BusSnapshot:
 
 
 class CanReader:
-    """Reads one bus until it is closed; recovers when the bus goes down, disappears or comes back.
+    """Reads one bus until ``close``; recovers when the bus goes down, disappears or comes back.
 
-    Call ``open`` first where a bus that cannot be opened is an error; otherwise the thread keeps trying.  ``wanted``:
-    the frames to let through; None: all.  ``block_s``: the time in which frames are collected, as far as the kernel can
-    keep them.
+    Call ``open`` first if a bus that cannot be opened is an error; otherwise the thread keeps trying.  ``wanted``:
+    filters of the frames to receive; None: all frames.  ``block_s``: time in which frames are collected, shortened to
+    what the kernel can buffer.
     """
 
     def __init__(
@@ -103,12 +102,12 @@ class CanReader:
         self._frames = 0
         self._dropped = dict.fromkeys(READER_REASONS, 0)
         self._overflow_before = self._frames_before = 0
-        """Those until it was opened last"""
+        """Counts up to the last time that the bus was opened"""
         self._errors = 0
         """Error frames since the last frame with data"""
         self._retry_s = _RETRY_S
         self.turns = 0
-        """How often its loop has turned, which it does on a silent bus, too"""
+        """Number of loops of the thread, to see that it is alive; it also loops on a silent bus"""
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._arrived: Callable[[], object] = lambda: None
@@ -117,7 +116,7 @@ class CanReader:
         """Open the bus now.
 
         Raises:
-            BusError: it cannot be opened.
+            BusError: the bus cannot be opened.
         """
         self._bus = open_bus(self._config, self._wanted)
         self._receiver = receiver_of(self._bus)
@@ -126,7 +125,7 @@ class CanReader:
         self._state = "up" if self._interface_up() is not False else self._down()
 
     def start(self, arrived: Callable[[], object] = lambda: None) -> None:
-        """Start reading, also after ``close``; ``arrived`` is called by the reader's thread when frames have come."""
+        """Start reading, also after ``close``; the reader's thread calls ``arrived`` when frames have come."""
         self._arrived = arrived
         self._stop.clear()
         self._thread = threading.Thread(target=self._run, name=f"reader-{self._config.name}", daemon=True)
@@ -141,11 +140,11 @@ class CanReader:
         self._state = sentence("closed", "closed")
 
     def take(self, most: int = 4096) -> FrameBlock:
-        """About ``most`` of the waiting frames, oldest first; empty when there are none."""
+        """Take about ``most`` of the waiting frames, oldest first; empty if there are none."""
         return self._queue.take(most)
 
     def stats(self) -> BusSnapshot:
-        """State and counters now."""
+        """The present state and counts."""
         return BusSnapshot(
             self._config.name,
             self._state,
@@ -185,9 +184,9 @@ class CanReader:
             self._dropped["queue_full"] += block.size
         if block:
             self._arrived()
-        # Frames may flow again without a pause in which nothing comes.  A bus that a fault has closed is not up.
+        # Check after each block, as frames may come again without a pause.  A bus closed after a fault is not up.
         if self._receiver is not None and (self._state != "up" or self._errors >= _MOST_ERRORS):
-            self._look_again()
+            self._check_interface()
 
     def _fault(self, error: Exception) -> None:
         code = getattr(error, "error_code", None) or getattr(error, "errno", None)
@@ -199,11 +198,11 @@ class CanReader:
         self._state = (
             _GONE if gone else sentence("bus fault", "down: {why}; trying to open it again", why=error)
         )
-        if self._frames == self._frames_before:  # an adapter at a broken bus may fail as soon as it is open
+        if self._frames == self._frames_before:  # at a broken bus, an adapter may fail as soon as it is open
             self._stop.wait(_RETRY_S)
 
-    def _look_again(self) -> None:
-        """While the bus is down: check whether it is back, its interface under the same socket or a new one."""
+    def _check_interface(self) -> None:
+        """While the bus is down: set it to up if its interface is up; close it if the interface is gone."""
         up = self._interface_up()
         if up:
             self._state = "up" if self._errors < _MOST_ERRORS else _ONLY_ERRORS
@@ -221,7 +220,7 @@ class CanReader:
             self._retry_s = min(2 * self._retry_s, LONGEST_RETRY_S)
 
     def _interface_up(self) -> bool | None:
-        """Whether the network interface is up; None when there is none of that name."""
+        """Whether the network interface is up; None: it does not exist."""
         if self._config.interface != "socketcan":
             return True
         try:

@@ -1,7 +1,7 @@
-"""Lines of candump logs as frames, all lines of a piece of the file at once.
+"""Parses lines of candump logs to frames, all lines of a piece of the file at once.
 
-A line is ``(1760000000.123456) can0 123#0011``, with ``##`` and a digit for CAN FD; `` R`` or `` T`` may be behind it,
-and tabulators between its parts.  Every other one is odd and left to the caller.
+A line is ``(1760000000.123456) can0 123#0011``, with ``##`` and a digit for CAN FD.  `` R`` or `` T`` may follow, and
+the parts may be separated by tabs.  Lines of any other form are odd and left to the caller.
 """
 
 import re
@@ -18,10 +18,10 @@ from service.can.frames import CLASSIC_BYTES, EXTENDED, FD_BYTES, FrameBlock
 
 _ID = 0x1FFFFFFF
 ERROR = 0x20000000
-"""In the id of an error frame"""
+"""Flag in the id of an error frame"""
 _NAME = 16
 _DIGITS = 10
-"""Most digits after the point of the seconds"""
+"""Most digits of the whole seconds"""
 _NO_DIGIT = 255
 _HEX = np.full(256, _NO_DIGIT, np.uint8)
 _HEX[np.frombuffer(b"0123456789", np.uint8)] = np.arange(10)
@@ -32,7 +32,7 @@ CSV_HEAD, SAVVYCAN_HEAD = (
     b"timestamp,arbitration_id,extended,remote,error,dlc,data",
     b"Time Stamp,ID,Extended,",
 )
-"""First line of the .csv that python-can writes, and SavvyCAN"""
+"""First lines of the .csv logs that python-can and SavvyCAN write"""
 _SHOWN = re.compile(
     rb"^ *\((\d[\d :.-]*)\) +(\S+) +(?:[RT]X +[-A-Z] [-A-Z] +)?([0-9A-F]{3}|[0-9A-F]{8}) +\[(\d+)\]"
     rb" *(?:(remote request)|((?:[0-9A-F]{2} ?)*)) *(?:'.*'|ERRORFRAME)?\r?$",
@@ -47,22 +47,22 @@ Text = NDArray[np.uint8]
 
 
 class Parsed(NamedTuple):
-    """The frames in some lines, in their order."""
+    """The frames in some lines, in the order of the lines."""
 
     frames: FrameBlock
     lines: Ints
     """Line of each frame (N,)"""
     channels: Ints
-    """Of each frame (N,): which of the names"""
+    """Index of the bus name of each frame (N,)"""
     names: tuple[str, ...]
     errors: Ints
     """Lines that are error frames (E,)"""
     odd: Ints
-    """Lines that are something else (M,)"""
+    """Lines of any other form (M,)"""
 
 
 class _Marks(NamedTuple):
-    """Where the parts of lines are in a text; each (N,)."""
+    """Positions of the parts of lines in a text; each (N,)."""
 
     start: Ints
     stamp_end: Ints
@@ -73,10 +73,10 @@ class _Marks(NamedTuple):
 
 
 def rewritten(text: bytes, head: bytes) -> bytes:
-    """Lines of a file with this first line as candump logs them; those that are not understood stay as they are.
+    """Rewrite lines to the form of a candump log; ``head``: first line of the file.  Unknown lines stay as they are.
 
-    candump shows frames in another form than it logs them, ``(1760000000.123456)  can0  123   [2]  00 11``; a table
-    of python-can or of SavvyCAN has a frame in each row.
+    Handled are the form that candump displays, ``(1760000000.123456)  can0  123   [2]  00 11``, and the tables of
+    python-can and SavvyCAN with a frame in each row.
     """
     for start, (form, line_of) in _FORMS.items():
         if head.startswith(start):
@@ -136,7 +136,7 @@ _FORMS: Mapping[bytes, tuple[re.Pattern[bytes], Callable[[re.Match[bytes]], byte
 
 
 def parse_lines(text: bytes) -> Parsed:
-    """The frames in whole lines, each with its end."""
+    """The frames in complete lines, each with its line break."""
     letters = np.frombuffer(text, np.uint8)
     letters = np.where(letters == ord("\t"), np.uint8(ord(" ")), letters)
     ends = np.flatnonzero(letters == ord("\n"))
@@ -164,7 +164,7 @@ def parse_lines(text: bytes) -> Parsed:
 
 
 def _marked(letters: Text, starts: Ints, ends: Ints) -> tuple[Ints, _Marks]:
-    """The lines with the right number of blanks and marks, and where their parts are."""
+    """The lines with the right number of spaces and "#", and the positions of their parts."""
     blanks, hashes = np.flatnonzero(letters == ord(" ")), np.flatnonzero(letters == ord("#"))
     blank, mark = np.searchsorted(blanks, starts), np.searchsorted(hashes, starts)
     ends = ends - (letters[ends - 1] == ord("\r"))
@@ -184,7 +184,7 @@ def _marked(letters: Text, starts: Ints, ends: Ints) -> tuple[Ints, _Marks]:
 
 
 def _times(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
-    """Whole microseconds, and where that is what the brackets hold: seconds with six decimals."""
+    """Times (N,) [us], and a mask of the lines whose time is in seconds with six decimals."""
     t_us = np.zeros(len(marks.start), np.int64)
     good = (letters[marks.stamp_end - 1] == ord(")")) & (letters[marks.stamp_end - 8] == ord("."))
     good &= marks.stamp_end - 9 - marks.start <= _DIGITS
@@ -199,7 +199,7 @@ def _times(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
 
 
 def _ids(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
-    """Ids, and where they have three or eight digits."""
+    """Ids (N,), and a mask of those with three or eight hexadecimal digits."""
     ids, length = np.zeros(len(marks.start), np.int64), marks.id_end - marks.name_end - 1
     good = (length == 3) | (length == 8)
     for place in range(8):
@@ -210,7 +210,7 @@ def _ids(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
 
 
 def _bytes(letters: Text, start: Ints, length: Ints, width: int) -> tuple[Text, Bools]:
-    """Data (N, width), zero from its end on, and where all digits are ones."""
+    """Data (N, width), zero beyond its length, and a mask of the lines with only hexadecimal digits in it."""
     places = np.arange(2 * width)
     at = np.minimum(start[:, np.newaxis] + places, len(letters) - 1)
     digits = np.where(places < length[:, np.newaxis], _HEX[letters[at]], 0).astype(np.uint8)
@@ -219,7 +219,7 @@ def _bytes(letters: Text, start: Ints, length: Ints, width: int) -> tuple[Text, 
 
 
 def _names(letters: Text, marks: _Marks) -> tuple[NDArray[np.bytes_], Bools]:
-    """Names of the buses, and where they are neither empty nor long."""
+    """Names of the buses (N,), and a mask of those that are neither empty nor too long."""
     length, places = marks.name_end - marks.stamp_end - 1, np.arange(_NAME)
     at = np.minimum(marks.stamp_end[:, np.newaxis] + 1 + places, len(letters) - 1)
     name = np.where(places < length[:, np.newaxis], letters[at], np.uint8(0))
@@ -227,7 +227,7 @@ def _names(letters: Text, marks: _Marks) -> tuple[NDArray[np.bytes_], Bools]:
 
 
 def _numbered(name: NDArray[np.bytes_]) -> tuple[tuple[str, ...], Ints]:
-    """The different names, and which of them each is."""
+    """The distinct names, and the index of each line's name (N,)."""
     if len(name) and (name == name[0]).all():
         return (_as_text(name[0]),), np.zeros(len(name), np.int64)
     names, channels = np.unique(name, return_inverse=True)
@@ -236,4 +236,4 @@ def _numbered(name: NDArray[np.bytes_]) -> tuple[tuple[str, ...], Ints]:
 
 def _as_text(name: bytes) -> str:
     text = name.decode("utf-8", "replace")
-    return str(int(text)) if text.isdigit() else text  # as python-can has numbers
+    return str(int(text)) if text.isdigit() else text  # python-can uses numbers there

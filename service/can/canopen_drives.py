@@ -1,7 +1,7 @@
-"""CANopen drives (CiA 402) from their EDS or DCF: what they send, as messages with the objects as signals.
+"""The messages that CANopen drives (CiA 402) send, from their EDS or DCF, with the objects as signals.
 
-The object dictionary says which transmit PDOs are enabled, their identifiers (0x1800 and on) and the objects in them
-(0x1A00 and on).  A value that a tool has set (ParameterValue, in a DCF) comes before the default.
+The object dictionary has the enabled transmit PDOs with their identifiers (0x1800 and following) and the objects in
+them (0x1A00 and following).  A value that a tool has set (ParameterValue, in a DCF) takes precedence over the default.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _NAMES: Final[dict[str, str]] = {
     "0x6078": "current actual value",
 }
 _SIGNED: Final = {f"0x{int(name, 16) + 0x800 * n:04X}" for name in _NAMES for n in range(8)}
-"""By CiA 402, in each of up to eight devices of a drive; some files leave their types out, or have wrong ones."""
+"""Objects that are signed by CiA 402, for up to eight axes of a drive; some files have no or wrong types for them."""
 _PDO, _MAPPING, _SYNC, _PERIOD = 0x1800, 0x1A00, 0x1005, 0x1006
 _MOST_PDOS, _BITS = 512, 64
 _DISABLED, _EXTENDED, _ID = 1 << 31, 1 << 29, (1 << 29) - 1
@@ -47,31 +47,31 @@ _SYNCHRONOUS, _ON_REQUEST, _EVENT = range(241), (252, 253), 255
 """Transmission types"""
 _LAST_OF_COMMUNICATION = 0x1FFF
 _FIRST_OBJECT = 0x1000
-"""Below are data types: they fill a PDO, and carry nothing."""
+"""Indices below are data types: they are fill bytes in a PDO."""
 _TOOL = "with the tool of the drive, and save the file again"
 
 
 def node_name(node_id: int) -> str:
-    """The name under which the objects of a node are signals."""
+    """Name of the message group of a node."""
     return f"node{node_id}"
 
 
 def node_of(name: str) -> int | None:
-    """The node id in such a name; None: it is another one."""
+    """The node id in the name of a message group; None: the name has another form."""
     found = re.fullmatch(r"node(\d{1,3})", name)
     return int(found[1]) if found and 1 <= int(found[1]) <= LAST_NODE else None
 
 
 def object_name(index: int, subindex: int = 0) -> str:
-    """The signal of an object: 0x6077, or 0x2030.1 of a subindex."""
+    """Name of the signal of an object: 0x6077, or 0x2030.1 with a subindex."""
     return f"0x{index:04X}" + (f".{subindex}" if subindex else "")
 
 
 def read_drive(path: Path, node_id: int) -> MessageSet:
-    """What a drive sends by its EDS or DCF, cached until the file changes.
+    """The messages that a drive sends, from its EDS or DCF; cached until the file changes.
 
     Raises:
-        DescriptionError: the file cannot be read, or is no EDS.
+        DescriptionError: the file cannot be read, or is no EDS or DCF.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise DescriptionError(f"{path} describes no CANopen drive: its name must end with .eds or .dcf")
@@ -79,7 +79,7 @@ def read_drive(path: Path, node_id: int) -> MessageSet:
 
 
 def commissioned_node(path: Path) -> int | None:
-    """The node id for which the settings in a DCF were saved; None: it is not given, as in every EDS.
+    """The node id for which the settings in a DCF were saved; None: not given, as in every EDS.
 
     Raises:
         DescriptionError: as of ``read_drive``.
@@ -89,7 +89,7 @@ def commissioned_node(path: Path) -> int | None:
 
 
 def value_in(path: Path, node_id: int, index: int, subindex: int = 0) -> int | None:
-    """The whole number that an object has in an EDS or DCF; None: it is not given.
+    """The integer value of an object in an EDS or DCF; None: not given.
 
     Raises:
         DescriptionError: as of ``read_drive``.
@@ -130,7 +130,7 @@ def _read(path: Path, node_id: int, _modified_ns: int, _size: int) -> MessageSet
 
 
 def _names(known: ObjectDictionary) -> dict[str, str]:
-    """What the objects are that PDOs may hold, by the file."""
+    """Names of the objects that PDOs may contain, from the file."""
     from canopen.objectdictionary import ODVariable
 
     found = dict[str, str]()
@@ -150,11 +150,11 @@ class _Pdo(NamedTuple):
     transmission: int
     signals: tuple[Bits, ...]
     fault: str = ""
-    """Why it is not sent, and what would be right; empty: it is sent"""
+    """Why the PDO is not sent, and how to correct that; empty: it is sent"""
 
 
 def _pdos(known: ObjectDictionary, node_id: int, as_delivered: bool = False) -> Iterator[_Pdo]:
-    """The transmit PDOs; ``as_delivered``: by the defaults."""
+    """The transmit PDOs; ``as_delivered``: use the default values."""
     for number in range(_MOST_PDOS):
         if _PDO + number not in known or _MAPPING + number not in known:
             continue
@@ -175,7 +175,7 @@ def _pdos(known: ObjectDictionary, node_id: int, as_delivered: bool = False) -> 
 
 
 def _mapped(known: ObjectDictionary, number: int, as_delivered: bool) -> tuple[list[Bits], str]:
-    """The objects in a PDO; and what is wrong with it."""
+    """The objects in a PDO, and its fault in words; empty: none."""
     found, at = list[Bits](), 0
     for place in range(1, (_number(known, _MAPPING + number, 0, as_delivered) or 0) + 1):
         entry = _number(known, _MAPPING + number, place, as_delivered)
@@ -218,7 +218,7 @@ def _variable(known: ObjectDictionary, index: int, subindex: int = 0) -> ODVaria
 
 
 def _number(known: ObjectDictionary, index: int, subindex: int = 0, as_delivered: bool = False) -> int | None:
-    """The value of an object; None: it is not given."""
+    """The value of an object; None: not given."""
     variable = _variable(known, index, subindex)
     if variable is None:
         return None
@@ -230,7 +230,7 @@ def _number(known: ObjectDictionary, index: int, subindex: int = 0, as_delivered
 
 
 class _Text(io.StringIO):
-    """What the reader takes for a file: it looks at the suffix."""
+    """A text with a file name, as the canopen reader looks at the suffix."""
 
     name = "drive.eds"
 

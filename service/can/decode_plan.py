@@ -1,6 +1,6 @@
-"""Decoding of all frames of one message at once, equal to the last bit to what cantools makes of each.
+"""Decodes all frames of one message at once; the results are bit-equal to those of cantools for each frame.
 
-A plan is compiled once from the message: which bytes hold a signal, and by which multiplexers it is present.
+A plan is made once from the message: the bytes of each signal, and the multiplexer values for which it is present.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from monitor_core.arrays import Bools, Floats
 _WORD = 8
 _IS_LITTLE = sys.byteorder == "little"
 _EXACT = 1 << 53
-"""Whole numbers below are exact in a float64."""
+"""Smaller integers are exact in a float64."""
 _LARGE = 1e200
 _SHIFTS = tuple(map(np.uint64, range(64)))
 _FLOATS = {16: (np.uint16, np.float16), 32: (np.uint32, np.float32), 64: (np.uint64, np.float64)}
@@ -30,16 +30,16 @@ Data = NDArray[np.uint8]
 
 
 class Column(NamedTuple):
-    """A signal in the frames of its message."""
+    """The values of a signal in the frames of its message."""
 
     values: Floats
-    """(N,)"""
+    """Values (N,)"""
     present: Bools
-    """(N,) False where the page of the frame does not have it; then its value means nothing"""
+    """Mask (N,); False: the page of the frame does not have the signal, so that the value has no meaning"""
 
 
 class _Place:
-    """The bits of a signal: a word of eight bytes, and what reaches into a ninth."""
+    """Position of the bits of a signal: in a word of eight bytes, possibly with bits in a ninth byte."""
 
     def __init__(self, signal: Signal) -> None:
         self.length = signal.length
@@ -50,7 +50,7 @@ class _Place:
         self._bytes = range(start // 8, (self._end - 1) // 8 + 1)
 
     def raw(self, data: _Words) -> NDArray[np.uint64]:
-        """The bits (N,), at the upper end of a word; below them is anything."""
+        """The bits (N,) at the upper end of a word; the bits below them are undefined."""
         if len(self._bytes) > _WORD:
             return self._of_nine(data)
         at = min(self._bytes[0], data.width - _WORD)
@@ -71,21 +71,21 @@ class _Place:
 
 
 class _Words:
-    """The data of frames (N, W) as words of eight bytes; signals mostly share them."""
+    """The data of frames (N, W) as words of eight bytes, cached, as signals often share a word."""
 
     def __init__(self, data: Data) -> None:
         self._data, self.width = data, data.shape[1]
         self._known: dict[tuple[int, bool], NDArray[np.uint64]] = {}
 
     def word(self, at: int, big: bool) -> NDArray[np.uint64]:
-        """Eight bytes from there (N,)."""
+        """The eight bytes from position ``at`` on (N,)."""
         if (at, big) not in self._known:
             eight = np.ascontiguousarray(self._data[:, at : at + _WORD]).view(np.uint64)[:, 0]
             self._known[at, big] = eight.byteswap() if big == _IS_LITTLE else eight
         return self._known[at, big]
 
     def byte(self, at: int) -> NDArray[np.uint64]:
-        """One byte (N,)."""
+        """The byte at position ``at`` (N,)."""
         return self._data[:, at].astype(np.uint64)
 
 
@@ -106,22 +106,22 @@ class _SignalPlan:
         self._is_raw = self._scale == 1 and self._offset == 0
         self._is_large = _beyond_floats(signal, self._scale, self._offset)
         self.may_overflow = self._float or max(abs(self._factor), abs(self._added)) > _LARGE
-        """Whether numpy may have to warn"""
+        """Whether numpy may warn of an overflow"""
         self.present: _Condition | None = None
         if signal.multiplexer_signal is not None:
             self.present = _Condition(signal.multiplexer_signal, _floats(signal.multiplexer_ids or ()))
         self.pages = _floats(pages[signal.name]) if signal.name in pages else None
-        """Of a multiplexer: the values that it may have"""
+        """Known values of a multiplexer; None: the signal is no multiplexer"""
 
     def values(self, data: _Words) -> Floats:
-        """Raw numbers (N,) times the factor plus the offset, rounded where Python's numbers are."""
+        """Raw numbers (N,) times the factor plus the offset, rounded at the same steps as in cantools."""
         word, down = self._place.raw(data), 64 - self._place.length
         if self._float:
             unsigned, real = _FLOATS[self._place.length]
             values = (word >> _SHIFTS[down]).astype(unsigned).view(real).astype(np.float64)
         else:
             bits = word.view(np.int64) >> down if self._signed else word >> _SHIFTS[down]
-            if self._is_large:  # hardly any database has such numbers
+            if self._is_large:  # rare
                 return np.array([_real(n * self._scale + self._offset) for n in bits.tolist()], np.float64)
             values = bits.astype(np.float64)
         if not self._is_raw:
@@ -131,7 +131,7 @@ class _SignalPlan:
 
 
 def _numbers_of(signal: Signal) -> tuple[float, float]:
-    """Factor and offset, as whole numbers where cantools computes with such."""
+    """Factor and offset, as integers if cantools computes with integers."""
     scale, offset = signal.conversion.scale, signal.conversion.offset
     if all(isinstance(number, int) or number.is_integer() for number in (scale, offset)):
         return int(scale), int(offset)
@@ -139,20 +139,20 @@ def _numbers_of(signal: Signal) -> tuple[float, float]:
 
 
 def _beyond_floats(signal: Signal, scale: float, offset: float) -> bool:
-    """Whether whole numbers of this signal may be too large for exact floats."""
+    """Whether integers of this signal may be too large to be exact as floats."""
     parts = ((1 << signal.length) * scale, offset)
     return sum(abs(number) for number in parts if isinstance(number, int)) >= _EXACT
 
 
 class MessagePlan:
-    """Decodes the signals of these names of one message."""
+    """Decodes the ``wanted`` signals of one message."""
 
     def __init__(self, message: Message, wanted: Iterable[str]) -> None:
         self.length = message.length
         self.wanted = tuple(wanted)
         pages = dict(_pages(message.signal_tree))
         signals = {signal.name: signal for signal in message.signals}
-        # A wrong page is noticed whichever signal is wanted; each multiplexer comes before its signals.
+        # Decode all multiplexers, so that an unknown page is noticed; each multiplexer comes before its signals.
         names = dict.fromkeys([*pages, *self.wanted])
         ordered = dict[str, _SignalPlan]()
         for name in names:
@@ -160,18 +160,18 @@ class MessagePlan:
                 ordered.setdefault(needed.name, _SignalPlan(needed, pages))
         self._signals = tuple(ordered.values())
         self.multiplexed = any(signal.pages is not None for signal in self._signals)
-        """Whether a frame may be without a signal, or have an unknown page"""
+        """Whether a frame may lack a signal, or have an unknown page"""
         self.layout = (self.length, *(signal.layout for signal in self._signals))
-        """Frames of messages of equal layout, that are not multiplexed, can be decoded together."""
+        """Frames of messages with equal layout that are not multiplexed can be decoded together."""
         may_overflow = any(signal.may_overflow for signal in self._signals)
         self._quiet = partial(np.errstate, all="ignore") if may_overflow else nullcontext
 
     def decode(self, data: Data) -> tuple[dict[str, Column], Bools]:
-        """The wanted signals in data (N, W) that are long enough, and which frames (N,) have a known page."""
+        """The wanted signals in data (N, W) of sufficient length, and a mask of the frames (N,) with a known page."""
         known = np.ones(len(data), np.bool_)
         columns: dict[str, Column] = {}
         everywhere, words = known, _Words(data)
-        with self._quiet():  # any bits may be a float
+        with self._quiet():  # the bits may be a float of any size
             for signal in self._signals:
                 values, present = signal.values(words), everywhere
                 if signal.present is not None:
@@ -184,7 +184,7 @@ class MessagePlan:
 
 
 def _pages(tree: Sequence[Any]) -> Iterator[tuple[str, list[int]]]:
-    """The multiplexers in a tree of signals, outer ones first, with the values that they may have."""
+    """The multiplexers in a tree of signals, outer ones first, with their known values."""
     for branch in tree:
         if isinstance(branch, Mapping):
             for name, by_value in branch.items():
@@ -194,7 +194,7 @@ def _pages(tree: Sequence[Any]) -> Iterator[tuple[str, list[int]]]:
 
 
 def _chain(name: str, signals: Mapping[str, Signal]) -> list[Signal]:
-    """A signal, after the multiplexers above it."""
+    """The multiplexers above a signal, then the signal."""
     signal = signals[name]
     if signal.multiplexer_signal is None:
         return [signal]
@@ -202,7 +202,7 @@ def _chain(name: str, signals: Mapping[str, Signal]) -> list[Signal]:
 
 
 def _real(number: float) -> float:
-    """As a float; infinite where a whole number is too large for that."""
+    """A number as a float; infinite if an integer is too large."""
     try:
         return float(number)
     except OverflowError:
@@ -214,7 +214,7 @@ def _floats(numbers: Iterable[int]) -> Floats:
 
 
 def _among(values: Floats, allowed: Floats) -> Bools:
-    """Whether the whole parts of these values (N,) are among those allowed."""
+    """Mask of the values (N,) whose integer part is allowed."""
     numbers = np.trunc(values)
     if len(allowed) == 1:
         return np.asarray(numbers == allowed[0], np.bool_)

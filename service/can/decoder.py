@@ -1,4 +1,4 @@
-"""Decoding of the wanted signals in blocks of frames, with the times of what a SYNC has sampled."""
+"""Decodes the wanted signals in blocks of frames; values sampled at a SYNC get the time of the SYNC."""
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
@@ -13,22 +13,22 @@ from service.can.frames import EXTENDED, FrameBlock, FrameKey
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
 
 FRAME_REASONS = ("unwanted", "too_short", "undecodable", "signal_absent")
-"""Why a frame gave nothing (or, signal_absent, not all that was wanted): ``Decoder.dropped``."""
+"""Why a frame gave no signal, or (signal_absent) not all wanted signals: keys of ``Decoder.dropped``."""
 
 
 class Decoded(NamedTuple):
     """The wanted signals of the frames of one message in a block; each frame has at least one of them."""
 
     places: Ints
-    """Of the frames in the block (N,)"""
+    """Positions of the frames in the block (N,)"""
     t_us: Ints
-    """Times of receipt (N,), of what a SYNC has sampled that of the SYNC"""
+    """Times of receipt (N,); for values sampled at a SYNC, the time of the SYNC"""
     signals: Mapping[str, Column]
-    """By name, each (N,)"""
+    """Signals by name, each (N,)"""
 
 
-class _Kin(NamedTuple):
-    """Messages with signals at the same places, as those of the axes of a robot mostly have."""
+class _SameLayout(NamedTuple):
+    """Messages with signals at the same positions, as the axes of a robot mostly have; decoded together."""
 
     plan: MessagePlan
     keys: list[FrameKey]
@@ -46,10 +46,10 @@ class Decoder:
         self._wanted: dict[FrameKey, tuple[str, ...]] = {}
         self._sync: dict[FrameKey, SyncCycle] = {}
         self.dropped = dict.fromkeys(FRAME_REASONS, 0)
-        """Frames by reason"""
+        """Number of dropped frames by reason"""
 
     def want(self, message: str, signal: str) -> FrameKey:
-        """Decode that signal from now on; returns which frames carry it.
+        """Decode this signal from now on; returns the key of the frames that carry it.
 
         Raises:
             DescriptionError: there is no such message or signal.
@@ -58,7 +58,7 @@ class Decoder:
         key = key_of_message(found)
         self._messages[key] = found
         self._wanted[key] = tuple(dict.fromkeys((*self._wanted.get(key, ()), signal)))
-        for stale in ("_kin", "_ranks"):
+        for stale in ("_groups", "_ranks"):
             self.__dict__.pop(stale, None)
         if (sync := self.known.sync.get(key)) is not None:
             self._sync.setdefault(sync, SyncCycle(sync))
@@ -66,68 +66,73 @@ class Decoder:
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:
-        """The frames with wanted signals, and the SYNC that times them: for the filters of the bus."""
+        """Keys of the frames with wanted signals, and of the SYNC that times them; for the filters of the bus."""
         return (*self._messages, *self._sync)
 
     @property
     def messages(self) -> Mapping[FrameKey, Message]:
-        """The messages with wanted signals, by their frames."""
+        """The messages with wanted signals, by the key of their frames."""
         return self._messages
 
     def decode(self, frames: FrameBlock) -> dict[FrameKey, Decoded]:
-        """The wanted signals in these frames, by message; counts the frames where some or all are missing."""
+        """Decode the wanted signals in these frames, by message; counts the frames that lack some or all of them."""
         found: dict[FrameKey, Decoded] = {}
         left = frames.size - sum(cycle.take(frames) for cycle in self._sync.values())
-        for kin, places, counts in self._sorted(np.ascontiguousarray(frames.ids)):
+        for group, places, counts in self._sorted(np.ascontiguousarray(frames.ids)):
             left -= places.size
             if places.size:
-                self._decode(kin, frames, places, counts, found)
+                self._decode(group, frames, places, counts, found)
         self.dropped["unwanted"] += left
         return found
 
     @cached_property
-    def _kin(self) -> tuple[_Kin, ...]:
-        """All messages; first those of which every bit of the id counts."""
-        found: dict[object, _Kin] = {}
+    def _groups(self) -> tuple[_SameLayout, ...]:
+        """All wanted messages by layout; first those that are identified by all bits of the id."""
+        found: dict[object, _SameLayout] = {}
         for key, message in sorted(self._messages.items(), key=lambda item: item[0] in self.known.masks):
             plan = MessagePlan(message, self._wanted[key])
             alone = plan.multiplexed or key in self.known.masks
-            found.setdefault(key if alone else plan.layout, _Kin(plan, [])).keys.append(key)
+            found.setdefault(key if alone else plan.layout, _SameLayout(plan, [])).keys.append(key)
         return tuple(found.values())
 
     @cached_property
     def _ranks(self) -> tuple[NDArray[np.uint32], NDArray[np.int16]]:
-        """Ids, increasing, and which messages of ``_kin`` they belong to; the last one is none."""
-        keys = [key for kin in self._kin for key in kin.keys if key not in self.known.masks]
+        """The wanted ids in increasing order, and the indices of their messages in ``_groups``; the last means none."""
+        keys = [key for group in self._groups for key in group.keys if key not in self.known.masks]
         ids = np.array([*(key.record_id for key in keys), _NO_ID], np.uint32)
         ranks = ids.argsort()
         return ids[ranks], ranks.astype(np.int16)
 
-    def _sorted(self, ids: NDArray[np.uint32]) -> Iterator[tuple[_Kin, Ints, Ints]]:
-        """The places of the frames of messages that are decoded together, message by message, and how many each has."""
+    def _sorted(self, ids: NDArray[np.uint32]) -> Iterator[tuple[_SameLayout, Ints, Ints]]:
+        """For each group: positions of its frames, sorted by message, and the number of frames of each message."""
         known, ranks = self._ranks
         at = known.searchsorted(ids)
         rank = np.where(known[at] == ids, ranks[at], ranks[-1])
         places, counts = rank.argsort(kind="stable"), np.bincount(rank, minlength=len(ranks))
         first = begin = 0
-        for kin in self._kin:
-            if (mask := self.known.masks.get(kin.keys[0])) is not None:
+        for group in self._groups:
+            if (mask := self.known.masks.get(group.keys[0])) is not None:
                 mask |= EXTENDED
-                alike = (ids & np.uint32(mask) == kin.keys[0].record_id & mask).nonzero()[0]
-                yield kin, alike, np.array([alike.size])
+                alike = (ids & np.uint32(mask) == group.keys[0].record_id & mask).nonzero()[0]
+                yield group, alike, np.array([alike.size])
                 continue
-            own = counts[first : first + len(kin.keys)]
+            own = counts[first : first + len(group.keys)]
             end = begin + int(own.sum())
-            yield kin, places[begin:end], own
-            first, begin = first + len(kin.keys), end
+            yield group, places[begin:end], own
+            first, begin = first + len(group.keys), end
 
     def _decode(
-        self, kin: _Kin, frames: FrameBlock, places: Ints, counts: Ints, found: dict[FrameKey, Decoded]
+        self,
+        group: _SameLayout,
+        frames: FrameBlock,
+        places: Ints,
+        counts: Ints,
+        found: dict[FrameKey, Decoded],
     ) -> None:
-        """Decode the frames at these places (N,), so many of each message one after the other."""
-        plan, part, ends = kin.plan, frames.select(places), counts.cumsum()
+        """Decode the frames at these positions (N,), sorted by message; ``counts``: frames of each message."""
+        plan, part, ends = group.plan, frames.select(places), counts.cumsum()
         t_us = np.ascontiguousarray(part.t_us)
-        for k, key in enumerate(kin.keys):
+        for k, key in enumerate(group.keys):
             if counts[k] and (sync := self.known.sync.get(key)) is not None:
                 own = slice(ends[k] - counts[k], ends[k])
                 t_us[own] = self._sync[sync].times_us(key, frames, places[own])
@@ -147,7 +152,7 @@ class Decoder:
             places, t_us, ends = places[some], t_us[some], some.cumsum()[-1:]
             signals = {name: Column(c.values[some], c.present[some]) for name, c in signals.items()}
         begin = 0
-        for key, end in zip(kin.keys, ends.tolist(), strict=True):
+        for key, end in zip(group.keys, ends.tolist(), strict=True):
             if end > begin:
                 own = slice(begin, end)
                 always = known[own]
@@ -161,25 +166,25 @@ class Decoder:
 
 
 class SyncCycle:
-    """The SYNC of a bus, block by block: what a CANopen drive sends after one has been sampled at it.
+    """Follows the SYNC of a CANopen bus block by block, as drives send after a SYNC the values sampled at it.
 
-    All that is sent in one cycle gets the time of its SYNC: torque and motion in two PDOs belong together, and the wait
-    of a frame for the bus does not count.  A second frame after the same SYNC shows that one was lost: it keeps its own
-    time.
+    All values of one cycle get the time of the SYNC.  So torque and motion in two PDOs belong together, and the time
+    that a frame waits for the bus has no effect.  If a second frame of a message follows the same SYNC, a SYNC was
+    lost, and the frame keeps its own time.
     """
 
     def __init__(self, key: FrameKey) -> None:
         self.key = key
         self._places = np.zeros(0, np.int64)
         self._times_us = np.zeros(1, np.int64)
-        """Of the last SYNC before the block, and of those in it"""
+        """Times of the last SYNC before the block and of the SYNCs in it"""
         self._begun = False
         """Whether there was a SYNC before the block"""
         self._answered, self._answering = set[FrameKey](), set[FrameKey]()
-        """Messages that have come after the last SYNC before the block, and after the last one in it"""
+        """Messages received after the last SYNC before the block, and after the last SYNC in it"""
 
     def take(self, frames: FrameBlock) -> int:
-        """Look at the next block; returns how many SYNCs it has."""
+        """Take the next block; returns the number of SYNCs in it."""
         self._answered = self._answering | (set() if self._places.size else self._answered)
         self._answering = set()
         self._begun = self._begun or bool(self._places.size)
@@ -188,7 +193,7 @@ class SyncCycle:
         return len(self._places)
 
     def times_us(self, key: FrameKey, frames: FrameBlock, places: Ints) -> Ints:
-        """The times (N,) of the frames of one message, which are at these places (N,) of the block."""
+        """The times (N,) of the frames of one message; ``places``: their positions in the block (N,)."""
         cycles = np.searchsorted(self._places, places)
         if cycles[-1] == len(self._places):
             self._answering.add(key)

@@ -1,4 +1,4 @@
-"""Recording frames as a candump log, or as a .blf file."""
+"""Records frames to a candump log or a .blf file."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,13 +13,13 @@ from service.can.user_errors import RecordError
 
 
 class FrameRecorder:
-    """Writes a candump log (.log), which keeps frames exactly: times to the microsecond, name of the bus, CAN FD.
+    """Writes a candump log (.log), which keeps all of a frame: time to the microsecond, name of the bus, CAN FD.
 
-    The other formats of python-can lose some of this and are refused: .asc rounds the start to milliseconds, .trc has
-    no CAN FD, .blf has no names of buses and writes nothing to the disk before 128 KiB (see ``write_blf``).
+    The other formats of python-can lose some of this and are refused: .asc rounds the start time to milliseconds, .trc
+    has no CAN FD, .blf has no names of buses and is written to the disk in steps of 128 KiB (see ``write_blf``).
 
     Raises:
-        RecordError: another format, or a file that exists or cannot be written.
+        RecordError: the suffix is not .log, or the file exists or cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -34,10 +34,10 @@ class FrameRecorder:
         self.path = path
 
     def write(self, bus: str, frames: FrameBlock) -> None:
-        """Write frames of a bus; they are in the file when this returns.
+        """Write frames of a bus; when this returns, they are in the file.
 
         Raises:
-            RecordError: the disk does not take them.
+            RecordError: the file cannot be written.
         """
         try:
             self._file.writelines(_log_lines(bus, frames))
@@ -49,7 +49,7 @@ class FrameRecorder:
         """Close the file; a second time does nothing.
 
         Raises:
-            RecordError: the disk does not take what is left; the file is closed nevertheless.
+            RecordError: the last frames cannot be written; the file is closed all the same.
         """
         try:
             self._file.close()
@@ -68,7 +68,7 @@ class FrameRecorder:
 
 def _log_lines(bus: str, frames: FrameBlock) -> Iterator[str]:
     """Lines of a candump log."""
-    bus = f"can{bus}" if bus.isdigit() else bus  # a number alone would be read as one
+    bus = f"can{bus}" if bus.isdigit() else bus  # readers would take a mere number for a channel number
     records, digits = frames.records, frames.data.tobytes().hex().upper()
     columns = (records[name].tolist() for name in ("t_us", "id", "length", "flags"))
     for k, (t_us, record_id, length, flags) in enumerate(zip(*columns, strict=True)):
@@ -80,19 +80,19 @@ def _log_lines(bus: str, frames: FrameBlock) -> Iterator[str]:
 
 
 def write_blf(path: Path, blocks: Sequence[tuple[str, FrameBlock]], channels: Mapping[str, int]) -> None:
-    """Write frames of buses to a .blf file, complete: it keeps times to the microsecond, and CAN FD.
+    """Write a complete .blf file with frames of several buses; it keeps times to the microsecond and CAN FD.
 
     Args:
-        path: the file; an older one is replaced.
-        blocks: at least one frame of each bus, by its name.
-        channels: numbers of the buses from 0 on, as the file has no names.
+        path: the file; an existing one is replaced.
+        blocks: blocks of at least one frame, with the names of their buses.
+        channels: channel numbers of the buses, from 0 on, as the file has no names.
 
     Raises:
-        RecordError: the disk does not take it.
+        RecordError: the file cannot be written.
     """
     try:
         with can.BLFWriter(path) as writer:
-            # What is earlier than the first frame, as of another bus, would get its time.
+            # Set the start to the earliest frame: a frame before the start would get the time of the start.
             writer.start_timestamp = min(int(frames.t_us.min()) for _, frames in blocks) // 1000 / 1000
             for bus, frames in blocks:
                 for frame in frames.frames():
@@ -115,14 +115,14 @@ def _message(frame: Frame, channel: int) -> can.Message:
 
 
 _TAIL = 4096
-"""Bytes that hold the last lines of a log."""
+"""Bytes at the end of a log that contain its last lines."""
 
 
 def span_s(path: Path) -> float:
-    """Seconds from the first to the last frame that ``FrameRecorder`` has written to a file; a torn last line is none.
+    """Time from the first to the last frame in a file of ``FrameRecorder`` [s]; a torn last line is ignored.
 
     Raises:
-        RecordError: it cannot be read.
+        RecordError: the file cannot be read.
     """
     try:
         with path.open("rb") as file:

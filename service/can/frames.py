@@ -1,4 +1,4 @@
-"""Frames as received: blocks of records from the reader to the samples; single frames where a person writes them."""
+"""CAN frames: blocks of records for processing, single frames for writing and tests."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Bools, Ints
 
 EXTENDED = 0x80000000
-"""In the id of a record: it is an extended one, as in the frames of SocketCAN."""
+"""Flag of an extended identifier in the id of a record, as in SocketCAN."""
 
 CLASSIC_BYTES, FD_BYTES = 8, 64
 
 
 def _record(data_bytes: int) -> np.dtype[np.void]:
-    """A frame: time in whole us since 1970, id with its flag, bytes of data, flags of CAN FD, data and zeros."""
+    """Type of a record: time [us since 1970], id with flag, length, flags of CAN FD, data padded with zeros."""
     fields = [("t_us", "<i8"), ("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("_", "u1", (2,))]
     return np.dtype([*fields, ("data", "u1", (data_bytes,))])
 
@@ -26,36 +26,36 @@ CLASSIC_RECORD, FD_RECORD = _record(CLASSIC_BYTES), _record(FD_BYTES)
 
 
 ID_BITS = 0x1FFFFFFF
-"""Bits of an id without its flag"""
+"""Bits of an id without the flag"""
 
 
 class FrameKey(NamedTuple):
-    """Identifies the messages of a bus."""
+    """Identifies a message of a bus."""
 
     can_id: int
     extended: bool
 
     @property
     def record_id(self) -> int:
-        """The id in a record."""
+        """The id as in a record, with the flag."""
         return self.can_id | EXTENDED if self.extended else self.can_id
 
 
 class FrameFilter(NamedTuple):
-    """Frames that a bus is to let through: those whose identifier has these bits."""
+    """Filter of a bus: lets frames through whose identifier equals that of the key in the bits of the mask."""
 
     key: FrameKey
     mask: int = ID_BITS
-    """Bits of the identifier that count"""
+    """Bits of the identifier that are compared"""
 
 
 def key_of(record_id: int) -> FrameKey:
-    """The key of the frames with that id in their records."""
+    """The key of frames with this id in their records."""
     return FrameKey(record_id & ~EXTENDED, record_id >= EXTENDED)
 
 
 class Frame(NamedTuple):
-    """A CAN frame as received.  Time in whole microseconds since 1970, rounded once, here."""
+    """A received CAN frame, with its time in whole microseconds since 1970."""
 
     t_us: int
     can_id: int
@@ -64,18 +64,18 @@ class Frame(NamedTuple):
 
     @property
     def key(self) -> FrameKey:
-        """The messages that it belongs to."""
+        """The key of its message."""
         return FrameKey(self.can_id, self.extended)
 
 
 _SET_BACK_US = 500_000
-"""Frames of a log may be out of order by less than this; by more, the clock was set back."""
+"""Frames of a log may be out of order by less than this; a larger step means that the clock was set back."""
 
 
 class FrameBlock:
-    """Frames in the order of their receipt, as records (N,) without an object for each.
+    """Frames in order of receipt, as an array of records (N,).
 
-    They are of CLASSIC_RECORD, or of FD_RECORD where a frame may be longer than 8 bytes.
+    The type of the records is CLASSIC_RECORD, or FD_RECORD if a frame may be longer than 8 bytes.
     """
 
     __slots__ = ("records",)
@@ -98,9 +98,9 @@ class FrameBlock:
     def from_columns(
         cls, t_us: Ints, ids: Ints, lengths: Ints, data: NDArray[np.uint8], flags: Ints | int = 0
     ) -> FrameBlock:
-        """The block of frames with these times, ids with their flag, lengths (N,) and data (N, W).
+        """The block of frames with these times, ids with flag, lengths (N,) and data (N, W).
 
-        Data beyond the length are passed over; ``flags``: those of CAN FD (N,).
+        Data beyond the length is ignored; ``flags``: CAN FD flags (N,).
         """
         width = FD_BYTES if lengths.max(initial=0) > CLASSIC_BYTES else CLASSIC_BYTES
         records = np.zeros(len(lengths), FD_RECORD if width > CLASSIC_BYTES else CLASSIC_RECORD)
@@ -122,12 +122,12 @@ class FrameBlock:
 
     @property
     def lengths(self) -> NDArray[np.uint8]:
-        """Bytes of data (N,)."""
+        """Number of data bytes (N,)."""
         return self.records["length"]
 
     @property
     def data(self) -> NDArray[np.uint8]:
-        """Data (N, 8 or 64), zero from the length on."""
+        """Data (N, 8 or 64), zero beyond the length."""
         return self.records["data"]
 
     @property
@@ -136,15 +136,15 @@ class FrameBlock:
         return len(self.records)
 
     def __bool__(self) -> bool:
-        """Whether there are frames, as of a list."""
+        """Whether there are frames."""
         return self.size > 0
 
     def select(self, frames: slice | Ints | Bools) -> FrameBlock:
-        """The block of these frames only: a slice, indices or a mask (N,)."""
+        """The block with only these frames: a slice, indices or a mask (N,)."""
         return FrameBlock(self.records[frames])
 
     def in_order(self) -> FrameBlock:
-        """The block in the order of time, and without the jumps of a clock that was set back."""
+        """The block in the order of time, with the steps of a clock that was set back removed."""
         back_us = np.maximum(-np.diff(self.t_us, prepend=self.t_us[:1]), 0)
         if not back_us.any():
             return self
@@ -153,12 +153,12 @@ class FrameBlock:
         return FrameBlock(records[np.argsort(records["t_us"], kind="stable")])
 
     def counts(self) -> dict[FrameKey, int]:
-        """How many frames there are of each key."""
+        """Number of frames of each key."""
         ids, counts = np.unique(self.ids, return_counts=True)
         return dict(zip(map(key_of, ids.tolist()), counts.tolist(), strict=True))
 
     def frames(self) -> Iterator[Frame]:
-        """Each frame by itself, to look at it or to send it."""
+        """The frames as single objects."""
         columns: Any = (self.t_us.tolist(), self.ids.tolist(), self.lengths.tolist(), self.data)
         for t_us, record_id, length, data in zip(*columns, strict=True):
             yield Frame(t_us, *key_of(record_id), data[:length].tobytes())
@@ -168,7 +168,7 @@ NO_FRAMES = FrameBlock(np.zeros(0, CLASSIC_RECORD))
 
 
 def concatenate_frames(blocks: Sequence[FrameBlock]) -> FrameBlock:
-    """One block of several, in their order."""
+    """Join blocks, in their order."""
     if len(blocks) < 2:
         return blocks[0] if blocks else NO_FRAMES
     records = [block.records for block in blocks]

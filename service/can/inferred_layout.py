@@ -1,9 +1,9 @@
-"""Which bits of an unknown message are a number: the division with the shortest description of what was received.
+"""Finds the numbers in an unknown message: the division of its bits with the shortest description of the received data.
 
-A number of a machine changes little from frame to frame.  Read at the right place, with the right width and byte order,
-its differences are small; read across two numbers, or without its upper half, they are not.  So each reading costs the
-bits of its differences, and of all divisions of the message the cheapest is taken (minimum description length:
-Rissanen, "Modeling by shortest data description", Automatica 14, 1978).
+A physical value changes little from frame to frame.  Read with the right position, width and byte order, its
+differences are small; read across two numbers, or without its upper half, they are large.  The cost of a number is the
+number of bits that encode its differences, and the division with the least total cost is taken (minimum description
+length: Rissanen, "Modeling by shortest data description", Automatica 14, 1978).
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,48 +16,49 @@ from monitor_core.arrays import Floats
 from service.can.messages import ByteOrder
 
 FieldKind = Literal["signal", "counter", "state", "constant", "random"]
-"""What a number does: it varies smoothly; goes up by one each frame; has few values; never changes; cannot be told from
-noise, as a checksum."""
+"""Behaviour of a number: it varies smoothly (signal); increases by one each frame (counter); has few values (state);
+never changes (constant); looks like noise, as a checksum does (random)."""
 
 FEWEST_FRAMES = 50
-"""Fewest frames of an id whose bytes are looked at."""
+"""Fewest frames of an id for an analysis."""
 _WIDTHS = (1, 2, 4)
-"""Bytes of the usual numbers"""
+"""Usual widths of numbers in bytes"""
 _FEW_VALUES, _SOME = 8, 256
-"""Most values of a state; and how many numbers are looked at first, of which more values show that it is none"""
+"""Most values of a state; size of the sample that is checked first, for speed"""
 _COUNTS = 0.9
-"""Least share of the frames in which a counter goes up by one; between the others frames were lost."""
+"""Least share of the frames in which a counter increases by one; in the others, frames were lost."""
 _FEW_SKIPS, _MOST_OF_THEM = 3, 0.5
 _NOISE = 0.85
-"""Share of its bits that the differences of a random number need."""
+"""A number is random if encoding its differences takes at least this share of its bits."""
 _FIELD_BITS, _UNUSUAL_BITS, _FORESEEN_BITS = 50.0, 100.0, 5.0
-"""Cost of each number: of two divisions that describe as well, that into fewer is taken.  More, where it is no 1, 2 or
-4 bytes; less of counters, and of bits beside others that never change."""
+"""Cost of each number in bits, so that of two equally good divisions the one with fewer numbers is taken.  The second
+is for widths other than 1, 2 or 4 bytes; the third for counters and for constant parts of a byte."""
 _MANY = 1000
-"""Frames; fewer cost no more each."""
+"""The cost of a number is spread over at least this many frames."""
 _RANDOM_BITS = 0.2
-"""Cost of a random number for each frame: the lowest bits of a number often look so."""
+"""Extra cost of a random number per frame, as the lowest bits of a signal often look random."""
 _LONGEST = 32
-"""Bits of an integer"""
+"""Most bits of an integer"""
 _RISES, _FALLS, _SELDOM = 4.0, 16.0, 0.1
-"""Standard deviations, of the frames in which a bit changes; by which factor they fall to another number; and the share
-in which the highest bits change, above which a number may begin at each half byte"""
+"""An edge between numbers is assumed where the rate of bit changes rises by more than the first number of standard
+deviations, or falls by more than the second factor; and at half a byte if its bit changes at less than the third
+rate"""
 _MANTISSA = 23
 _MOST_PAGES, _OFTEN = 32, 0.1
-"""Most values of a multiplexer, and the least share of the frames with another one than before"""
+"""Most values of a multiplexer, and least share of the frames in which it changes"""
 _MUCH_SHORTER = 0.7
 _PLAUSIBLE = (1e-9, 1e12)
-"""Largest magnitude of a floating-point number of a machine"""
+"""Range of the largest magnitude of a plausible floating-point number"""
 
 
 class Part(NamedTuple):
-    """Some bits of the integer that bytes are."""
+    """Some bits of an integer that is read from whole bytes."""
 
     low_bit: int
     length: int
 
     def values(self, raw: NDArray[np.uint64]) -> NDArray[np.uint64]:
-        """The numbers in these integers (N,)."""
+        """The values of these bits in the integers (N,)."""
         return (raw >> np.uint64(self.low_bit)) & np.uint64((1 << self.length) - 1)
 
 
@@ -66,23 +67,23 @@ class Field(NamedTuple):
 
     first_byte: int
     width: int
-    """Bytes"""
+    """Width in bytes"""
     byte_order: ByteOrder
     is_float: bool
     is_signed: bool
     kind: FieldKind
     bits: float
-    """Mean description of a frame's value: of the smoothest a few"""
+    """Mean number of bits that encode the value of one frame; small for a smooth signal"""
     part: Part | None = None
-    """The bits that it is, where these are not whole bytes"""
+    """The bits of the number, if they are not whole bytes"""
 
     @property
     def length(self) -> int:
-        """Bits."""
+        """Length in bits."""
         return 8 * self.width if self.part is None else self.part.length
 
     def values(self, data: NDArray[np.uint8]) -> Floats:
-        """The numbers in these data (N, W), raw (N,)."""
+        """The raw values (N,) of the number in these data (N, W)."""
         raw = _raw(data, self.first_byte, self.width, self.byte_order)
         if self.is_float:
             return raw.astype(np.uint32).view(np.float32).astype(np.float64)
@@ -92,14 +93,15 @@ class Field(NamedTuple):
 
 
 def find_multiplexer(data: NDArray[np.uint8], fields: Sequence[Field]) -> int | None:
-    """The byte that tells what the others mean, as in inverters that send one register after another; None: none does.
+    """Find the byte that selects the meaning of the others, as in inverters that send one register after another.
 
-    Divided by its values, the frames (N, W) have a much shorter description than all together, in ``fields``.
+    Grouped by the values of this byte, the frames (N, W) have a much shorter description than ``fields``, the
+    description of all frames together.  None: there is no such byte.
     """
     least, best = _MUCH_SHORTER * _total(fields, len(data)), None
     for byte in range(data.shape[1]):
         pages, counts = np.unique(data[:, byte], return_counts=True)
-        # Where it seldom changes, most differences are those within a page anyway.
+        # If the byte seldom changes, most differences are within one page anyway.
         if (
             not 2 <= pages.size <= _MOST_PAGES
             or counts.min() < FEWEST_FRAMES
@@ -109,7 +111,7 @@ def find_multiplexer(data: NDArray[np.uint8], fields: Sequence[Field]) -> int | 
         share = counts / data.shape[0]
         bits = -float(share @ np.log2(share))
         for page, part in zip(pages, share, strict=True):
-            if bits < least:  # else it is no better already
+            if bits < least:  # otherwise it cannot be the best any more
                 own = data[data[:, byte] == page]
                 bits += part * _total(infer_layout(own), len(own))
         if bits < least:
@@ -122,9 +124,9 @@ def _total(fields: Sequence[Field], frames: int) -> float:
 
 
 def infer_layout(data: NDArray[np.uint8]) -> tuple[Field, ...]:
-    """The numbers in the data of one id, in their order; together they are all bits.
+    """Divide the data of one id into numbers, in their order, which together cover all bits.
 
-    ``data``: of at least FEWEST_FRAMES frames with the same length W, in the order of receipt (N, W).
+    ``data``: data of at least FEWEST_FRAMES frames of equal length W, in order of receipt (N, W).
     """
     orders: tuple[ByteOrder, ...] = ("little", "big")
     bytes_read = dict[tuple[int, int], list[Field]]()
@@ -135,12 +137,14 @@ def infer_layout(data: NDArray[np.uint8]) -> tuple[Field, ...]:
 def _division(
     data: NDArray[np.uint8], order: ByteOrder, bytes_read: dict[tuple[int, int], list[Field]]
 ) -> tuple[Field, ...]:
-    """The cheapest division, in which numbers that are not whole bytes have this order.
+    """The cheapest division with this bit order for numbers that are not whole bytes.
 
-    ``bytes_read``: all ways to read whole bytes, which are the same in both orders; filled as they are needed.
+    ``bytes_read``: cache of the readings of whole bytes, which are the same in both orders.
     """
     edges = _edges(data, order)
-    best: dict[int, tuple[float, tuple[Field, ...]]] = {0: (0.0, ())}  # of the first bits
+    best: dict[int, tuple[float, tuple[Field, ...]]] = {
+        0: (0.0, ())
+    }  # cost and numbers of the first bits, by end
     for end in edges[1:]:
         ways = []
         for start in edges[: edges.index(end)]:
@@ -156,10 +160,11 @@ def _division(
 
 
 def _edges(data: NDArray[np.uint8], order: ByteOrder) -> list[int]:
-    """Where numbers may begin or end, by bits in this order: where one changes more than that below it, or far less.
+    """Bit positions in this order where numbers may begin or end.
 
-    Of a number each bit changes less often than those below it (Marchetti and Stabili, "READ: Reverse engineering of
-    automotive data frames", IEEE Transactions on Information Forensics and Security 14, 2019).
+    There, a bit changes more often than the next lower bit, or far less often.
+    In a number, each bit changes less often than the bits below it (Marchetti and Stabili, "READ: Reverse engineering
+    of automotive data frames", IEEE Transactions on Information Forensics and Security 14, 2019).
     """
     bits = np.unpackbits(data, axis=1, bitorder=order)
     changes = np.mean(bits[1:] != bits[:-1], axis=0)
@@ -175,7 +180,7 @@ def _edges(data: NDArray[np.uint8], order: ByteOrder) -> list[int]:
 
 
 def _price(field: Field, frames: int) -> float:
-    """Of a number in so many frames, for each of them."""
+    """Cost of a number per frame, [bits]."""
     if field.kind == "counter" or (field.kind == "constant" and field.part is not None):
         return field.bits + _FORESEEN_BITS / max(frames, _MANY)
     usual = field.part is None and field.width in _WIDTHS
@@ -184,10 +189,10 @@ def _price(field: Field, frames: int) -> float:
 
 
 def counts_frames(numbers: Floats, size: float) -> bool:
-    """Whether a number (N,) goes up by one from frame to frame, modulo its size; where it does not, frames were lost.
+    """Whether a number (N,) increases by one from frame to frame, modulo ``size``, except for lost frames.
 
-    One that always skips after the same value has another size: a counter of four bits beside others in its byte, or
-    one from 0 to 14.
+    A number that always skips after the same value has another size, e.g. a 4-bit counter that shares a byte, or a
+    counter from 0 to 14.
     """
     steps = np.diff(numbers) % size
     if not steps.size or float(np.mean(steps == 1)) <= _COUNTS:
@@ -197,7 +202,7 @@ def counts_frames(numbers: Floats, size: float) -> bool:
 
 
 def _readings(data: NDArray[np.uint8], start: int, end: int, order: ByteOrder) -> Iterator[Field]:
-    """All ways to read a number from these bits."""
+    """All ways to read a number from these bits: byte order, integer or float."""
     first, width, length = start // 8, -(-end // 8) - start // 8, end - start
     of_bytes = length == 8 * width
     orders: tuple[ByteOrder, ...] = ("little", "big") if of_bytes and width > 1 else (order,)
@@ -209,7 +214,7 @@ def _readings(data: NDArray[np.uint8], start: int, end: int, order: ByteOrder) -
         kind = _kind(numbers, bits, length)
         yield Field(first, width, each, False, _is_signed(numbers, length), kind, bits, part)
         if of_bytes and width == np.dtype(np.float32).itemsize:
-            with np.errstate(invalid="ignore"):  # any bits may come
+            with np.errstate(invalid="ignore"):  # the bits may be no valid float
                 real = raw.astype(np.uint32).view(np.float32).astype(np.float64)
             if _is_plausible(real):
                 bits = _float_cost(real)
@@ -217,7 +222,7 @@ def _readings(data: NDArray[np.uint8], start: int, end: int, order: ByteOrder) -
 
 
 def _raw(data: NDArray[np.uint8], first: int, width: int, order: ByteOrder) -> NDArray[np.uint64]:
-    """Bytes as integers (N,) of 64 bits."""
+    """Bytes as 64-bit integers (N,)."""
     columns = data[:, first : first + width].T.astype(np.uint64)
     found = np.zeros(data.shape[0], np.uint64)
     for column in columns if order == "big" else columns[::-1]:
@@ -226,15 +231,15 @@ def _raw(data: NDArray[np.uint8], first: int, width: int, order: ByteOrder) -> N
 
 
 def _signed(raw: NDArray[np.uint64], length: int) -> Floats:
-    """Integers of so many bits (N,) as two's complements; also the shorter way of a difference modulo 2^length."""
+    """Integers (N,) of ``length`` bits as two's complements; for differences, the smaller one modulo 2^length."""
     unused = 64 - length
     return ((raw << np.uint64(unused)).view(np.int64) >> np.int64(unused)).astype(np.float64)
 
 
 def _cost(raw: NDArray[np.uint64], length: int) -> float:
-    """Bits of a value: of the value itself, of its difference or of its second difference, whichever is least.
+    """Mean bits to encode an integer by its value, its difference or its second difference, whichever takes least.
 
-    The differences are modulo 2^length: a number that starts again after its last value goes on smoothly.
+    Differences are modulo 2^length, so that a number that wraps counts as smooth.
     """
     series, costs = raw, list[float]()
     for _ in range(3):
@@ -244,9 +249,10 @@ def _cost(raw: NDArray[np.uint64], length: int) -> float:
 
 
 def _float_cost(real: Floats) -> float:
-    """The same of a floating-point number, in steps of its resolution at its largest value.
+    """Like ``_cost`` for a floating-point number, in steps of the resolution at its largest value.
 
-    What small numbers have below such a step is described as it is: any bits that vary look like numbers of all sizes.
+    Digits of small numbers below such a step are added to the cost, as arbitrary bits look like floats of all
+    magnitudes.
     """
     largest = float(np.max(np.abs(real)))
     step, series, costs = largest * 2.0**-_MANTISSA, real, list[float]()
@@ -258,8 +264,8 @@ def _float_cost(real: Floats) -> float:
 
 
 def _code_bits(x: Floats) -> float:
-    """Mean bits of integers in a code that fits itself to them: the length of each, its other digits, its sign."""
-    digits = np.frexp(np.abs(x))[1]  # 0 of 0, 1 of 1, 2 of 2 and 3, ...
+    """Mean bits of integers in an adaptive code: entropy of the lengths, then the remaining digits and the sign."""
+    digits = np.frexp(np.abs(x))[1]  # 0 for 0, 1 for 1, 2 for 2 and 3, ...
     share = np.bincount(digits) / x.size
     share = share[share > 0]
     entropy = float(-np.sum(share * np.log2(share)))
@@ -275,7 +281,7 @@ def _is_plausible(real: Floats) -> bool:
 
 
 def _is_signed(raw: NDArray[np.uint64], length: int) -> bool:
-    """Whether the number passes zero rather than the middle of its range; if neither, whether it is just below zero."""
+    """Whether the number crosses zero rather than the middle of its range; without crossings, whether it is near -1."""
     numbers, limit = raw.astype(np.float64), 2.0 ** (length - 1)
     upper = numbers >= limit
     crossings = np.flatnonzero(upper[1:] != upper[:-1])

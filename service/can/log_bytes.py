@@ -1,4 +1,4 @@
-"""The bytes of a log file, plain or compressed with gzip, with what is wrong at their end; and its lines."""
+"""Reads the bytes and lines of a log file, plain or compressed with gzip, and finds damage and cut ends."""
 
 import gzip
 import io
@@ -15,42 +15,42 @@ from service.can.candump import ERROR
 GZIP, GZIP_START = ".gz", b"\x1f\x8b"
 _START = 16
 _BLF_HEAD = 16
-"""Bytes of the head of an object; where none of them is left the file ends as it should."""
+"""Length of an object's head; a file that ends before a head ends correctly."""
 _PADDING = 3
-"""Bytes behind an object at most; some writers leave them out at the end."""
+"""Most padding bytes after an object; some writers omit them at the end of the file."""
 _MOST = 1 << 20
-"""Bytes that are asked for at once: a damaged length may claim anything."""
+"""Most bytes in one read, as a damaged length may have any value."""
 
 
 class LogBytes:
-    """The bytes of a file, those inside if its name ends with .gz.
+    """The bytes of a file, decompressed if its name ends with .gz.
 
     Raises:
-        OSError: it cannot be opened.
+        OSError: the file cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
         self._file: BinaryIO = path.open("rb")
         self._size = max(1, path.stat().st_size)
         self.start = self._file.read(_START)
-        """The first bytes of the file itself"""
+        """The first bytes of the file, not decompressed"""
         self._file.seek(0)
         self._gzip = _Gunzip(self._file) if path.suffix.lower() == GZIP else None
         self.stream: BinaryIO = self._file if self._gzip is None else io.BufferedReader(self._gzip)
 
     @property
     def done(self) -> float:
-        """How much of the file has been read, 0 to 1."""
+        """Part of the file that has been read, 0 to 1."""
         return 1.0 if self._file.closed else min(1.0, self._file.tell() / self._size)
 
     @property
     def cut(self) -> str:
-        """Where compressed data ends too early, as where its writer was killed; empty: it does not."""
+        """Where compressed data ends too early, e.g. as the writer was killed; empty: the data is complete."""
         return "" if self._gzip is None else self._gzip.cut
 
     @property
     def damage(self) -> str:
-        """What is wrong with compressed data, and where; empty: nothing."""
+        """The damage of compressed data, and its position; empty: none."""
         return "" if self._gzip is None else self._gzip.damage
 
     def close(self) -> None:
@@ -60,7 +60,7 @@ class LogBytes:
 
 
 class _Gunzip(io.RawIOBase):
-    """What is compressed in a file; where that is damaged or cut off it ends, and all bytes before have been given."""
+    """The decompressed data of a file, up to the place where it is damaged or cut off."""
 
     def __init__(self, file: BinaryIO) -> None:
         self._file, self._inside = file, gzip.GzipFile(fileobj=file)
@@ -85,29 +85,29 @@ class _Gunzip(io.RawIOBase):
 
 
 class CompleteReads(io.RawIOBase):
-    """A file of which a part is read completely or not at all: what is cut off at the end is as if it were not there.
+    """A file whose reads return all requested bytes or none, so that a cut-off object at the end does not appear.
 
-    For python-can's reader of BLF files, which would take the rest of a cut container for a container.
+    For python-can's reader of BLF files, which would take a cut container for a whole one.
     """
 
     def __init__(self, file: BinaryIO) -> None:
         self._file = file
         self.position = 0
-        """Bytes that were read"""
+        """Number of bytes read"""
         self.ended = False
-        """Whether there was less than was asked for"""
+        """Whether a read requested more than was left"""
         self.cut = False
-        """Whether it ended within an object"""
+        """Whether the file ended within an object"""
 
     def readable(self) -> bool:
         """As of every file that is read."""
         return True
 
     def read(self, size: int = -1) -> bytes:
-        """So many bytes, or none if there are fewer.
+        """Read ``size`` bytes; returns none if fewer are left.
 
         Raises:
-            ValueError: less than nothing is asked for, as a damaged length does.
+            ValueError: the size is negative, from a damaged length.
         """
         if size < 0:
             raise ValueError("the length of an object is wrong")
@@ -125,19 +125,19 @@ class CompleteReads(io.RawIOBase):
 
 
 class BlfObjects(bytes):
-    """The objects in a container of a BLF file, for python-can's reader, which asks for the index of one after another.
+    """The objects in a container of a BLF file, for python-can's reader, which searches for one object after another.
 
-    Where an object has no length, it would come to the same one for ever.
+    If an object has length zero, the reader would find the same object without end.
     """
 
     _last = -1
 
     def index(self, *words: Any) -> int:
-        """As of all bytes.
+        """Like ``bytes.index``.
 
         Raises:
-            BLFParseError: it is the same object again.
-            ValueError: there is none.
+            BLFParseError: the same object was found again.
+            ValueError: there is no further object.
         """
         found = super().index(*words)
         if found <= self._last:
@@ -146,20 +146,20 @@ class BlfObjects(bytes):
         return found
 
 
-# --- Lines of a log, as the readers of python-can ask for them --------------------------------------------------------
+# --- Lines of a log, for the readers of python-can --------------------------------------------------------------------
 
 
 LONGEST_LINE = 1 << 16
-"""Bytes; in a file full of zeros, as after a power failure, there is no end of a line."""
+"""Most bytes of a line; a file full of zeros, as after a power failure, has no line breaks."""
 _HEAD = re.compile(rb"\s*(;\$|date\s|base\s|(no\s+)?internal\s+events|begin\s+triggerblock)", re.IGNORECASE)
 _COMMENT = re.compile(rb"\s*(;|//|end\s+triggerblock|$)", re.IGNORECASE)
 
 
 class LogLines(io.TextIOWrapper):
-    """Lines for python-can's readers: counted for messages, and with blanks for tabulators.
+    """Lines for python-can's readers: counted for error messages, with spaces instead of tabs.
 
-    A reader that has met a line which it does not understand is of no use any more.  Another one goes on behind that
-    line: ``again`` lets it read the lines of the head first.
+    A reader that has failed on a line cannot continue.  A new reader continues after that line; ``repeat_head`` lets it
+    read the lines of the head first.
     """
 
     def __init__(self, raw: BinaryIO) -> None:
@@ -170,9 +170,9 @@ class LogLines(io.TextIOWrapper):
         self._repeated: Iterator[bytes] = iter(())
         self.number = 0
         self.entries = 0
-        """Lines that are no comment and no head"""
+        """Number of lines that are neither comment nor head"""
         self.is_head = False
-        """Whether the last line belongs to the head"""
+        """Whether the last line belongs to the head of the file"""
 
     def __next__(self) -> str:  # type: ignore[override] # as in every text file
         if (line := next(self._repeated, None)) is None:
@@ -188,27 +188,29 @@ class LogLines(io.TextIOWrapper):
                 self.entries += 1
         return line.decode("utf-8", "replace").replace("\t", " ")
 
-    def again(self) -> None:
-        """The next lines are those of the head, then those that are left."""
-        self._repeated = iter([*self._head, b"\n"])  # python-can looks for the head up to a line that is none
+    def repeat_head(self) -> None:
+        """Return the lines of the head again, then the remaining lines."""
+        self._repeated = iter(
+            [*self._head, b"\n"]
+        )  # python-can reads the head up to a line that does not belong to it
 
     @property
     def torn(self) -> bool:
-        """Whether the last line has no end, as where its writer was killed."""
+        """Whether the last line has no line break, e.g. as the writer was killed."""
         return 0 < len(self._line) < LONGEST_LINE and not self._line.endswith(b"\n")
 
     @property
     def is_error(self) -> bool:
-        """Whether the last line, of a candump log, is an error frame; python-can takes most of them for data."""
+        """Whether the last line of a candump log is an error frame; python-can takes most of them for data frames."""
         frame_id = self._line.decode("utf-8", "replace").split()[2].partition("#")[0]
         return len(frame_id) > 3 and bool(int(frame_id, 16) & ERROR)
 
     def text(self) -> str:
-        """The last line, not too long."""
+        """The last line, shortened for messages."""
         return line_text(self._line)
 
 
 def line_text(line: bytes) -> str:
-    """A line for messages, not too long."""
+    """A line, shortened for messages."""
     text = line.decode("utf-8", "replace").strip()
     return text if len(text) <= 60 else text[:57] + "..."

@@ -1,4 +1,4 @@
-"""CAN logs (.log .asc .blf .trc .mf4 .csv, each also compressed as .gz): reading them as frames."""
+"""Reads frames from CAN logs (.log .asc .blf .trc .mf4 .csv, each also compressed as .gz)."""
 
 from __future__ import annotations
 
@@ -35,16 +35,16 @@ from service.can.receivers import frame_of
 from service.can.user_errors import RecordError, too_many
 
 _CSV = ".csv"
-"""A log of python-can or SavvyCAN; other .csv files are tables"""
+"""Suffix of logs of python-can and SavvyCAN; other .csv files are tables"""
 LOG_SUFFIXES = (".log", ".asc", ".blf", ".trc", ".mf4", _CSV)
 LOG_REASONS = ("error_frame", "remote_frame", "not_a_frame", "unreadable")
-"""Why an entry of a log gave no frame.  not_a_frame: an event, or a line that no reader knows; unreadable: damaged."""
+"""Why an entry of a log gave no frame.  not_a_frame: an event, or a line of unknown form; unreadable: damaged."""
 
 _BLOCK = 256
 _PIECE = 256 * 1024
-"""Bytes of a log of lines that are looked at together"""
+"""Bytes of a log of lines that are parsed together"""
 _OBJECT = 64 * 1024
-"""Bytes: no object with a CAN frame in a BLF file is so long."""
+"""Longer than any object with a CAN frame in a BLF file, in bytes."""
 _FAULTS = (
     *(ValueError, LookupError, TypeError, AttributeError, AssertionError, OverflowError, EOFError),
     *(struct.error, zlib.error, BLFParseError, NotImplementedError),
@@ -58,20 +58,21 @@ _STARTS = {
     b"MDF ": ".mf4",
     GZIP_START: GZIP,
 }
-"""How the content of a log begins, by kind"""
+"""The first bytes of a log, with its kind"""
 
-# What its reader does not understand is reported once, with its line; it would be printed again for each.
+# Silence the .trc reader: it prints every line that it does not understand, and these are reported here with their
+# numbers.
 logging.getLogger("can.io.trc").setLevel(logging.CRITICAL)
 
 
 def log_suffix(path: Path) -> str:
-    """Which kind of CAN log a file is, by its name: ".blf" for "a.BLF.gz"; empty: none."""
+    """The kind of a CAN log, by the name of the file: ".blf" for "a.BLF.gz"; empty: no CAN log."""
     suffix = Path(path.name.lower().removesuffix(GZIP)).suffix
     return suffix if suffix in LOG_SUFFIXES and (suffix != _CSV or _has_frames(path)) else ""
 
 
 def _has_frames(path: Path) -> bool:
-    """Whether the first line of a .csv file is that of a log."""
+    """Whether the first line of a .csv file is that of a CAN log."""
     try:
         with closing(LogBytes(path)) as file:
             return file.stream.readline(LONGEST_LINE).startswith((CSV_HEAD, SAVVYCAN_HEAD))
@@ -80,22 +81,22 @@ def _has_frames(path: Path) -> bool:
 
 
 class LogBlock(NamedTuple):
-    """Frames of all buses, in the order of the file."""
+    """A block of frames of all buses, in the order of the file."""
 
     frames: FrameBlock
     channels: Ints
-    """Of each frame (N,): which of the names"""
+    """Index of the bus name of each frame (N,)"""
     names: tuple[str, ...]
-    """Of the buses, as the log has them; some are numbers"""
+    """Names of the buses in the log; some formats have numbers"""
     done: float
-    """How much of the file has been read, 0 to 1"""
+    """Part of the file that has been read, 0 to 1"""
 
 
 class CanLog:
     """A log file.
 
     Raises:
-        RecordError: it cannot be opened.
+        RecordError: the file cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -103,7 +104,7 @@ class CanLog:
         self.dropped = dict.fromkeys(LOG_REASONS, 0)
         self.frames = 0
         self.left_out: list[str] = []
-        """Places that could not be read, with what is wrong there; known when all blocks are read"""
+        """Places that could not be read, with their faults; complete when all blocks have been read"""
         self._damaged_lines = 0
         try:
             self._bytes = LogBytes(path)
@@ -111,12 +112,12 @@ class CanLog:
             raise RecordError(f"cannot read {path}: {error.strerror}") from None
 
     def blocks(self) -> Iterator[LogBlock]:
-        """All frames in the order of the file.
+        """Read all frames in the order of the file.
 
-        Lines that cannot be read, up to one in a hundred, and what is cut off at the end are left out: ``left_out``.
+        Unreadable lines, up to one in a hundred, and a cut-off end are left out; see ``left_out``.
 
         Raises:
-            RecordError: more of it is damaged; the text says where, and how many frames were read.
+            RecordError: more is damaged; the text says where, and how many frames were read.
         """
         suffix = log_suffix(self.path)
         with closing(self._bytes):
@@ -143,7 +144,7 @@ class CanLog:
         self.dropped["unreadable"] += 1
 
     def _leave_out_line(self, number: int, text: str, torn: bool) -> None:
-        """Leave out a line, of which the number is from 1; of a torn one the writer was killed."""
+        """Leave out a line; ``number``: from 1 on; ``torn``: the line was cut off, so it does not count as damaged."""
         self._leave_out(f"line {number}: not understood: {text!r}")
         self._damaged_lines += not torn
 
@@ -157,7 +158,7 @@ class CanLog:
         return RecordError(f"{where}: {why} ({self.frames} frames were read){self._other_kind()}")
 
     def _other_kind(self) -> str:
-        """What would be right where nothing was read, since the file has the name of another kind."""
+        """A hint if nothing was read and the content does not fit the suffix of the name; empty otherwise."""
         if self.frames:
             return ""
         suffix = log_suffix(self.path)
@@ -169,7 +170,7 @@ class CanLog:
             return f"; its content is that of a {kind} file: let its name end so"
         return ""
 
-    # --- candump logs: many lines at once ---------------------------------------------------------------------------
+    # --- candump logs: many lines at a time -------------------------------------------------------------------------
 
     def _pieces(self) -> Iterator[LogBlock]:
         head = self._bytes.stream.readline(LONGEST_LINE)
@@ -185,13 +186,13 @@ class CanLog:
             if len(rest) > LONGEST_LINE:
                 yield from self._piece(rest + b"\n", first)
                 rest = b""
-        if rest and self._bytes.cut:  # its bytes may look like a shorter frame
+        if rest and self._bytes.cut:  # do not parse it, as a cut line may look like a shorter frame
             self._leave_out_line(first + 1, line_text(rest), torn=True)
         elif rest:
             yield from self._piece(rewritten(rest + b"\n", head), first, torn=True)
 
     def _piece(self, text: bytes, first: int, torn: bool = False) -> Iterator[LogBlock]:
-        """The frames of whole lines, of which the first one has that number, from 0."""
+        """The frames of complete lines; ``first``: number of the first line, from 0 on."""
         parsed = parse_lines(text)
         self.dropped["error_frame"] += len(parsed.errors)
         if len(parsed.odd):
@@ -203,11 +204,11 @@ class CanLog:
         self._check_share()
 
     def _odd_lines(self, text: bytes, numbers: Ints, first: int, torn: bool) -> list[_OddFrame]:
-        """The frames in lines of these numbers, by python-can."""
+        """The frames in the lines with these numbers, read by python-can."""
         all_lines, frames = text.split(b"\n"), list[_OddFrame]()
         odd = (all_lines[number][: LONGEST_LINE - 1] + b"\n" for number in numbers)
         lines = LogLines(io.BytesIO(b"".join(odd)))
-        while True:  # another reader after each line that is not understood
+        while True:  # a new reader after each line that cannot be read
             messages = iter(can.CanutilsLogReader(lines))
             try:
                 while (message := next(messages, None)) is not None:
@@ -221,7 +222,7 @@ class CanLog:
                 number = first + int(numbers[lines.number - 1]) + 1
                 self._leave_out_line(number, lines.text(), torn)
 
-    # --- the other formats: message by message ----------------------------------------------------------------------
+    # --- Other formats: message by message --------------------------------------------------------------------------
 
     def _blocks(self, entries: Iterator[_Entry]) -> Iterator[LogBlock]:
         fault: RecordError | None = None
@@ -230,7 +231,7 @@ class CanLog:
             block = list[_Entry]()
             try:
                 for entry in islice(entries, _BLOCK):
-                    block.append(entry)  # a fault must not take those before it away
+                    block.append(entry)  # one by one, so that a fault does not lose the entries before it
             except RecordError as error:
                 fault = error
             if block:
@@ -242,7 +243,7 @@ class CanLog:
             raise fault
 
     def _entry(self, message: can.Message) -> Iterator[_Entry]:
-        """The frame in a message, if there is one."""
+        """The frame in a message, if the message has one."""
         frame = frame_of(message, stored=True)
         if isinstance(frame, str):
             self.dropped[frame] += 1
@@ -261,12 +262,12 @@ class CanLog:
                         can.TRCReader(lines) if is_trc else can.ASCReader(lines, relative_timestamp=False)
                     ):
                         _check_length(message)
-                        if is_trc:  # it has channels from 1 on; those of other formats begin with 0 here
+                        if is_trc:  # its channels start at 1; those of the other formats start at 0 here
                             message.channel = int(str(message.channel)) - 1
                         yield from self._entry(message)
                     ended = True
                 except _FAULTS:
-                    # Behind the last line, the head alone is not understood, however often it is read.
+                    # No new line since the last fault: the head alone cannot be read.
                     at_end = lines.number == before
                     if not at_end:
                         self._leave_out_line(lines.number, lines.text(), lines.torn)
@@ -276,7 +277,7 @@ class CanLog:
                         ) from None
                     self._check_share()
                     before = lines.number
-                    lines.again()
+                    lines.repeat_head()
         finally:
             unknown = lines.entries - self.frames - sum(self.dropped.values())
             self.dropped["not_a_frame"] += max(0, unknown)
@@ -320,7 +321,7 @@ class CanLog:
                     yield LogBlock(frames, channels.astype(np.int64), tuple(map(str, names.tolist())), done)
         except (RecordError, GeneratorExit):
             raise
-        except Exception as error:  # asammdf does not say what it may raise of a damaged file
+        except Exception as error:  # asammdf does not document what it raises for a damaged file
             where = f"{self.path} is damaged or no .mf4 file"
             raise self._fault(where, str(error) or type(error).__name__) from None
 
@@ -335,7 +336,7 @@ class _BlfReader(can.BLFReader):
 
 
 def _check_length(message: can.Message) -> None:
-    """A line must have as many bytes as it says."""
+    """Check that a line has as many bytes as its length says."""
     most = FD_BYTES if message.is_fd else CLASSIC_BYTES
     is_data = not (message.is_remote_frame or message.is_error_frame)
     if is_data and not 0 <= min(message.dlc, most) <= len(message.data):
@@ -349,7 +350,7 @@ class _OddFrame(NamedTuple):
 
 
 def _joined(parsed: Parsed, odd: Sequence[_OddFrame]) -> Parsed:
-    """All frames in the order of their lines."""
+    """Merge the parsed frames and the odd ones in the order of their lines."""
     names, channels = _numbered([frame.channel for frame in odd], parsed.names)
     lines = np.concatenate([parsed.lines, np.array([frame.line for frame in odd], np.int64)])
     order = np.argsort(lines, kind="stable")
@@ -363,7 +364,7 @@ def _joined(parsed: Parsed, odd: Sequence[_OddFrame]) -> Parsed:
 
 
 def _numbered(channels: Sequence[str], names: tuple[str, ...] = ()) -> tuple[tuple[str, ...], Ints]:
-    """The different names, those known first, and which of them each channel has."""
+    """The distinct names, known ones first, and the index of each channel's name."""
     found = tuple(dict.fromkeys((*names, *channels)))
     number = {name: place for place, name in enumerate(found)}
     return found, np.array([number[channel] for channel in channels], np.int64)

@@ -1,4 +1,4 @@
-"""Files that describe the messages of a bus: DBC, KCD, SYM and ARXML."""
+"""Reads files that describe the messages of a bus: DBC, KCD, SYM and ARXML."""
 
 from collections.abc import Mapping
 from functools import lru_cache
@@ -20,13 +20,13 @@ from service.can.messages import (
 )
 
 KINDS: Mapping[str, str] = MappingProxyType({".dbc": "DBC", ".kcd": "KCD", ".sym": "SYM", ".arxml": "ARXML"})
-"""Formats by the suffix of a file"""
+"""Formats by file suffix"""
 _GROUP, _SOURCE, _ANY_SOURCE = 0x3FFFF00, 0xFF, 0xFE
-"""Bits of an identifier of J1939: parameter group with destination, source address; and the address for any"""
+"""Bits of a J1939 identifier: parameter group with destination, source address; and the address for any source"""
 
 
 def read_messages(path: Path) -> MessageSet:
-    """The messages that a file describes, cached until the file changes; its suffix tells the format.
+    """The messages that a file describes; cached until the file changes.  The suffix determines the format.
 
     Raises:
         DescriptionError: the file cannot be read, or is not of that format.
@@ -52,12 +52,12 @@ def _read(path: Path, kind: str, _modified_ns: int, _size: int) -> MessageSet:
 
 
 def _group_mask(message: Message) -> int:
-    """The bits of an identifier of J1939 that count: its priority does not, nor a source that stands for any."""
+    """The bits of a J1939 identifier that identify the message: not the priority, and not a source that means "any"."""
     return _GROUP | (0 if message.frame_id & _SOURCE == _ANY_SOURCE else _SOURCE)
 
 
 def _reason(error: CodingError, kind: str) -> str:
-    """What cantools has said, or, where it has only stumbled over something, that."""
+    """The reason given by cantools, or its internal error if the file has made it fail."""
     original = getattr(error, f"e_{kind.lower()}", None)
     if isinstance(original, TypeError | AttributeError | LookupError):
         return f"an entry is missing or wrong ({original})"

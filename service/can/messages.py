@@ -1,7 +1,6 @@
-"""The messages of a bus, whatever describes them: a file, a table in the configuration, drives that speak CANopen.
+"""The messages of a bus, described by a file, by a table in the configuration, or by CANopen drives.
 
-Every description is brought into one shape, the messages and signals of cantools.  Whatever decodes, encodes or
-looks at a bus reads this shape only.
+Every description is converted to the messages and signals of cantools, and all other code uses only these.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -20,9 +19,9 @@ __all__ = ["CodingError", "DescriptionError", "Message", "MessageSet", "Signal"]
 
 
 class DescriptionError(Exception):
-    """A description that cannot be used, or a name that it does not have, in words for the user.
+    """A description cannot be used or lacks a name; the text is for the user.
 
-    ``signal``: what is wrong is the name of the signal, and that of the message is right.
+    ``signal``: the name of the signal is wrong, and that of the message is right.
     """
 
     def __init__(self, text: str, signal: bool = False) -> None:
@@ -31,15 +30,15 @@ class DescriptionError(Exception):
 
 
 class MessageGroup(NamedTuple):
-    """Messages whose signals are found under one name, whichever message has them."""
+    """Messages with a common name; a signal is found by this name, whichever message has it."""
 
     messages: tuple[Message, ...]
     faults: Mapping[str, str]
-    """Of signals that are not sent: why, and what would be right"""
+    """Signals that are not sent: why, and how to correct that"""
     fault: str
-    """Of all other signals"""
+    """The same for all signals that are not in ``faults``"""
     names: Mapping[str, str]
-    """What signals are, where it is known"""
+    """Readable names of signals, if known"""
 
 
 class MessageSet(NamedTuple):
@@ -50,24 +49,24 @@ class MessageSet(NamedTuple):
 
     messages: tuple[Message, ...]
     source: str
-    """What describes them, as in "robot.dbc" """
+    """Name of the description, e.g. "robot.dbc" """
     groups: Mapping[str, MessageGroup] = MappingProxyType({})
-    """By their names"""
+    """Groups of messages by name"""
     sync: Mapping[FrameKey, FrameKey] = MappingProxyType({})
-    """Messages whose values are sampled at a SYNC, and the frames of that"""
+    """Messages with values sampled at a SYNC, and the key of that SYNC"""
     masks: Mapping[FrameKey, int] = MappingProxyType({})
-    """Messages of which only these bits of the identifier count; of the others all do"""
+    """Messages that are identified by these bits of the identifier only; for all others, all bits count"""
 
     def mask(self, key: FrameKey) -> int:
-        """The bits of the id in a record that count for a message."""
+        """The bits of a record's id that identify a message."""
         return self.masks.get(key, ID_BITS) | EXTENDED
 
     def carries(self, key: FrameKey, record_id: int) -> bool:
-        """Whether a frame with that id in its record carries a message."""
+        """Whether a frame with this id in its record carries a message."""
         return (record_id ^ key.record_id) & self.mask(key) == 0
 
     def counted(self, frames: Mapping[FrameKey, int]) -> dict[FrameKey, int]:
-        """How many frames there are of each message, of frames counted by their own ids."""
+        """Number of frames of each message, from numbers of frames by their own ids."""
         return {
             key: sum(count for own, count in frames.items() if self.carries(key, own.record_id))
             for key in map(key_of_message, self.messages)
@@ -75,7 +74,9 @@ class MessageSet(NamedTuple):
 
 
 def read_unchanged(read: Callable[..., MessageSet], path: Path, what: str | int) -> MessageSet:
-    """What a cached function reads of a file, by its arguments; it reads again once the file has changed.
+    """Call a cached function that reads a file; it reads the file again if this has changed.
+
+    ``what``: further argument of the function.
 
     Raises:
         DescriptionError: the file cannot be read.
@@ -88,7 +89,7 @@ def read_unchanged(read: Callable[..., MessageSet], path: Path, what: str | int)
 
 
 def text_in(data: bytes) -> str:
-    """The text in a file."""
+    """The text of a file."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:  # most tools write the Western code page
@@ -111,11 +112,11 @@ ByteOrder = Literal["little", "big"]
 
 
 class Bits(NamedTuple):
-    """A signal as a table of ids has it: where its bits are, and value = factor * number + offset."""
+    """A signal as described in a configuration: position of its bits; value = factor * number + offset."""
 
     name: str
     start_bit: int
-    """The lowest bit, in big endian the highest; 8 * byte + bit, where bit 0 of a byte is its lowest"""
+    """The lowest bit, or the highest one in big endian: 8 * byte + bit, where bit 0 is the lowest of a byte"""
     length: int
     kind: Kind = "unsigned"
     byte_order: ByteOrder = "little"
@@ -124,14 +125,14 @@ class Bits(NamedTuple):
 
     @property
     def bytes_needed(self) -> int:
-        """Of the message, so that the signal fits."""
+        """Bytes that a message needs for the signal to fit."""
         if self.byte_order == "little":
             return (self.start_bit + self.length + 7) // 8
         return self.start_bit // 8 + (self.length + 7 - self.start_bit % 8 + 7) // 8
 
 
 def message_of(name: str, key: FrameKey, signals: Sequence[Bits]) -> Message:
-    """The message with these signals, as long as they need.
+    """Make a message with these signals and the length that they need.
 
     Raises:
         DescriptionError: the identifier has too many bits.
@@ -155,15 +156,16 @@ def message_of(name: str, key: FrameKey, signals: Sequence[Bits]) -> Message:
 
 
 def key_of_message(message: Message) -> FrameKey:
-    """The frames that carry a message."""
+    """The key of the frames that carry a message."""
     return FrameKey(message.frame_id, message.is_extended_frame)
 
 
 def find_signal(known: MessageSet, message: str, signal: str) -> tuple[Message, Signal]:
-    """A signal, after its message, by their names.
+    """Find a message and its signal by their names.
 
     Raises:
-        DescriptionError: there is none, the signals do not fit into the message, or another one has its identifier.
+        DescriptionError: it does not exist, the signals do not fit into the message, or another message has its
+            identifier.
     """
     if message in known.groups:
         return _find_in(known, message, signal)
@@ -213,10 +215,10 @@ def _message(known: MessageSet, name: str) -> Message:
 
 
 def find_counter(known: MessageSet, message: str, signal: str) -> tuple[Message, Signal]:
-    """A counter, after its message, by their names.
+    """Find a message and its sample counter by their names.
 
     Raises:
-        DescriptionError: there is none, or it is no whole number that goes up by one.
+        DescriptionError: it does not exist, or is no integer with factor 1.
     """
     owner, counter = find_signal(known, message, signal)
     if counter.is_float or counter.scale != 1:

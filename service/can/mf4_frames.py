@@ -1,4 +1,4 @@
-"""Frames in a measurement file of a logger (.mf4, ASAM MDF 4 with bus logging), by asammdf, which is optional."""
+"""Reads frames from a logger's measurement file (.mf4, ASAM MDF 4 with bus logging) with asammdf, which is optional."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from service.can.user_errors import RecordError
 
 _ROWS = 8192
 _HEAD = 68
-"""Bytes: the block that says what the file is, and the name of the next block"""
+"""Bytes of the identification block and the name of the next block"""
 _ID = 0x1FFFFFFF
 _LATEST_S = 2**42
 _DATA, _REJECTED = "CAN_DataFrame", {"CAN_ErrorFrame": "error_frame", "CAN_RemoteFrame": "remote_frame"}
@@ -24,21 +24,21 @@ _LENGTHS = np.array([dlc2len(dlc) for dlc in range(16)])
 
 
 class Mf4Part(NamedTuple):
-    """Frames in the order of time."""
+    """A part of the frames, in the order of time."""
 
     frames: FrameBlock
     channels: Ints
     """Number of the channel of each frame (N,)"""
     done: float
-    """How much of the file has been read, 0 to 1"""
+    """Part of the file that has been read, 0 to 1"""
 
 
 class Mf4Frames:
-    """The frames that a logger has recorded in a file, whose path is for messages.
+    """The frames in a file of a logger; ``path``: for error messages only.
 
     Raises:
         RecordError: asammdf is not installed.
-        Exception: whatever asammdf raises of a damaged file.
+        Exception: whatever asammdf raises for a damaged file.
     """
 
     def __init__(self, path: Path, file: BinaryIO) -> None:
@@ -52,7 +52,7 @@ class Mf4Frames:
         file.seek(0)
         self._mdf: Any = MDF(file)
         self.rejected = dict.fromkeys(_REJECTED.values(), 0)
-        """Entries that are no data frames, by reason"""
+        """Number of entries that are no data frames, by reason"""
         self._groups = list[int]()
         for number, group in enumerate(self._mdf.groups):
             names, count = {channel.name for channel in group.channels}, int(group.channel_group.cycles_nr)
@@ -63,7 +63,7 @@ class Mf4Frames:
         self._start_us = round(self._mdf.header.start_time.timestamp() * 1e6)
 
     def parts(self) -> Iterator[Mf4Part]:
-        """All frames in the order of time, those of several groups merged.
+        """All frames in the order of time; several groups are merged.
 
         Raises:
             Exception: whatever asammdf raises of a damaged file.
@@ -108,11 +108,11 @@ class Mf4Frames:
 
 
 _Rows = tuple[NDArray[np.void], Ints]
-"""Records of frames and the numbers of their channels"""
+"""Records of frames and their channel numbers"""
 
 
 def merged(groups: Sequence[Iterator[_Rows]]) -> Iterator[_Rows]:
-    """The frames of all groups, each of which is in the order of time, in that order."""
+    """Merge groups that are each in the order of time."""
     waiting = {k: part for k, group in enumerate(groups) if (part := next(group, None)) is not None}
     while waiting:
         limit = min(int(records["t_us"].max()) for records, _ in waiting.values())

@@ -1,4 +1,4 @@
-"""Receivers: blocks of frames from an open bus, by python-can; those with a socket of their own: socket_receivers."""
+"""Receives blocks of frames from an open bus with python-can; see socket_receivers for faster receivers."""
 
 import time
 from collections.abc import Mapping
@@ -12,47 +12,47 @@ from service.can.frames import FD_BYTES, ID_BITS, NO_FRAMES, Frame, FrameBlock
 Rejected = Literal["error_frame", "remote_frame"]
 
 BLOCK_S = 0.03
-"""The longest time in which frames are collected"""
+"""Longest time in which frames are collected to a block"""
 IDLE_S = 0.1
-# A clock that says a time before 2000 does not count from 1970 (some adapters count from power-on).
+# A time stamp before 2000 does not count from 1970: some adapters count from power-on.
 _EARLIEST_S = 946_684_800
 _LATEST_US = 2**62
 
 
 class Received(NamedTuple):
-    """What a bus brought."""
+    """The result of one read from a bus."""
 
     frames: FrameBlock
     rejected: Mapping[Rejected, int]
-    """Frames without data, by reason"""
+    """Number of rejected frames by reason"""
 
 
 NOTHING = Received(NO_FRAMES, {})
 
 
 class Receiver:
-    """Reads any bus of python-can; frames dropped by the interface are not reported."""
+    """Receives from any bus of python-can; frames that the interface drops are not counted."""
 
     name = "python-can"
-    """As shown to the user"""
+    """Name for the user"""
     block_s = BLOCK_S
-    """Time in which frames are collected"""
+    """Time in which frames are collected [s]"""
     overflow = 0
-    """Frames that the kernel dropped because they were not read fast enough"""
+    """Number of frames that the kernel dropped because they were not read fast enough"""
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
         self._fault: Exception | None = None
 
     def read(self, most: int, stop: Event) -> Received:
-        """The frames of the next moment; none when there were none for a while, or ``stop`` was set.
+        """Wait for frames and collect a block; empty if none came within ``IDLE_S``, or ``stop`` was set.
 
         Args:
-            most: frames at most.
+            most: most frames in the block.
             stop: ends the wait.
 
         Raises:
-            can.CanOperationError, OSError: the bus is down or gone; what came before has been returned.
+            can.CanOperationError, OSError: the bus is down or gone; frames received before have been returned.
         """
         self._raise_fault()
         frames, rejected = list[Frame](), dict[Rejected, int]()
@@ -78,20 +78,20 @@ class Receiver:
         return Received(FrameBlock.from_frames(frames), rejected)
 
     def _raise_fault(self) -> None:
-        """Raise what has ended the last block."""
+        """Raise the error that ended the last block."""
         fault, self._fault = self._fault, None
         if fault is not None:
             raise fault
 
 
 def frame_of(message: can.Message, stored: bool = False) -> Frame | Rejected:
-    """The frame in a message of python-can, with its time rounded to whole microseconds once.
+    """The frame in a message of python-can, with its time rounded to whole microseconds.
 
-    The time of a message that is ``stored`` in a file is used as it is; else one that does not count from 1970 is
-    replaced by now.
+    ``stored``: the message is from a file, and its time is used as it is.  Otherwise a time that does not count from
+    1970 is replaced by the present time.
 
     Raises:
-        ValueError, OverflowError: of a damaged file: no frame has such a time, id or length.
+        ValueError, OverflowError: the time, id or length is impossible, as in a damaged file.
     """
     if message.is_error_frame:
         return "error_frame"

@@ -1,4 +1,4 @@
-"""Receivers with a socket: many messages in one system call, into memory that is there."""
+"""Receivers for buses with a socket: one system call receives many messages into preallocated memory."""
 
 import ctypes
 import errno
@@ -25,24 +25,24 @@ from service.can.frames import EXTENDED, FD_BYTES, ID_BITS, Frame, FrameBlock
 from service.can.receivers import IDLE_S, NOTHING, Received, Receiver, Rejected
 
 BLOCK_FRAMES = 256
-"""Frames of a block at most: a kernel may keep only 555"""
+"""Most frames of a block; a kernel may buffer only 555"""
 _STANDARD_ID = 0x7FF
-# Numbers that Python's socket module does not have (include/uapi/asm-generic/socket.h).
+# Constants that Python's socket module lacks (include/uapi/asm-generic/socket.h).
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_TIMESTAMPING, _SO_RXQ_OVFL = 33, 35, 37, 40
 _HARDWARE = 1 << 2 | 1 << 6
-"""SOF_TIMESTAMPING_RX_HARDWARE and _RAW_HARDWARE: only frames of a driver that has such stamps then carry them."""
+"""SOF_TIMESTAMPING_RX_HARDWARE and _RAW_HARDWARE; without effect if the driver has no hardware time stamps."""
 _IP_MULTICAST_ALL, _IPV6_MULTICAST_ALL = 49, 29
 _BUFFER_BYTES = 16 * 1024 * 1024
 _REMOTE, _ERROR = 0x40000000, 0x20000000
 _FDF = 0x04
-"""The kernel marks CAN FD frames with this flag; the length of their record says as much."""
+"""Flag by which the kernel marks CAN FD frames; not needed here, as the length of the record shows it."""
 
 _FRAME = np.dtype(
     [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("_", "u1", (2,)), ("data", "u1", (64,))]
 )
-"""struct canfd_frame; a classic frame fills the first 16 bytes of it."""
+"""struct canfd_frame; a classic frame fills its first 16 bytes."""
 _DATAGRAM = np.dtype([("data", "u1", (1024,))])
-"""A frame as python-can packs it takes some 200 bytes."""
+"""A datagram; a frame packed by python-can takes about 200 bytes."""
 _NOTE = np.dtype(
     {"names": ["bytes", "level", "type"], "formats": ["<u8", "<i4", "<i4"], "offsets": [0, 8, 12]}
 )
@@ -57,12 +57,12 @@ _NOTES = np.dtype(
         "itemsize": 128,
     }
 )
-"""Ancillary data of a frame in the kernel's order: the time stamp; that of the hardware, where there is one, as the
-last of three; the counter of drops, once there were some."""
+"""Ancillary data of a frame in the kernel's order: time stamp; hardware time stamps, if any, of which the last of three
+is used; counter of dropped frames, once some were dropped."""
 
 
 _FITS = sys.platform == "linux" and sys.byteorder == "little" and ctypes.sizeof(ctypes.c_size_t) == 8
-"""Whether these records are those of this machine; otherwise python-can reads SocketCAN, too."""
+"""Whether these record layouts are right for this machine; otherwise python-can also receives from SocketCAN."""
 
 
 class _IoVec(ctypes.Structure):
@@ -86,16 +86,16 @@ class _MMsgHdr(ctypes.Structure):
 
 
 class BlockReceiver(Receiver):
-    """Reads the socket of a bus in blocks, with kernel time stamps and the kernel's counter of drops.
+    """Receives blocks from the socket of a bus, with the kernel's time stamps and counter of dropped frames.
 
-    Frames wait in the kernel while a block is collected, so this thread runs once in a block and not once for each
-    frame; their time stamps are those of their receipt.  ``message``: what a message of the socket looks like.
+    While a block is collected, frames wait in the kernel, with time stamps of their receipt.  So the thread runs once
+    for each block and not for each frame.  ``message``: record type of a message of the socket.
     """
 
     def __init__(self, bus: can.BusABC, message: np.dtype[np.void]) -> None:
         super().__init__(bus)
         _prepare(bus.fileno())
-        self._more = False  # frames may wait still
+        self._more = False  # whether more frames may wait
         self._clock = StampClock()
         self._poll = select.poll()
         self._poll.register(bus.fileno(), select.POLLIN)
@@ -121,7 +121,7 @@ class BlockReceiver(Receiver):
         return self._now(most)
 
     def _now(self, most: int) -> Received:
-        """The frames that wait."""
+        """The waiting frames."""
         self._more = False
         self._control_lengths[:] = _NOTES.itemsize
         for older in ("second", "third"):
@@ -142,12 +142,12 @@ class BlockReceiver(Receiver):
         return self._received(self._raw[:count], self._clock.times_us(notes))
 
     def _received(self, raw: NDArray[np.void], t_us: Ints) -> Received:
-        """What messages (N,) that were received then bring."""
+        """The frames in messages (N,) received at these times (N,)."""
         raise NotImplementedError
 
 
 class SocketReceiver(BlockReceiver):
-    """Reads a SocketCAN bus."""
+    """Receives from a SocketCAN bus."""
 
     name = "socketcan in blocks"
 
@@ -169,7 +169,7 @@ class SocketReceiver(BlockReceiver):
 
 
 class DatagramReceiver(BlockReceiver):
-    """Reads a multicast bus, whose datagrams each hold a frame as python-can packs it."""
+    """Receives from a multicast bus; each datagram has a frame packed by python-can."""
 
     name = "udp_multicast in blocks"
 
@@ -195,7 +195,7 @@ class DatagramReceiver(BlockReceiver):
         return Received(FrameBlock.from_frames(frames), rejected)
 
     def _frame(self, packed: Mapping[str, Any], at_us: int) -> Frame | Rejected | None:
-        """The frame in a datagram; None: it is not wanted."""
+        """The frame in a datagram; None: the filters refuse it."""
         can_id, extended, data = packed["arbitration_id"], bool(packed["is_extended_id"]), packed["data"]
         if not 0 <= can_id <= (ID_BITS if extended else _STANDARD_ID) or len(data) > FD_BYTES:
             raise ValueError("no frame has such an id or length")
@@ -207,21 +207,21 @@ class DatagramReceiver(BlockReceiver):
 
 
 def _prepare(fileno: int) -> None:
-    """Let a socket hold many messages, and note with each the time of its receipt and the drops before it."""
+    """Let a socket buffer many messages, and report the time of receipt and the drops before with each."""
     with socket.socket(fileno=os.dup(fileno)) as same:
         try:
             same.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, _BUFFER_BYTES)
-        except PermissionError:  # not root: as much as net.core.rmem_max allows
+        except PermissionError:  # not root: net.core.rmem_max limits the size
             same.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         same.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         same.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
 
 
 def _only_own_group(fileno: int) -> None:
-    """Let a socket get the datagrams of its own group only.
+    """Let a socket receive only the datagrams of its own group.
 
-    Linux gives it those of every group that anybody on this machine has joined, as far as the port is the same: the
-    frames of another robot.
+    By default, Linux also gives it the datagrams for the same port of every group that any process on this machine has
+    joined: frames of another robot.
     """
     with socket.socket(fileno=os.dup(fileno)) as same:
         if same.family == socket.AF_INET6:
@@ -231,7 +231,7 @@ def _only_own_group(fileno: int) -> None:
 
 
 def _passes(bus: can.BusABC, can_id: int, extended: bool) -> bool:
-    """Whether the filters of a bus let the frames of that id through."""
+    """Whether the filters of a bus accept frames with this id."""
     return not bus.filters or any(
         wanted.get("extended", extended) == extended and not (can_id ^ wanted["can_id"]) & wanted["can_mask"]
         for wanted in bus.filters
@@ -239,18 +239,19 @@ def _passes(bus: can.BusABC, can_id: int, extended: bool) -> bool:
 
 
 class StampClock:
-    """Times of frames by the clock of the machine, as exact as the stamps of the hardware where there are some.
+    """Times of frames by the clock of the machine, with the accuracy of hardware time stamps if there are some.
 
-    A CAN controller stamps frames when they come, the kernel when it gets to them.  But the controller's clock is set
-    once and then runs by its own crystal.  So its time is shifted by what the kernel needed at least; that is followed
-    quickly where it is less than before, and slowly where it is more, as while the machine is busy.
+    A CAN controller stamps frames when they arrive; the kernel stamps them when it handles them, which is later.  But
+    the controller's clock is set once and then runs on its own crystal.  So the hardware time is shifted by the
+    smallest difference of the two stamps.  The shift follows quickly if the difference gets smaller, and slowly if it
+    gets larger, as when the machine is busy.
     """
 
     def __init__(self) -> None:
         self._shift_ns: int | None = None
 
     def times_us(self, notes: NDArray[np.void]) -> Ints:
-        """Whole microseconds of a block; the present time where the kernel gave none."""
+        """Times of a block (N,) [us]; the present time for frames without a kernel time stamp."""
         kernel_ns = _nanoseconds(notes["time"])
         stamped: Bools = notes["first"]["type"] == _SO_TIMESTAMPNS
         if not stamped.all():
@@ -269,8 +270,8 @@ class StampClock:
 
 _STEP_NS = 10_000_000
 _QUICKLY, _SLOWLY = 4, 64
-"""Parts of a difference, of which one is followed with each block: at 30 blocks a second a clock that is off by 100 ppm
-is behind by .2 ms at most."""
+"""The shift follows a difference by one such part in each block.  At 30 blocks/s, a clock that is off by 100 ppm then
+has an error of at most 0.2 ms."""
 
 
 def _nanoseconds(at: NDArray[np.void]) -> Ints:
@@ -281,7 +282,7 @@ def _nanoseconds(at: NDArray[np.void]) -> Ints:
 def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:
     ids, lengths, flags = raw["id"], raw["length"].astype(np.int64), raw["flags"] & ~np.uint8(_FDF)
     ids = np.where(ids & EXTENDED, ids & (EXTENDED | ID_BITS), ids & _STANDARD_ID)
-    # Beyond its length the data are what an older frame has left.
+    # Data beyond the length is from an older frame; from_columns replaces it by zeros.
     return FrameBlock.from_columns(t_us, ids.astype(np.int64), lengths, raw["data"], flags.astype(np.int64))
 
 
@@ -293,6 +294,6 @@ def receiver_of(bus: can.BusABC) -> Receiver:
 
 
 def reader_of(interface: str) -> str:
-    """How a bus of that interface is read, as shown to the user."""
+    """How frames of this interface are received, in words."""
     in_blocks = {"socketcan": SocketReceiver.name, "udp_multicast": DatagramReceiver.name}
     return in_blocks.get(interface, Receiver.name) if _FITS else Receiver.name

@@ -22,7 +22,7 @@ from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.epochs_at_start import AtStart, at_start, bring_back
+from service.pipeline.epochs_at_start import EpochsInForce, epochs_in_force, resume_monitors
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
@@ -110,7 +110,7 @@ class _State(NamedTuple):
     journal: Journal
     checkpoints: Checkpoints
     history: HistoryRecording
-    begun: AtStart
+    begun: EpochsInForce
 
 
 def _opened(config: Config, stack: ExitStack) -> _State:
@@ -131,14 +131,14 @@ def _opened(config: Config, stack: ExitStack) -> _State:
         lambda: HistoryStore(kept.state_dir / HISTORY_FILE, bounds), kept.history_interval_s
     )
     stack.callback(history.stop)
-    return _State(journal, checkpoints, history, at_start(config.axes, journal.epochs, now_us()))
+    return _State(journal, checkpoints, history, epochs_in_force(config.axes, journal.epochs, now_us()))
 
 
 def _restored(
     config: Config, monitors: AxisMonitors, state: _State, saver: Checkpointer, clock: WallClock
 ) -> tuple[Alarms, tuple[str, ...]]:
     """The alarms of the journal, as the restored monitors have them; and what happened, for the operator."""
-    restored = bring_back(monitors, state.begun, state.checkpoints, state.journal, now_us())
+    restored = resume_monitors(monitors, state.begun, state.checkpoints, state.journal, now_us())
     saver.saved_us = restored.checkpoint_us
     known = quantities(monitors.by_id)
     state.journal.group(alarm_groups(config.axes))
@@ -146,7 +146,7 @@ def _restored(
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     messages = (*state.begun.messages, *restored.messages)
-    for message in (*messages, *monitors.begun_again):
+    for message in (*messages, *monitors.restarted_windows):
         log.warning("start", message=message)
     return alarms, messages
 

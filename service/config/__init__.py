@@ -1,4 +1,4 @@
-"""The configuration file: its schema, its rules, and every problem with file, line, key and value."""
+"""The configuration file: its schema and its checks, with file, line, key and value for each problem."""
 
 from service.config.axis_settings import predictor_of
 from service.config.conditions import conditions_of, in_words, needed

@@ -1,4 +1,4 @@
-"""Cross-checks of an axis: measured quantities, times, predictor, estimator, names of alarms, a drive with CANopen."""
+"""Cross-checks of an axis: measured quantities, times, predictor, estimator, names of alarms, CANopen drive."""
 
 import math
 from collections.abc import Iterator
@@ -16,11 +16,11 @@ from service.config.toml_lines import Keys
 from service.texts.alarm_words import SENSORS
 
 _NEARLY = 1e-3
-"""Part of a turn: as exactly as somebody may have written 2 pi."""
+"""Tolerance of a whole number of turns: the accuracy with which a user may have written 2 pi."""
 
 
 def motion(axis: AxisConfig) -> Iterator[Finding]:
-    """An axis has an angle or a speed."""
+    """An axis has either an angle or a speed."""
     if axis.angle is not None and axis.speed is not None:
         message = (
             "give angle or speed, not both: the angle gives better estimates, unless its resolution is coarse"
@@ -31,19 +31,19 @@ def motion(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def defaults_without_name(robot: RobotConfig) -> Iterator[Finding]:
-    """Every axis has a name of its own."""
+    """The defaults of a robot must not contain a name."""
     if "name" in robot.defaults:
         yield Finding(("defaults", "name"), "remove this: each axis has a name of its own")
 
 
 def torque_constant(axis: AxisConfig) -> Iterator[Finding]:
-    """A current makes a torque."""
+    """The torque constant is not zero."""
     if axis.torque.kT_Nm_per_A == 0:
         yield Finding(("torque", "kT_Nm_per_A"), "must not be 0: no current would make a torque")
 
 
 def times(axis: AxisConfig) -> Iterator[Finding]:
-    """Delay, pairing tolerance and gap fit the sample interval."""
+    """Torque delay, pairing tolerance and longest gap fit the sample interval."""
     h = axis.sample_interval_s
     if axis.torque_delay_s > h:
         yield Finding(("torque_delay_s",), f"must be at most sample_interval_s = {h}")
@@ -56,7 +56,7 @@ def times(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def clock(axis: AxisConfig) -> Iterator[Finding]:
-    """Message and signal of the counter come together; a clock is fitted to frames, where no counter tells the time."""
+    """Message and signal of the counter are both given; a cyclic clock needs frames of a bus, and no counter."""
     if axis.time.counter_message is not None and axis.time.counter_signal is None:
         yield Finding(("time", "counter_signal"), "missing: it is needed with counter_message")
     if axis.time.counter_signal is not None and axis.time.counter_message is None:
@@ -76,13 +76,13 @@ def clock(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
-    """Where gravity acts, an angle that wraps must still determine the position of the weight."""
+    """If gravity acts, an angle that wraps must still determine the position of the arm."""
     if axis.angle is None or axis.angle.wrap_period is None:
         return
     drive = usable_drive(axis)
     try:
         ratio = drive.matrix("ratio", drive.complete(watched_values(axis)))[:, 0].tolist()
-    except (KeyError, ValueError):  # a value is missing, which another check reports
+    except (KeyError, ValueError):  # a value is missing; another check reports that
         return
     period = abs(axis.angle.factor) * axis.angle.wrap_period
     for r, kind in zip(ratio, drive.inputs, strict=True):
@@ -108,7 +108,7 @@ def predictor(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def noises(axis: AxisConfig) -> Iterator[Finding]:
-    """Everything is there that the filter gain and lambda_0 are computed from."""
+    """The noises are given from which the filter gain and lambda_0 are computed."""
     e = axis.estimator
     if axis.model.nominal_file is not None or axis.records_only:
         return
@@ -142,7 +142,7 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def alarm_names(axis: AxisConfig) -> Iterator[Finding]:
-    """Alarms have the names of monitored parameters, of sensor faults, or of what shows another payload."""
+    """Alarm settings name monitored parameters, sensor faults, or the causes that indicate another payload."""
     known = [*dict.fromkeys([*axis.model.monitor, *SENSORS, DELAY, LOAD, PAYLOAD_INERTIA])]
     given: list[tuple[Keys, str]] = [(("priorities", name), name) for name in axis.alarms.priorities]
     for key in ("latched", "suppressed"):
@@ -153,18 +153,18 @@ def alarm_names(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def off_delay(axis: AxisConfig) -> Iterator[Finding]:
-    """A cause that is back within the off-delay is found to be the same alarm."""
+    """The off-delay is short enough that an alarm whose cause returns within it is reopened."""
     most_s = REOPEN_MEMORIES * axis.memory_s
     if (axis.alarms.off_delay_s or 0.0) > most_s:
         message = f"must be at most {REOPEN_MEMORIES} memory lengths, {most_s:g} s: what is back later is another alarm"
         yield Finding(("alarms", "off_delay_s"), message)
 
 
-# --- A drive that speaks CANopen: what the units follow from is given, and is not guessed -----------------------------
+# --- A CANopen drive: the values that determine its units are given, not guessed --------------------------------------
 
 
 def torque_of_drive(axis: AxisConfig) -> Iterator[Finding]:
-    """What the torque is a thousandth of is given."""
+    """Either the rated torque, or the rated current and the torque constant, are given."""
     drive, kT = axis.canopen, axis.torque.kT_Nm_per_A
     if drive is None:
         return

@@ -16,21 +16,21 @@ from service.config.thresholds_file import with_thresholds
 
 
 class AxisError(Exception):
-    """An axis that cannot be monitored as configured; the text names it and says what would be right."""
+    """An axis cannot be monitored as configured; the text names it and says how to correct that."""
 
 
 def monitored_model(axis: NamedAxis) -> AxisModel:
-    """The model of an axis that is to be monitored.
+    """The model of an axis for monitoring.
 
     Raises:
-        AxisError: values or noises are missing, as an axis in tables may have before it is identified.
+        AxisError: nominal values or noises are missing, as the axis has not been identified yet.
     """
     check_known(axis)
     return axis_model(axis.config)
 
 
 def check_known(axis: NamedAxis) -> None:
-    """Check that the values of the drive and the noises are known.
+    """Check that the nominal values of the drive and the noises are known.
 
     Raises:
         AxisError: as ``monitored_model``.
@@ -43,7 +43,7 @@ def check_known(axis: NamedAxis) -> None:
 
 
 def unknown_of(axis: AxisConfig) -> list[str]:
-    """Values of the drive and noises that the configuration does not have, and that a predictor needs."""
+    """Names of the values of the drive and of the noises that a predictor needs but the configuration lacks."""
     predictor = predictor_of(axis)
     missing = lacking(watched_drive(axis), watched_values(axis))
     if predictor.innovation_variance is None:
@@ -53,7 +53,7 @@ def unknown_of(axis: AxisConfig) -> list[str]:
 
 
 class Predictor(NamedTuple):
-    """Predictor of the output of an axis.  None: not known; the gain is then computed from the noises."""
+    """Settings of the predictor of an axis.  None: not known.  An empty gain is computed from the noises."""
 
     kind: Literal["innovations", "output-error"]
     gain: tuple[float, ...]
@@ -66,9 +66,9 @@ class Predictor(NamedTuple):
 
 
 def predictor_of(axis: AxisConfig) -> Predictor:
-    """The predictor of an axis, from its file of nominal values or from the configuration.
+    """The predictor of an axis, from its nominal file or from the configuration.
 
-    A cross-check ensures that these do not contradict each other.
+    A cross-check ensures that the two do not contradict each other.
     """
     e, found = axis.estimator, axis.model.nominal_file
     if found is None:
@@ -86,7 +86,7 @@ def predictor_of(axis: AxisConfig) -> Predictor:
 
 
 def step_noise(axis: AxisConfig) -> float | None:
-    """Standard deviation of the angle or speed from its resolution alone [rad, rad/s]; None: it is not given."""
+    """Standard deviation of the angle or speed from its resolution alone [rad, rad/s]; None: no resolution is given."""
     motion = axis.angle or axis.speed
     if motion is None or motion.resolution is None:
         return None
@@ -94,15 +94,15 @@ def step_noise(axis: AxisConfig) -> float | None:
 
 
 def rounded(step: float) -> float:
-    """Standard deviation of what rounding to that step leaves: any value within a step, each as likely."""
+    """Standard deviation of the error of rounding to this step, which is uniformly distributed."""
     return abs(step) / math.sqrt(12)
 
 
 def axis_settings(axis: NamedAxis, model: AxisModel) -> Settings:
-    """Settings of the monitoring of an axis.
+    """The monitoring settings of an axis.
 
     Raises:
-        AxisError: there is no predictor with these noises or this gain, or its thresholds are of another monitor.
+        AxisError: no predictor has these noises or this gain, or the thresholds belong to another monitor.
     """
     config = axis.config
     try:
@@ -142,7 +142,7 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
 
 
 def model_error(config: AxisConfig, model: AxisModel) -> tuple[float, ...]:
-    """What each monitored parameter is off by beside the heat that it follows, in sizes; empty: there is no heat."""
+    """Error of each parameter that remains after the warm-up correction, in sizes; empty: no thermal model."""
     table = None if config.model.nominal_file is None else config.model.nominal_file.thermal
     if table is None or thermal_of(config) is None:
         return ()
@@ -153,12 +153,12 @@ def model_error(config: AxisConfig, model: AxisModel) -> tuple[float, ...]:
 
 
 def unidentifiable_pairs(config: AxisConfig) -> tuple[tuple[str, str], ...]:
-    """Pairs of parameters that the record of the nominal values hardly distinguishes."""
+    """Pairs of parameters that the identification record hardly distinguishes."""
     found = config.model.nominal_file
     return found.unidentifiable_pairs(config.model.monitor) if found else ()
 
 
-# --- Detectors: which one raises alarms, and whether the multi-model detector runs in shadow mode ---------------------
+# --- Detectors: which one raises alarms, whether the multi-model detector runs in shadow mode -------------------------
 
 
 class Detectors(NamedTuple):
@@ -166,16 +166,16 @@ class Detectors(NamedTuple):
 
     alarm_source: DetectorName
     multimodel: MultiModelDetector | None
-    """None: it does not run"""
+    """The multi-model detector; None: it does not run"""
     why: str
-    """Why it does not run, or where its thresholds are from"""
+    """Why the multi-model detector does not run, or the source of its thresholds"""
 
 
 def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detectors:
-    """The detectors as configured.
+    """The configured detectors.
 
-    By default the multi-model detector raises alarms where it has thresholds from a healthy record and the nominal
-    values are constant, or follow only the heat of the axis.
+    By default the multi-model detector raises alarms if it has thresholds from a healthy record, and the nominal
+    values are constant or follow only the warm-up state of the axis.
 
     Raises:
         AxisError: the multi-model detector is the alarm source, but is not available.
@@ -205,9 +205,10 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
 
 
 def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
-    """The alarm source of an axis that can have both detectors, with or without thresholds from a healthy record."""
-    # Model errors are larger where conditions change the model: there the paper's tests alarm by default.  What a heat
-    # leaves is known from the records, and calibrated for; beyond them only the paper's tests have a wider allowance.
+    """The alarm source of an axis that can have both detectors; ``from_record``: with thresholds from a record."""
+    # Model errors are larger if measured conditions change the model: then the paper's tests raise alarms by default.
+    # The error that a warm-up correction leaves is known from the records and calibrated.  With "widen", only the
+    # paper's tests have a wider allowance outside the range of the records.
     known = axis.detector.outside_calibration != "widen" and all(
         Term.read(v.signal).signals == (HEAT,) for _, v in varying_of(axis)
     )
@@ -216,7 +217,7 @@ def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
 
 
 def detectors_in_words(axis: NamedAxis) -> str:
-    """Which detector alarms, and which one runs in shadow mode."""
+    """The alarm source and the detector in shadow mode, in words."""
     model = axis_model(axis.config)
     found = detectors_of(axis, model, axis_settings(axis, model))
     if found.alarm_source == "multimodel":

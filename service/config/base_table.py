@@ -1,4 +1,4 @@
-"""Base class of the tables of the configuration, the types of their values, and what its keys were called before."""
+"""Base class of the configuration's tables, types of their values, and keys of earlier versions."""
 
 import re
 from collections.abc import Mapping
@@ -9,34 +9,34 @@ from typing import Annotated
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 
-class Undecidable(LookupError):  # noqa: N818 - it ends a cross-check, nobody sees it
-    """A cross-check is not possible because of a mistake that another check reports."""
+class Undecidable(LookupError):  # noqa: N818 - it only ends a cross-check, users never see it
+    """A cross-check is not possible, because of a mistake that another check reports."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Context of reading tables: relative paths start at ``folder``; files of thresholds may be ignored."""
+    """Context of reading: relative paths start at ``folder``; ``thresholds``: whether to read threshold files."""
 
     folder: Path
     thresholds: bool = True
 
 
 class Table(BaseModel):
-    """A TOML table: immutable, unknown keys are errors.  The text below a key is shown with mistakes in it."""
+    """A TOML table: immutable; unknown keys are errors.  The docstring of a key is shown with mistakes in that key."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
 
     @classmethod
     def meaning(cls, key: str) -> str:
-        """The text below a key, in one line."""
+        """The docstring of a key, in one line."""
         return " ".join((cls.model_fields[key].description or "").split())
 
 
-# --- What the values of the configuration are: numbers with bounds, names, paths -------------------------------------
+# --- Types of values: numbers with bounds, names, paths ---------------------------------------------------------------
 
 
 SUFFIX = ".mo"
-"""A drive whose name ends so is a Modelica file, else one of the library."""
+"""A drive whose name ends with this is a Modelica file; any other is a drive of the library."""
 
 
 def _not_zero(value: float) -> float:
@@ -57,7 +57,7 @@ def from_folder(value: object, info: ValidationInfo) -> Path:
     """A path relative to the folder of the configuration.
 
     Raises:
-        ValueError: it is no path.
+        ValueError: the value is no path.
     """
     if not isinstance(value, str | Path) or value == "" or "\0" in str(value):
         raise ValueError("must be a path in quotes")
@@ -74,11 +74,11 @@ def _drive_from_folder(value: object, info: ValidationInfo) -> object:
 
 
 DriveName = Annotated[str, BeforeValidator(_drive_from_folder), Field(min_length=1)]
-"""A name of the library, or a Modelica file relative to the folder of the configuration."""
+"""Name of a library drive, or of a Modelica file relative to the folder of the configuration."""
 
 
 def written(pattern: str, right: str) -> AfterValidator:
-    """A text of this form; ``right`` says which."""
+    """Validator for a text that matches the pattern; ``right``: description of the right form."""
 
     def check(text: str) -> str:
         if not re.fullmatch(pattern, text):
@@ -88,7 +88,7 @@ def written(pattern: str, right: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-# --- Keys of earlier versions: an old key is an error that says what is right now -------------------------------------
+# --- Keys of earlier versions: an old key is an error that says what to write instead ---------------------------------
 
 
 RENAMED_KEYS: Mapping[str, str] = {
@@ -104,7 +104,7 @@ RENAMED_KEYS: Mapping[str, str] = {
     "widening": "covariance_reset",
     "wraps_at": "wrap_period",
 }
-"""Keys of earlier versions: an old key is an error that names the new one."""
+"""Keys of earlier versions with their new names"""
 REMOVED_KEYS: Mapping[str, str] = {
     "components": 'draw the drive as a Modelica file, and give drive = "....mo" instead',
     "forgetting": "give memory_s = sample_interval_s / (1 - forgetting) instead",
@@ -117,7 +117,7 @@ REMOVED_KEYS: Mapping[str, str] = {
 
 
 def hint(key: str) -> str | None:
-    """What to do with a key of an earlier version, or one for a secret; None: it never was a key."""
+    """What to do with a key of an earlier version, or with a key for a secret; None: it never was a key."""
     if key in RENAMED_KEYS:
         return f"is now called {RENAMED_KEYS[key]}"
     return REMOVED_KEYS.get(key)

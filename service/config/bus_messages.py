@@ -1,4 +1,4 @@
-"""All messages of a bus: those of its file, of the table in the configuration, and of the drives of its axes."""
+"""All messages of a bus: from its description file, the table in the configuration, and the CANopen drives."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,16 +10,16 @@ from service.can.messages import Bits, DescriptionError, MessageSet, message_of,
 from service.config.schema import BitsConfig, Config, MessageConfig
 
 _FIRST_BROADCAST = 240
-"""Parameter groups whose second byte is below are sent to a destination."""
+"""J1939 parameter groups with a smaller second byte are sent to a destination."""
 _PRIORITY = 6
-"""Usual one of J1939, of what is sent here"""
+"""Default J1939 priority, for frames that are sent"""
 
 
 def messages_of(config: Config, bus: str) -> MessageSet:
-    """The messages of the bus of that name, made anew: whoever asks for each axis keeps them.
+    """The messages of the bus with this name.  They are made at each call, so callers should keep them.
 
     Raises:
-        DescriptionError: a file cannot be used, or nothing describes them.
+        DescriptionError: a file cannot be used, or nothing describes the messages.
     """
     parts = tuple(_parts(config, bus))
     if not parts:
@@ -28,14 +28,14 @@ def messages_of(config: Config, bus: str) -> MessageSet:
 
 
 Files = frozenset[tuple[Path, int, int]]
-"""Files, with the time of their last change [ns] and their size"""
+"""Files with the times of their last change [ns] and their sizes"""
 
 
 def files_of(config: Config, bus: str) -> Files:
     """The files that describe the messages of a bus.
 
     Raises:
-        OSError: one is not there.
+        OSError: a file does not exist.
     """
     axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == bus]
     files = {axis.canopen.eds for axis in axes if axis.canopen is not None}
@@ -54,7 +54,7 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
     axes = [axis for robot in config.robot for axis in robot.axis if axis.bus == name]
     drives = {axis.canopen.node_id: axis.canopen.eds for axis in axes if axis.canopen is not None}
     for axis in axes:
-        if axis.canopen is not None:  # a drive of no axis is one of the same kind
+        if axis.canopen is not None:  # a node that belongs to no axis is taken as a drive of the same kind
             nodes = (node_of(signal.message or "") for signal in axis.signal)
             drives = {node_id: axis.canopen.eds for node_id in nodes if node_id is not None} | drives
     for node_id, eds in sorted(drives.items()):
@@ -62,7 +62,7 @@ def _parts(config: Config, name: str) -> Iterator[MessageSet]:
 
 
 def is_addressed(pgn: int) -> bool:
-    """Whether a parameter group of J1939 is sent to a destination, which is then a part of the identifier (PDU1)."""
+    """Whether a J1939 parameter group is sent to a destination, which is then part of the identifier (PDU1)."""
     return pgn >> 8 & 0xFF < _FIRST_BROADCAST
 
 
@@ -76,11 +76,11 @@ def _key(message: MessageConfig) -> FrameKey:
 
 
 def _mask(message: MessageConfig) -> int:
-    """The bits of the identifier that count."""
+    """The bits of the identifier that identify the message."""
     group = 0x3FF0000 if is_addressed(message.pgn or 0) else 0x3FFFF00
     return group | (0 if message.source_address is None else 0xFF)
 
 
 def bits_of(s: BitsConfig) -> Bits:
-    """The signal of a table."""
+    """The signal that a table describes."""
     return Bits(s.name, s.start_bit, s.length, s.kind, s.byte_order, s.factor, s.offset)

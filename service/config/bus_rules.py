@@ -1,4 +1,4 @@
-"""Cross-checks of names, buses and their messages: references exist, nothing is used twice."""
+"""Cross-checks of names, buses and messages: references exist, nothing is used twice."""
 
 from collections.abc import Iterator, Sequence
 from functools import cache, partial
@@ -32,7 +32,7 @@ _NO_BUS = "there is no [[bus]] in this file: add it, or remove this where only t
 
 
 def names(config: Config) -> Iterator[Finding]:
-    """No two buses, no two robots and no two axes of a robot have one name."""
+    """No two buses, robots, or axes of a robot have the same name."""
     yield from same_names("bus", config.bus)
     yield from same_names("robot", config.robot)
     for i, robot in enumerate(config.robot):
@@ -43,7 +43,7 @@ def same_names(
     key: str,
     tables: Sequence[BusConfig | MessageConfig | BitsConfig | RobotConfig | AxisConfig | FurtherSignalConfig],
 ) -> Iterator[Finding]:
-    """No two tables of an array have one name."""
+    """No two tables of an array have the same name."""
     first: dict[str, int] = {}
     for i, table in enumerate(tables):
         if first.setdefault(table.name, i) != i:
@@ -51,7 +51,7 @@ def same_names(
 
 
 def channels(config: Config) -> Iterator[Finding]:
-    """No two buses are the same one, whose frames would count twice; what makes a channel another may be an option."""
+    """No two buses have the same channel, as frames would count twice; options may distinguish channels."""
     first: dict[tuple[str, str, str], int] = {}
     for i, bus in enumerate(config.bus):
         options = "" if bus.interface == "socketcan" else repr(sorted(bus.options.items()))
@@ -61,7 +61,7 @@ def channels(config: Config) -> Iterator[Finding]:
 
 
 def recording_channels(config: Config) -> Iterator[Finding]:
-    """Files with numbers in place of names can tell the buses apart."""
+    """Recordings in a format with numbers instead of names can distinguish the buses."""
     if config.service.recording_format == "blf" and config.bus and blf_channels(config.bus) is None:
         found = listed([bus.channel for bus in config.bus])
         message = (
@@ -72,7 +72,7 @@ def recording_channels(config: Config) -> Iterator[Finding]:
 
 
 def bus_references(config: Config) -> Iterator[Finding]:
-    """Every axis names a bus of the file, if there is any."""
+    """Every axis names a bus of the file, if the file has any."""
     known = [bus.name for bus in config.bus]
     for path, axis in _axes(config):
         if axis.bus and axis.bus not in known:
@@ -83,7 +83,7 @@ def bus_references(config: Config) -> Iterator[Finding]:
 
 
 def descriptions(config: Config) -> Iterator[Finding]:
-    """The messages of each bus are described, and the files of drives can be read."""
+    """The messages of each bus are described, and the files of CANopen drives can be read."""
     drives = [(path, axis.bus, axis.canopen) for path, axis in _axes(config) if axis.canopen is not None]
     for i, bus in enumerate(config.bus):
         if bus.messages is None and not bus.message and bus.name not in [name for _, name, _ in drives]:
@@ -97,7 +97,7 @@ def descriptions(config: Config) -> Iterator[Finding]:
 
 
 def sources(config: Config) -> Iterator[Finding]:
-    """Torque and motion are in a message of the bus; without any bus, in a column."""
+    """Torque and motion are in a message of the bus, or, if there is no bus, in a column."""
     for path, axis in _axes(config):
         for quantity in QUANTITIES:
             source = getattr(axis, quantity)
@@ -115,7 +115,7 @@ def sources(config: Config) -> Iterator[Finding]:
 
 
 def _missing(table: type[Table], key: str) -> str:
-    """The finding of a key that is required here."""
+    """The message for a missing key."""
     return f"missing ({table.meaning(key)})"
 
 
@@ -126,7 +126,7 @@ def _axes(config: Config) -> Iterator[tuple[Keys, AxisConfig]]:
 
 
 def usable_bus(bus: BusConfig) -> Iterator[Finding]:
-    """Python-can has the interface, options do not repeat keys of the bus, and its messages can be read."""
+    """Python-can has the interface, options do not repeat keys of the bus, and the messages can be read."""
     if bus.interface not in interface_names():
         hint = did_you_mean(bus.interface, interface_names())
         yield Finding(("interface",), f"python-can has no such interface: {hint}")
@@ -142,7 +142,7 @@ def usable_bus(bus: BusConfig) -> Iterator[Finding]:
 
 
 def _table_of_ids(bus: BusConfig) -> Iterator[Finding]:
-    """The messages that no file describes can be."""
+    """The messages that the configuration describes are possible."""
     yield from same_names("message", bus.message)
     for i, message in enumerate(bus.message):
         path: Keys = ("message", i)
@@ -153,7 +153,7 @@ def _table_of_ids(bus: BusConfig) -> Iterator[Finding]:
 
 
 def _identifier(message: MessageConfig) -> Iterator[Finding]:
-    """Either an identifier or a parameter group of J1939."""
+    """A message has either an identifier or a J1939 parameter group."""
     if (message.id is None) == (message.pgn is None):
         words = "missing" if message.id is None else "give it or pgn, not both"
         yield Finding(("id",), f"{words} ({MessageConfig.meaning('id')})")
@@ -180,7 +180,7 @@ def _bits(signal: BitsConfig) -> Iterator[Finding]:
 
 
 class _Use(NamedTuple):
-    """A signal that an axis uses, and the table where it is named."""
+    """A signal that an axis uses, and the table that names it."""
 
     axis: AxisConfig
     table: Keys
@@ -190,7 +190,7 @@ class _Use(NamedTuple):
 
     @property
     def drive_path(self) -> Keys | None:
-        """Where the drive is named, if the signal follows from that."""
+        """The key that names the CANopen drive, if the signal follows from that; otherwise None."""
         drive = self.axis.canopen
         follows = drive is not None and self.message == node_name(drive.node_id)
         return (*self.table[:4], "canopen", "eds") if follows and self.table[4] in QUANTITIES else None
@@ -213,7 +213,7 @@ def _values(config: Config) -> Iterator[_Use]:
 
 
 def _counters(config: Config) -> Iterator[_Use]:
-    """The sample counters of all axes; axes may share them."""
+    """The sample counters of all axes; axes may share a counter."""
     for path, axis in _axes(config):
         message, signal = axis.time.counter_message, axis.time.counter_signal
         if message is not None and signal is not None:
@@ -221,7 +221,7 @@ def _counters(config: Config) -> Iterator[_Use]:
 
 
 def _further(config: Config) -> Iterator[_Use]:
-    """The auxiliary signals of all axes; axes may share them."""
+    """The auxiliary signals of all axes; axes may share a signal."""
     for path, axis in _axes(config):
         for n, s in enumerate(axis.signal):
             if s.message is not None and s.signal is not None:
@@ -229,7 +229,7 @@ def _further(config: Config) -> Iterator[_Use]:
 
 
 def message_names(config: Config) -> Iterator[Finding]:
-    """Each message and each signal is known on the axis's bus."""
+    """Each message and signal exists on the bus of the axis."""
     known_on = cache(partial(messages_of, config))
     for use in (*_values(config), *_counters(config), *_further(config)):
         try:
@@ -243,7 +243,7 @@ def message_names(config: Config) -> Iterator[Finding]:
 
 
 def one_axis_for_each_signal(config: Config) -> Iterator[Finding]:
-    """No signal is the torque or the motion of two axes, or both of one."""
+    """No signal is the torque or motion of two axes, or both torque and motion of one."""
     first: dict[tuple[str, str, str], Keys] = {}
     for use in _values(config):
         taken = first.setdefault((use.axis.bus, use.message, use.signal), use.signal_path)

@@ -1,7 +1,7 @@
-"""[robot.axis.canopen]: an axis whose drive speaks CANopen (CiA 402); where its torque and motion are, and their units.
+"""[robot.axis.canopen]: an axis with a CANopen drive (CiA 402); derives the signals and units of torque and motion.
 
-From a few values of the data sheet follow message, signal and factor of torque and motion.  They are put into the axis
-before it is validated, so the rest of the program sees an axis like any other.
+Message, signal and factor of torque and motion follow from a few values of the data sheet.  They are written into the
+axis before it is validated, so the rest of the program sees an ordinary axis.
 """
 
 import math
@@ -16,7 +16,7 @@ from service.config.base_table import FilePath, Positive, Table
 
 POSITION, VELOCITY, TORQUE, CURRENT = 0x6064, 0x606C, 0x6077, 0x6078
 _DEVICE_STEP: Final = 0x800
-"""Between the objects of the logical devices of a node"""
+"""Index step between the objects of two logical devices of a node"""
 _THOUSANDTH: Final = 1e-3
 _RPM: Final = 2 * math.pi / 60
 
@@ -49,7 +49,7 @@ class CanopenConfig(Table):
 
 
 def with_sources(axis: dict[str, Any]) -> dict[str, Any]:
-    """A raw axis with torque, motion and auxiliary signals as its drive sends them; its own keys come first."""
+    """A raw axis with the torque, motion and auxiliary signals of its drive; keys of the axis take precedence."""
     match axis:
         case {"canopen": {"node_id": int(node)} as drive}:
             pass
@@ -71,7 +71,7 @@ def _under(derived: dict[str, Any], own: Any) -> Any:
 
 
 def _placed(name: str, signal: Any) -> Any:
-    """An auxiliary signal that names only an object is one of this node."""
+    """Add the node to an auxiliary signal that names only an object."""
     match signal:
         case {"signal": _} if not {"message", "axis"} & signal.keys():
             return {**signal, "message": name}
@@ -102,6 +102,6 @@ def _object(drive: Mapping[str, Any], index: int) -> str:
 
 
 def _number(drive: Mapping[str, Any], key: str) -> float:
-    """A value; 1 where it is missing or wrong, which is reported."""
+    """A number; 1 if it is missing or wrong, which a check reports."""
     value = drive.get(key)
     return float(value) if isinstance(value, int | float) and 0 < value <= sys.float_info.max else 1.0

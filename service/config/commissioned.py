@@ -1,6 +1,6 @@
-"""A configuration with what commissioning found: the user's own text, comments included, with new values in it.
+"""Writes the results of commissioning into the user's configuration text; comments stay.
 
-And one for tables, connected to a bus.
+Also connects a configuration for tables to a bus.
 """
 
 import os
@@ -19,7 +19,7 @@ from service.config.schema_links import LINK_FILES
 from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
 
 _OF_PARAMETERS = {"model": ("scales", "bounds", "limits"), "alarms": ("priorities", "latched", "suppressed")}
-"""Keys of an axis by table that name its monitored parameters."""
+"""Keys of an axis, by table, whose entries name monitored parameters."""
 SIGNAL = "signal"
 """Key of the auxiliary signals of an axis"""
 _PLACE = ("message", "signal", "column")
@@ -28,23 +28,23 @@ REPORT = "report.html"
 
 
 def pages_of(axis_id: str) -> tuple[str, str]:
-    """Names of the pages of an axis beside the summary: of its identification and of its calibration."""
+    """File names of the identification report and the calibration report of an axis, beside the summary."""
     return f"{axis_id}-identification.html", f"{axis_id}-calibration.html"
 
 
 RECORDS, MOTIONS = "records", "motion"
-"""Folders of what was recorded on the buses, and of planned motions, beside the report"""
+"""Folders of recorded frames and of planned motions, beside the report"""
 
 
 def motion_file(axis_id: str) -> str:
-    """Name of the planned motion of an axis."""
+    """File name of the planned motion of an axis."""
     return f"{MOTIONS}/{axis_id}.csv"
 
 
 class Correction(NamedTuple):
-    """A key of an axis that was wrong: ("torque", "factor"), or ("sample_interval_s",); and why.
+    """A corrected key of an axis, e.g. ("torque", "factor") or ("sample_interval_s",), with new value and reason.
 
-    ("signal", "axis2", "axis") is that key of its auxiliary signal of the name axis2, which need not be there before.
+    ("signal", "axis2", "axis") is the key "axis" of the auxiliary signal named axis2, which need not exist yet.
     """
 
     key: tuple[str, ...]
@@ -53,7 +53,7 @@ class Correction(NamedTuple):
 
     @property
     def change(self) -> str:
-        """As in the configuration."""
+        """Key and value as in the configuration."""
         if isinstance(self.value, bool):
             value = str(self.value).lower()
         else:
@@ -65,7 +65,7 @@ class Correction(NamedTuple):
 
 
 class Found(NamedTuple):
-    """What was found for an axis; files are named relative to the folder of the new configuration."""
+    """The results for an axis; file names are relative to the folder of the new configuration."""
 
     nominal_file: str
     thresholds_file: str | None
@@ -73,7 +73,7 @@ class Found(NamedTuple):
 
 
 def relocated(text: str, source: Path, target: Path) -> str:
-    """The text of a configuration for another folder: files that it names stay where they are."""
+    """The text of a configuration, moved to another folder: paths are changed, files stay where they are."""
     document = tomlkit.parse(text)
     for table, key in kept_files(document):
         table[key] = os.path.relpath(source / str(table[key]), target)
@@ -81,7 +81,7 @@ def relocated(text: str, source: Path, target: Path) -> str:
 
 
 def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str:
-    """The text of a configuration with other values of an axis, "robot.axis"."""
+    """The text of a configuration with corrected values of an axis ("robot.axis")."""
     document = tomlkit.parse(text)
     robot, axis = _axis(document, axis_id)
     for correction in corrections:
@@ -97,7 +97,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
 
 
 def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
-    """The text of a configuration in which an axis, "robot.axis", monitors these parameters."""
+    """The text of a configuration in which an axis ("robot.axis") monitors these parameters."""
     document = tomlkit.parse(text)
     _monitor(*_axis(document, axis_id), names)
     return tomlkit.dumps(document)
@@ -108,12 +108,12 @@ def with_drive(
 ) -> str:
     """The text of a configuration in which an axis has another drive and monitors these parameters.
 
-    Of its values only those named in ``values`` stay, else they are these.
+    ``values``: the nominal values of the drive; a value that the axis already has takes precedence.
     """
     document = tomlkit.parse(text)
     for robot in document["robot"]:
         for key in ("nominal", "scales", "bounds", "limits"):
-            _give_to_axes(robot, "model", key)  # those of the other axes stay as they are
+            _give_to_axes(robot, "model", key)  # so that other axes are not changed
     robot, axis = _axis(document, axis_id)
     _monitor(robot, axis, monitor)
     model = _table(axis, "model")
@@ -126,7 +126,7 @@ def with_drive(
 
 
 def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] = ()) -> str:
-    """The text of a configuration with the axes that were commissioned, by their names "robot.axis", and no others.
+    """The text of a configuration with only the commissioned axes and their results, by "robot.axis".
 
     ``heading``: lines of comment at the top.
     """
@@ -150,7 +150,7 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
 
 
 def _axis(document: TOMLDocument, axis_id: str) -> tuple[Any, Any]:
-    """The axis of that name, "robot.axis", after its robot."""
+    """The robot and the axis with this name ("robot.axis")."""
     return next(
         (robot, axis) for robot in document["robot"] for axis in robot["axis"] if _id(robot, axis) == axis_id
     )
@@ -161,14 +161,14 @@ def _id(robot: Any, axis: Any) -> str:
 
 
 def _table(parent: Any, name: str) -> Any:
-    """A table of an axis; made in one line where the axis has none of its own."""
+    """A table of an axis; if the axis does not have it, it is added as an inline table."""
     if name not in parent:
         parent[name] = tomlkit.inline_table()
     return parent[name]
 
 
 def _give_to_axes(robot: Any, table: str, key: str) -> None:
-    """Move a key of a table of [robot.defaults] into the axes, which may then differ in it."""
+    """Move a key of [robot.defaults] into the axes, so that it can differ between axes."""
     defaults = robot.get(DEFAULTS, {}).get(table, {})
     if key not in defaults:
         return
@@ -181,7 +181,7 @@ def _give_to_axes(robot: Any, table: str, key: str) -> None:
 
 
 def _monitor(robot: Any, axis: Any, names: Sequence[str]) -> None:
-    """Let an axis monitor these parameters; what is configured for others that it has monitored is left out."""
+    """Let an axis monitor these parameters; remove settings of parameters that it no longer monitors."""
     model = _table(axis, "model")
     before = model.get("monitor", robot.get(DEFAULTS, {}).get("model", {}).get("monitor", ()))
     if list(before) == list(names):
@@ -200,12 +200,12 @@ def _monitor(robot: Any, axis: Any, names: Sequence[str]) -> None:
 
 
 def _bases(names: Iterable[str]) -> set[str]:
-    """The parameters, each also where its reciprocal is meant."""
+    """The names of the parameters, without "1/" of reciprocals."""
     return {split_name(name)[0] for name in names}
 
 
 def _set(robot: Any, axis: Any, found: Found) -> None:
-    """Write what was found into an axis."""
+    """Write the results into an axis."""
     _remove(axis, REPLACED_BY_NOMINAL_FILE)
     _monitor(robot, axis, found.monitor)
     model = _table(axis, "model")
@@ -217,7 +217,7 @@ def _set(robot: Any, axis: Any, found: Found) -> None:
 
 
 def _remove(axis: Any, keys: Mapping[str, Sequence[str]]) -> None:
-    """Remove keys of an axis, given by table, and a table if nothing is left of it."""
+    """Remove keys of an axis, given by table, and tables that become empty."""
     for table, names in keys.items():
         own = axis.get(table, {})
         present = [key for key in names if key in own]
@@ -228,7 +228,7 @@ def _remove(axis: Any, keys: Mapping[str, Sequence[str]]) -> None:
 
 
 def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
-    """Table and key of each file that a configuration names, and that commissioning does not replace."""
+    """Table and key of each file name in a configuration that commissioning does not replace."""
     for bus in document.get("bus", ()):
         if "messages" in bus:
             yield bus, "messages"
@@ -246,15 +246,15 @@ def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
                 yield model, "drive"
 
 
-# --- Auxiliary signals: a new one, and the motion of an axis that is left out -----------------------------------------
+# --- Auxiliary signals: adding one, and replacing a reference to an axis that is left out -----------------------------
 
 
 def _signal_table(robot: Any, axis: Any, name: str) -> Any:
-    """An auxiliary signal of an axis, by its name; made where there is none."""
+    """The auxiliary signal of an axis with this name; it is added if it does not exist."""
     if SIGNAL not in axis:
         axis[SIGNAL] = tomlkit.array()
         for table in robot.get(DEFAULTS, {}).get(SIGNAL, []):
-            axis[SIGNAL].append(_inline(table))  # an axis that has signals of its own does not get those
+            axis[SIGNAL].append(_inline(table))  # an axis with own signals does not get those of the defaults
     own = axis[SIGNAL]
     if all(table["name"] != name for table in own):
         own.append(_inline({"name": name}) if isinstance(own, Array) else tomlkit.item({"name": name}))
@@ -262,7 +262,7 @@ def _signal_table(robot: Any, axis: Any, name: str) -> Any:
 
 
 def _detach(robot: Any, left_out: Collection[str]) -> None:
-    """Let signals that are the motion of an axis which will be left out name the place of that motion themselves."""
+    """Replace references of auxiliary signals to axes that will be left out by the source of those axes' motions."""
     defaults = robot.get(DEFAULTS, {})
     (complete,) = completed({"robot": [robot.unwrap()]})["robot"]
     motions = {
@@ -278,7 +278,10 @@ def _detach(robot: Any, left_out: Collection[str]) -> None:
 
 
 def _place(table: Any, motion: Mapping[str, Any]) -> None:
-    """Where the motion is, with its unit: factor * (motion's factor * value + motion's offset) + offset."""
+    """Write the source of a motion into a signal.
+
+    The scaling is combined: factor * (motion's factor * value + motion's offset) + offset.
+    """
     del table["axis"]
     for key in _PLACE:
         if key in motion and key not in table:
@@ -309,13 +312,12 @@ _SOURCES = ("torque", "angle", "speed", "time")
 
 
 def connected(text: str, other: str, heading: str) -> str:
-    """The text of a configuration with the buses of another text, and for each axis with the signals that it has there.
+    """The text of a configuration with the buses and the axes' signals of another text.
 
-    ``heading`` stands at the top, as a comment.  Files that the other text names must be valid in the folder of the
-    first one.
+    ``heading``: comment at the top.  File names in the other text must be valid in the folder of the first one.
 
     Raises:
-        KeyError: the other one lacks an axis.
+        KeyError: the other text lacks an axis.
     """
     document, source = tomlkit.parse(text), tomlkit.parse(other)
     complete = completed(source.unwrap())
@@ -333,7 +335,7 @@ def connected(text: str, other: str, heading: str) -> str:
 
 
 def _joined(own: Any, more: Mapping[str, Any]) -> Any:
-    """A table in one line with the entries of both, with the comment of the first."""
+    """An inline table with the entries of both, and the comment of the first."""
     table = tomlkit.inline_table()
     table.update({**own.unwrap(), **more})
     table.trivia.comment_ws, table.trivia.comment = own.trivia.comment_ws, own.trivia.comment

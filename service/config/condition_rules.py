@@ -1,4 +1,4 @@
-"""Cross-checks of operating conditions: their signals exist, and parameters that follow them are monitored."""
+"""Cross-checks of operating conditions: their signals exist, and scheduled parameters are monitored."""
 
 from collections.abc import Iterator
 
@@ -25,7 +25,7 @@ from service.config.toml_lines import Keys
 
 
 def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
-    """A signal that is the motion of another axis: of this robot, on the same bus."""
+    """A signal that is the motion of another axis refers to an axis of the same robot on the same bus."""
     for k, axis in enumerate(robot.axis):
         others = {other.name: other for other in robot.axis}
         for n, s in enumerate(axis.signal):
@@ -45,7 +45,7 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
                     " an acceleration is taken from samples that come with those of this axis"
                 )
                 yield Finding(path, message)
-            # A cosine of an angle that starts again after 2 pi goes on.
+            # An angle that wraps after a whole turn is possible, as its cosine is continuous.
             goes_on = angle is None or angle.wrap_period is None or angle.wraps_after_a_turn(s.factor)
             if angle is not None and angle.wrap_period is not None and (s.acceleration or not goes_on):
                 message = (
@@ -62,7 +62,7 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
 
 
 def sources(axis: AxisConfig) -> Iterator[Finding]:
-    """Auxiliary signals have different names, and each states its source once."""
+    """Auxiliary signals have different names, and each has one source."""
     yield from same_names("signal", axis.signal)
     if axis.model.nominal_file is not None and axis.model.nominal_file.thermal is not None:
         for n, s in enumerate(axis.signal):
@@ -84,7 +84,7 @@ def sources(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def gates(axis: AxisConfig) -> Iterator[Finding]:
-    """A gate uses a signal of the axis, and one condition on it."""
+    """A gate has one condition on a signal of the axis."""
     for k, gate in enumerate(axis.gate):
         path: Keys = ("gate", k)
         if problem := _no_signal(gate.signal, axis):
@@ -96,7 +96,7 @@ def gates(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _no_signal(name: str, axis: AxisConfig) -> str:
-    """Why that is no signal of the axis; empty if it is one."""
+    """Why this is no signal of the axis; empty: it is one."""
     names = [s.name for s in axis.signal]
     try:
         return "" if name in names or term_of(name, names).is_signal else "must be a signal itself"
@@ -105,7 +105,7 @@ def _no_signal(name: str, axis: AxisConfig) -> str:
 
 
 def schedules(axis: AxisConfig) -> Iterator[Finding]:
-    """A schedule uses a signal of the axis or a function of it, once; its range has its ends in order."""
+    """A schedule uses a signal of the axis or a function of it; no two are the same; ranges have ordered ends."""
     seen = dict[tuple[str, str], Keys]()
     for path, v in varying_of(axis):
         if v.range is not None and not v.range[0] < v.range[1]:
@@ -120,7 +120,7 @@ def schedules(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
-    """A scheduled parameter is monitored, with slopes of the parameter or of its reciprocal."""
+    """A scheduled parameter is monitored; its slopes are all of the parameter or all of its reciprocal."""
     monitored = {split_name(name)[0] for name in axis.model.monitor}
     first, weight = dict[str, str](), _weight(axis)
     for path, v in varying_of(axis):
@@ -138,7 +138,7 @@ def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def load(axis: AxisConfig) -> Iterator[Finding]:
-    """A load is compared with a weight that follows the pose; its nominal value is 1."""
+    """A monitored load needs a weight that follows the pose; its nominal value is 1."""
     usable_drive(axis)
     if f"1/{LOAD}" in axis.model.monitor and holds_weight(axis):
         place = ("model", "monitor", axis.model.monitor.index(f"1/{LOAD}"))
@@ -163,7 +163,7 @@ def _weight(axis: AxisConfig) -> tuple[Schedule, ...]:
 
 
 def values_at_ends(axis: AxisConfig) -> Iterator[Finding]:
-    """Nominal values stay within their bounds over the whole range of each signal."""
+    """Scheduled nominal values stay within their bounds over the whole range of each signal."""
     model, weight = decided_model(axis), _weight(axis)
     for path, v in varying_of(axis):
         for end in v.range or ():
@@ -173,7 +173,7 @@ def values_at_ends(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
-    """Whether theta_0 is impossible at this value of the term."""
+    """Whether theta_0 leaves its bounds at this value of the term."""
     plain = follow._replace(term=Term.read("term"), low=end, high=end)
     operating = Operating(model, Conditions(plain.term.signals, (plain,)))
     shift, _ = operating.take(np.zeros(1, np.int64), np.zeros(1), np.array([[end]]))
@@ -195,7 +195,7 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
-    """Where the configuration says that the other axes stand still, nothing follows their motion."""
+    """If the configuration says that the other axes stand still, nothing follows their motion."""
     if axis.model.conditions is None:
         return
     moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
@@ -208,12 +208,12 @@ def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
 def _signals(v: Schedule, axis: AxisConfig) -> tuple[str, ...]:
     try:
         return term_of(v.signal, signal_names(axis)).signals
-    except ValueError:  # which another check reports
+    except ValueError:  # another check reports that
         raise Undecidable("signal") from None
 
 
 def _key(path: Keys, key: str) -> Keys:
-    """The key of a table of the configuration; of a file of nominal values, the file."""
+    """The path of a key in a table of the configuration; for a schedule of the nominal file, the path of that file."""
     return path if path[-1] == "nominal_file" else (*path, key)
 
 

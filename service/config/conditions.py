@@ -1,4 +1,4 @@
-"""Operating conditions of an axis, from its configuration and its file of nominal values."""
+"""Operating conditions of an axis, from its configuration and its nominal file."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -12,11 +12,11 @@ from service.config.schema_model import ScheduleConfig
 from service.config.toml_lines import Keys
 
 Schedule = ScheduleTable | ScheduleConfig
-"""Nominal values that follow a signal, as a file of nominal values or the configuration has them"""
+"""A nominal value that follows a signal, from the nominal file or from the configuration"""
 
 
 def varying_of(axis: AxisConfig) -> tuple[tuple[Keys, Schedule], ...]:
-    """All schedules of an axis with the places where they are written, relative to the axis."""
+    """All schedules of an axis with the keys where they are written, relative to the axis."""
     found = axis.model.nominal_file
     return (
         *((("model", "nominal_file"), v) for v in (found.schedule if found else ())),
@@ -25,10 +25,10 @@ def varying_of(axis: AxisConfig) -> tuple[tuple[Keys, Schedule], ...]:
 
 
 def follow_of(schedule: Schedule) -> Follow:
-    """The schedule as the core takes it.
+    """The schedule as the core uses it.
 
     Raises:
-        ValueError: the signal is no term.
+        ValueError: the signal is no valid term.
     """
     v = schedule
     low, high = v.range or (-math.inf, math.inf)
@@ -36,10 +36,10 @@ def follow_of(schedule: Schedule) -> Follow:
 
 
 def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
-    """The schedules that are the weight of arm and payload: all of one constant torque.
+    """The schedules that describe the weight of arm and payload; all are of the same constant torque.
 
-    It acts on the drive as an input, which a load in ``monitor`` multiplies.  Empty: nothing says what the weight is,
-    or that torque is monitored, and so follows its signals as any parameter does.
+    The weight is an input of the drive, and a load in ``monitor`` multiplies it.  Empty: the weight is not known; or
+    the torque is itself monitored, and follows its signals like any other parameter.
     """
     followed = _followed_torques(axis)
     monitored = {split_name(name)[0] for name in axis.model.monitor}
@@ -49,12 +49,12 @@ def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
 
 
 def turning_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
-    """The schedules of one constant torque that turn with the pose."""
+    """The schedules of one constant torque that depend on the angles of the pose."""
     return tuple(v for v in _followed_torques(axis) if _turns(v))
 
 
 def _followed_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
-    """The schedules of one constant torque."""
+    """The schedules of the first constant torque that has any."""
     offsets = model_of_axis(axis).drive.constant_torques()
     followed = [v for _, v in varying_of(axis) if v.parameter in offsets]
     return tuple(v for v in followed if v.parameter == followed[0].parameter)
@@ -63,15 +63,15 @@ def _followed_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
 def _turns(schedule: Schedule) -> bool:
     try:
         return Term.read(schedule.signal).turns
-    except ValueError:  # which a cross-check reports
+    except ValueError:  # a cross-check reports that
         return False
 
 
 def term_of(text: str, known: Iterable[str]) -> Term:
-    """A term of signals, as the user writes it: temperature, cos(angle2 + angle3).
+    """Parse a term of signals as the user writes it: temperature, cos(angle2 + angle3).
 
     Raises:
-        ValueError: there is no such signal or function.
+        ValueError: a signal or function does not exist.
     """
     term, names = Term.read(text), list(known)
     for function in term.functions:
@@ -92,7 +92,7 @@ def term_of(text: str, known: Iterable[str]) -> Term:
 
 
 def conditions_of(axis: NamedAxis) -> Conditions:
-    """The operating conditions of an axis of a valid configuration."""
+    """The operating conditions of an axis; the configuration must be valid."""
     weight = weight_of(axis.config)
     return Conditions(
         tuple(source.name for source in needed(axis)),
@@ -105,21 +105,21 @@ def conditions_of(axis: NamedAxis) -> Conditions:
 
 
 def min_speed_of(axis: AxisConfig) -> float:
-    """Speed below which nothing is learned, rad/s at the sensor: as configured, or what the nominal values are of."""
+    """Speed below which estimates are not updated [rad/s at the sensor]: as configured, or from the nominal file."""
     found = axis.model.nominal_file
     identified = 0.0 if found is None else found.predictor.min_speed
     return identified if axis.min_speed is None else axis.min_speed
 
 
 def _within(follow: Follow, axis: AxisConfig) -> Follow:
-    """As configured, the parameter follows the heat beyond that of the records, too."""
+    """Let a parameter follow the heat also beyond the range of the records, if so configured."""
     if axis.detector.outside_calibration == "widen" and follow.term.signals == (HEAT,):
         return follow._replace(margin=math.inf)
     return follow
 
 
 def thermal_of(axis: AxisConfig) -> ThermalModel | None:
-    """How an axis warms up; None: nothing follows its heat."""
+    """The thermal model of an axis; None: no parameter follows its heat."""
     found = axis.model.nominal_file
     table = None if found is None else found.thermal
     if table is None or all(HEAT not in Term.read(v.signal).signals for _, v in varying_of(axis)):
@@ -128,7 +128,7 @@ def thermal_of(axis: AxisConfig) -> ThermalModel | None:
     for _, v in varying_of(axis):
         if v.signal == HEAT:
             slopes[v.parameter] = v.slope
-    # What friction is off by, as a heat that is off.
+    # Error of the friction, expressed as an error of the heat.
     errors = [table.model_error.get(name, 0.0) / abs(s) for name, s in slopes.items() if s]
     return ThermalModel(
         table.time_constant_s,
@@ -161,7 +161,7 @@ def _gate(gate: GateConfig) -> Gate:
 
 
 def in_words(axis: AxisConfig) -> Iterator[str]:
-    """The conditions of an axis, for people."""
+    """The operating conditions of an axis in words."""
     for _, v in varying_of(axis):
         yield f"{v.parameter} follows {v.signal}"
     for g in axis.gate:

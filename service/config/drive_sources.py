@@ -1,7 +1,7 @@
-"""Drives by the names that a user gives: a Modelica file, or a drive of the library.
+"""Finds drives by name: in a Modelica file, or in the library.
 
-Each drive is read, reduced to its state space and converted once in a process, however many axes have it.  Mistakes in
-a drawing are reported with its file and line; each function raises ModelError where there is no drive.
+Each drive is read and reduced to its state space once in a process, however many axes use it.  Mistakes in a drawing
+are reported with file and line.  Every function raises ModelError if the drive cannot be made.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from service.config.schema import AxisConfig
 
 LIBRARY = tuple(DRAWINGS)
-"""Names of the drives that come with the program."""
+"""Names of the library drives, which come with the program."""
 
 
 class Modelled(NamedTuple):
-    """A drive with its state space, nominal values, those of a library drive as an example, and drawn components."""
+    """A drive with its state space, nominal values (for a library drive: example values) and drawn components."""
 
     space: StateSpace
     drive: Drive
@@ -43,7 +43,7 @@ class Modelled(NamedTuple):
 
 
 def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
-    """The drive of a configured axis, for what is measured there or for the ``output`` given."""
+    """The drive of a configured axis; ``output``: default is the measured output."""
     m, measured = axis.model, output or axis.output
     if m.drive in LIBRARY and m.drive_model is None:
         return _once(m.drive, measured, DRAWINGS[m.drive].flat)
@@ -51,9 +51,9 @@ def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
 
 
 def model_called(name: str, model: str | None = None, output: Output | None = None) -> Modelled:
-    """The drive of a Modelica file, if the name ends with .mo, or one that comes with the program.
+    """The drive of a Modelica file, if the name ends with .mo, or of the library.
 
-    ``model``: which one of the file, if there are several; ``output``: what the sensor measures, if not what was drawn.
+    ``model``: name of the model, if the file has several; ``output``: measured output, if not the drawn one.
     """
     if name.endswith(SUFFIX):
         path = Path(name)
@@ -96,7 +96,7 @@ _known: dict[tuple[object, Output | None], Modelled | ModelError] = {}
 
 
 def _once(key: object, output: Output | None, read: Callable[[], FlatModel]) -> Modelled:
-    """The drive of that key, or its error, computed at the first call."""
+    """The drive with this key, or its error; computed at the first call, then cached."""
     if (key, output) not in _known:
         try:
             _known[key, output] = _model(read(), output)
@@ -114,18 +114,18 @@ def _model(flat: FlatModel, output: Output | None) -> Modelled:
     return Modelled(space, drive_of(space), values, flat.components)
 
 
-# --- The files of config/ as they come with the program: example configurations, drives -------------------------------
+# --- Files of config/ that come with the program: example configurations, drives --------------------------------------
 
 
 _PLACES = ("shipped", "../config")
-"""In an installed wheel; in the source tree."""
+"""Folders of these files in an installed wheel and in the source tree."""
 
 
 def shipped(name: str) -> Path:
-    """The file of that name.
+    """Path of a file that comes with the program.
 
     Raises:
-        FileNotFoundError: the program is not completely installed.
+        FileNotFoundError: the file is missing, as the program is not completely installed.
     """
     for place in _PLACES:
         path = (Path(service.__file__).parent / place / name).resolve()

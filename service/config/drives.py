@@ -1,7 +1,7 @@
-"""The drive of an axis with its nominal values, scales, bounds and limits, as named or drawn in the configuration.
+"""The drive of an axis with nominal values, scales, bounds and limits, from the configuration.
 
-The skew between torque and motion, ``monitor = [.., "delay"]``, is no parameter of the drawing: every drive can have
-it; its nominal value is ``torque_delay_s`` of the axis.  ModelError: the axis has no drive.
+The skew between torque and motion (``monitor = [.., "delay"]``) is no parameter of the drawing: every drive can have
+it, and its nominal value is ``torque_delay_s`` of the axis.  Functions raise ModelError if the drive cannot be made.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -14,12 +14,13 @@ from service.config.drive_sources import model_of_axis
 from service.config.schema import AxisConfig
 
 SCALE = 0.5
-"""Of a sample interval.  A tenth of an interval late, which reads as 3 % of motor inertia, then counts as a fifth of
-any other parameter does; with smaller scales a change of the arm's inertia by a fifth is often taken for a skew."""
+"""Scale of the delay in sample intervals.  With it, a delay of a tenth of an interval (which looks like 3 % of motor
+inertia) counts like a change of 20 % of any other parameter.  With smaller scales, a change of the arm's inertia by 20
+% is often taken for a skew."""
 
 
 def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive of an axis, for the measured output, or for the ``output`` given.
+    """The drive of an axis; ``output``: default is the measured output.
 
     It includes the state of a torque disturbance if the nominal values were found with one.
     """
@@ -28,16 +29,16 @@ def drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
 
 
 def plain_drive_of(axis: AxisConfig, output: Output | None = None) -> Drive:
-    """The drive as it is drawn, where its sensor averages with a mean speed as output."""
+    """The drive as drawn, with the mean speed as output if the sensor sends the interval mean."""
     drive = model_of_axis(axis, output).drive
     return drive.with_mean_speed() if output is None and axis.interval_mean else drive
 
 
 def given_values(axis: AxisConfig) -> dict[str, float]:
-    """The nominal values of the configuration and of the drawing, by the names they have there.
+    """The nominal values from the configuration, the nominal file and the drawing, by name.
 
-    Those of a file of nominal values take precedence over the drawing's; a cross-check compares them with the
-    configuration. The values of the library are those of one robot, so they are not used.
+    The nominal file takes precedence; a cross-check compares it with the configuration.  Example values of the library
+    are those of one particular robot, so they are not used.
     """
     drawn = model_of_axis(axis).values if axis.model.drive.endswith(SUFFIX) else {}
     found = axis.model.nominal_file
@@ -45,17 +46,17 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
 
 
 def lacking(drive: Drive, given: Collection[str]) -> list[str]:
-    """The parameters of the drive, drawn or its own, whose values are missing."""
+    """Names of the parameters, drawn or merged, whose values are missing."""
     return list(dict.fromkeys(part for p in drive.parameters for part in lacking_for(drive, p.name, given)))
 
 
 def not_identified(axis: AxisConfig) -> bool:
-    """Whether values of the drive are missing that an identification is to find."""
+    """Whether values of the drive are missing that identification has to find."""
     return axis.to_be_identified and bool(lacking(watched_drive(axis), watched_values(axis)))
 
 
 def lacking_for(drive: Drive, name: str, given: Collection[str]) -> Iterator[str]:
-    """The parameters whose values are missing for this one: itself, or those it is merged from."""
+    """The missing parameters for the value of this one: itself, or those from which it is merged."""
     if name in given:
         return
     definition = next((d for d in drive.definitions if d.name == name), None)
@@ -66,7 +67,7 @@ def lacking_for(drive: Drive, name: str, given: Collection[str]) -> Iterator[str
             yield from lacking_for(drive, part, given)
 
 
-# --- As it is monitored: where that is wanted, with the delay of its torque and with the load as parameters -----------
+# --- The drive as it is monitored: with torque delay and load as parameters, if these are monitored -------------------
 
 
 def watches_skew(axis: AxisConfig) -> bool:
@@ -75,7 +76,7 @@ def watches_skew(axis: AxisConfig) -> bool:
 
 
 def has_own_delay(drive: Drive) -> bool:
-    """Whether the drawing has a parameter of that name, which is something else."""
+    """Whether the drawing has a parameter named "delay", which then has another meaning."""
     return any(p.name == DELAY for p in (*drive.parameters, *drive.drawn))
 
 
@@ -88,25 +89,25 @@ def watched_drive(axis: AxisConfig, output: Output | None = None) -> Drive:
 
 
 def watched_values(axis: AxisConfig) -> dict[str, float]:
-    """The nominal values of the monitored drive, as ``given_values``."""
+    """The nominal values of the monitored drive; see ``given_values``."""
     own = {DELAY: nominal_skew(axis)} if watches_skew(axis) else {}
     given = given_values(axis)
     return given | own | (nominal_load(axis, given) if holds_weight(axis) else {})
 
 
 def nominal_skew(axis: AxisConfig) -> float:
-    """How late the torque of the healthy axis acts [s]."""
+    """Delay of the torque of the healthy axis [s]."""
     found = axis.model.nominal_file
     return axis.torque_delay_s if found is None else found.predictor.torque_delay_s
 
 
 def watches_load(axis: AxisConfig) -> bool:
-    """Whether the load is monitored, and is no parameter of the drawing."""
+    """Whether the load is monitored and is no parameter of the drawing."""
     return LOAD in axis.model.monitor and not _draws_load(axis)
 
 
 def holds_weight(axis: AxisConfig) -> bool:
-    """Whether the weight of the arm is an input of the monitored drive, whatever it is compared with."""
+    """Whether the weight of the arm is an input of the monitored drive."""
     return not _draws_load(axis) and (LOAD in axis.model.monitor or bool(weight_of(axis)))
 
 
@@ -116,13 +117,13 @@ def _draws_load(axis: AxisConfig) -> bool:
 
 
 def load_acts_as(axis: AxisConfig, drive: Drive) -> str:
-    """The constant torque that the weight acts like: the one that follows the pose; empty: the drive has none."""
+    """The constant torque that represents the weight: the one that follows the pose; empty: the drive has none."""
     offsets = (*(v.parameter for v in weight_of(axis)), *drive.constant_torques())
     return next(iter(offsets), "")
 
 
 def nominal_load(axis: AxisConfig, given: Mapping[str, float]) -> dict[str, float]:
-    """The load, and what remains of the constant torque when the weight in it is an input."""
+    """The nominal load, and the part of the constant torque that remains when the weight is an input."""
     weight, values = weight_of(axis), {LOAD: 1.0}
     for name in {v.parameter for v in weight} & given.keys():
         values[name] = given[name] - sum(v.slope * v.reference for v in weight)
@@ -130,15 +131,15 @@ def nominal_load(axis: AxisConfig, given: Mapping[str, float]) -> dict[str, floa
 
 
 def scales_of(axis: AxisConfig) -> dict[str, float]:
-    """Sizes of monitored parameters, by name, where |nominal| is not the size."""
+    """Sizes of those monitored parameters, by name, whose size is not |nominal|."""
     own = {DELAY: SCALE * axis.sample_interval_s} if watches_skew(axis) else {}
     return own | axis.model.scales
 
 
 def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
-    """Bounds of monitored parameters, by name, where they differ from the defaults.
+    """Bounds of monitored parameters, by name, that differ from the defaults.
 
-    A skew is followed up to one interval: beyond that the torque would be that of another sample.
+    A skew is estimated up to one interval; a torque with a larger delay would belong to another sample.
     """
     h = axis.sample_interval_s
     own = {DELAY: (-h, h)} if watches_skew(axis) and nominal_skew(axis) < h else {}
@@ -146,7 +147,7 @@ def bounds_of(axis: AxisConfig) -> dict[str, tuple[float, float]]:
 
 
 def axis_model(axis: AxisConfig) -> AxisModel:
-    """The model of an axis of a valid configuration."""
+    """The model of an axis; the configuration must be valid."""
     drive, values = watched_drive(axis), watched_values(axis)
     return AxisModel(drive, values, axis.model.monitor, scales_of(axis), bounds_of(axis))
 
@@ -155,13 +156,13 @@ def axis_model(axis: AxisConfig) -> AxisModel:
 
 
 def monitored_as(name: str, monitor: Sequence[str]) -> str | None:
-    """The monitored parameter that a limit of this name is about; None: there is none."""
+    """The monitored parameter that a limit with this name belongs to; None: there is none."""
     reciprocal = name.removeprefix("1/") if name.startswith("1/") else f"1/{name}"
     return next((own for own in (name, reciprocal) if own in monitor), None)
 
 
 def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[Limit, ...]]:
-    """The limits of each monitored parameter that has any."""
+    """The limits of the monitored parameters that have limits."""
     found = {}
     for name, values in axis.model.limits.items():
         own = monitored_as(name, model.monitored)

@@ -1,7 +1,7 @@
-"""Nominal values and thresholds of an epoch of an axis, as text that can be kept, and the axis with them.
+"""Nominal values and thresholds of an epoch as text for the store, and the axis with these values.
 
-An epoch holds what [robot.axis.model] says of nominal values and thresholds: keys, and the content of the files that it
-names.  All else (what is measured, monitored, bounded, scheduled by the configuration) stays that of the configuration.
+An epoch contains the nominal values and thresholds of [robot.axis.model]: keys, and the contents of the files that it
+names.  All other settings (measured signals, monitored parameters, bounds, schedules) come from the configuration.
 """
 
 import hashlib
@@ -30,11 +30,11 @@ _T = TypeVar("_T", bound=Table)
 
 
 class EpochValuesError(ValueError):
-    """Values that do not fit the axis; the text says why, and what would be right."""
+    """The values do not fit the axis; the text says why and how to correct that."""
 
 
 class NominalValue(NamedTuple):
-    """A nominal value of a monitored parameter, with its standard deviation where a file has one."""
+    """The nominal value of a monitored parameter, with its standard deviation if a file has one."""
 
     name: str
     unit: str
@@ -56,7 +56,7 @@ def _written(**content: Mapping[str, float] | FoundFile | None) -> str:
 
 
 def fingerprint_of(axis: NamedAxis) -> str:
-    """A digest of what is configured of nominal values, their predictor, and the file of thresholds."""
+    """A digest of the configured nominal values, predictor and thresholds."""
     config, thresholds = axis.config, axis.config.model.thresholds_file
     seen = {
         "values": given_values(config),
@@ -81,7 +81,7 @@ def with_epoch(axis: NamedAxis, content: str, number: int) -> NamedAxis:
     """A configured axis with the nominal values and thresholds of an epoch.
 
     Raises:
-        EpochValuesError: they do not fit it.
+        EpochValuesError: the values do not fit the axis.
     """
     own = json.loads(content)
     try:
@@ -98,12 +98,12 @@ def with_epoch(axis: NamedAxis, content: str, number: int) -> NamedAxis:
 
 
 def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:
-    """The content of an epoch with the texts of nominal.toml and thresholds.toml.
+    """The content of an epoch from the texts of nominal.toml and thresholds.toml.
 
-    Keys of the configuration that these files replace no longer count.
+    Keys of the configuration that these files replace are ignored.
 
     Raises:
-        EpochValuesError: they do not fit the axis.
+        EpochValuesError: the files do not fit the axis.
     """
     try:
         found = found_in(NominalFile, nominal, Path("nominal.toml"))
@@ -115,9 +115,9 @@ def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:
 
 
 def recentred(axis: NamedAxis, values: Mapping[str, float]) -> str:
-    """The content of an epoch of an axis with other values of monitored parameters; thresholds stay in their sizes.
+    """The content of an epoch with new values of monitored parameters; thresholds stay the same in sizes.
 
-    ``values``: by the names that are monitored, such as 1/Ja; the axis has the values that are in force.
+    ``axis``: the axis with the values in force.  ``values``: by monitored name, such as 1/Ja.
 
     Raises:
         EpochValuesError: the axis cannot have these values.
@@ -126,7 +126,7 @@ def recentred(axis: NamedAxis, values: Mapping[str, float]) -> str:
     given = drive_of(config).complete(given_values(config))
     for name, value in values.items():
         base, inverse = split_name(name)
-        # As the difference: what is given may be without the load that the model has for itself.
+        # Add the difference: the given torque may lack the weight, which the model has as an input.
         given[base] += (1 / value if inverse else value) - before[base]
     found, tests = config.model.nominal_file, config.model.thresholds_file
     moved = found and found.model_copy(update={"values": {**found.values, **given}})
@@ -144,7 +144,7 @@ def recentred(axis: NamedAxis, values: Mapping[str, float]) -> str:
 
 
 def _with(axis: NamedAxis, **own: Any) -> NamedAxis:
-    """The axis with these nominal values and files, without the keys that they replace."""
+    """The axis with these nominal values and files, and without the keys that the files replace."""
     config = axis.config
     given = own["nominal_file"] is not None and config.model.nominal_file is None
     tested = own["thresholds_file"] is not None and config.model.thresholds_file is None
@@ -161,7 +161,7 @@ def _with(axis: NamedAxis, **own: Any) -> NamedAxis:
 
 
 def _without(table: _T, keys: Collection[str]) -> _T:
-    """The table as if its user had not written these keys."""
+    """The table as if the user had not written these keys."""
     fields = type(table).model_fields
     plain = table.model_copy(update={k: fields[k].get_default(call_default_factory=True) for k in keys})
     plain.model_fields_set.difference_update(keys)
@@ -169,7 +169,7 @@ def _without(table: _T, keys: Collection[str]) -> _T:
 
 
 def _checked(axis: NamedAxis, configured: NamedAxis) -> NamedAxis:
-    """The axis, which the rules of the configuration allow."""
+    """Check an axis by the rules of the configuration; returns it."""
     findings = axis_findings(axis.config)
     found = [f"{dotted(f.path)}: {f.message}{f' {dotted(f.other)}' if f.other else ''}" for f in findings]
     if not found and needed(axis) != needed(configured):

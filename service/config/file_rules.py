@@ -1,7 +1,7 @@
-"""Cross-checks of the files of nominal values and of thresholds: they fit the axis, and contradict no key.
+"""Cross-checks of the nominal file and the thresholds file: they fit the axis, and contradict no key.
 
-Nominal values belong to the predictor of their identification: with another gain, delay or interval theta converges to
-other values, which the tests would report as a fault.
+Nominal values belong to the predictor of their identification: with another gain, delay or interval, theta converges to
+other values, and the tests would report a fault.
 """
 
 import math
@@ -24,14 +24,14 @@ NOMINAL: Keys = ("model", "nominal_file")
 THRESHOLDS: Keys = ("model", "thresholds_file")
 SOURCE: Keys = ("detector", "alarm_source")
 _INTERVAL = 0.01
-"""Relative difference of intervals that are the same: a measured one is never quite the nominal one."""
+"""Relative tolerance of equal intervals, as a measured interval differs slightly from the nominal one."""
 
 
 # --- Nominal values ---------------------------------------------------------------------------------------------------
 
 
 def same_axis(axis: AxisConfig) -> Iterator[Finding]:
-    """The file was found with what is measured here, at this interval."""
+    """The nominal file was identified with the quantity and interval of this axis."""
     found, measured = _nominal(axis), _measured(axis)
     if found.drive.output != measured:
         yield Finding(NOMINAL, f"found with the {found.drive.output}, but this axis measures the {measured}")
@@ -41,7 +41,7 @@ def same_axis(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def same_drive(axis: AxisConfig) -> Iterator[Finding]:
-    """The file was found with this drive, and has all its values."""
+    """The nominal file was identified with this drive, and has all its values."""
     found = _nominal(axis)
     if found.drive.output != _measured(axis):
         return
@@ -60,7 +60,7 @@ def same_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def same_values(axis: AxisConfig) -> Iterator[Finding]:
-    """Nominal values that are also in the configuration equal those of the file; merged ones by their parts."""
+    """Nominal values that are also in the configuration equal those of the file, also for merged parameters."""
     found, given = _nominal(axis), with_merged(axis.model.nominal, usable_drive(axis))
     other = [name for name, value in found.values.items() if name in given and not alike(given[name], value)]
     if other:
@@ -73,7 +73,7 @@ def same_values(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
-    """The settings of the predictor are not given twice with different values."""
+    """Settings of the predictor that are also in the configuration equal those of the file."""
     found = _nominal(axis)
     p, noise = found.predictor, found.noise
     in_file: dict[Keys, tuple[object, ...]] = {
@@ -82,7 +82,7 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
         ("estimator", "output_noise"): (noise.output or None,),
         ("torque_delay_s",): (p.torque_delay_s,),
         ("model", "friction_speed_scale"): (found.drive.friction_speed_scale,),
-        ("estimator", "innovation_variance"): (p.innovation_variance, p.lam0),  # either will do
+        ("estimator", "innovation_variance"): (p.innovation_variance, p.lam0),  # either value is accepted
     }
     for path, rights in in_file.items():
         given, right = _given(axis, path), rights[-1]
@@ -92,7 +92,7 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def initial_p(axis: AxisConfig) -> Iterator[Finding]:
-    """P(0) belongs to the predictor and nominal values; with new ones it is no longer valid."""
+    """P(0) is not configured, as it belongs to the former predictor and nominal values."""
     found = _nominal(axis)
     if axis.estimator.initial_p:
         message = (
@@ -103,7 +103,7 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def distinguishable(axis: AxisConfig) -> Iterator[Finding]:
-    """Parameters that the nominal values do not distinguish cannot be distinguished by a detector."""
+    """The multi-model detector needs nominal values that distinguish the parameters."""
     if axis.detector.alarm_source == "multimodel" and (doubtful := unidentifiable_pairs(axis)):
         pairs = ", ".join(" and ".join(pair) for pair in doubtful)
         yield Finding(SOURCE, f"the nominal values cannot distinguish {pairs}: identify the axis again")
@@ -113,7 +113,7 @@ def distinguishable(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
-    """The file has a threshold for every monitored parameter, and for no other."""
+    """The thresholds file has a threshold for each monitored parameter, and no others."""
     names = [entry.parameter for entry in _thresholds(axis).threshold]
     if names != list(axis.model.monitor):
         watched = ", ".join(axis.model.monitor)
@@ -122,7 +122,7 @@ def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def thresholds_given_once(axis: AxisConfig) -> Iterator[Finding]:
-    """Thresholds that are also in the configuration equal those of the file."""
+    """Thresholds that are also in the configuration equal those of the thresholds file."""
     found = _thresholds(axis)
     for key in ("alpha_1", "alpha_2"):
         given = _given(axis, ("detector", key))
@@ -132,7 +132,7 @@ def thresholds_given_once(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def multimodel_thresholds(axis: AxisConfig) -> Iterator[Finding]:
-    """A file that was made without the multi-model detector has no thresholds for it; one with it leaves no choice."""
+    """The multi-model detector as alarm source needs its thresholds in the file; these exclude a configured budget."""
     found = _thresholds(axis)
     of_it = "thresholds of the multi-model detector"
     if axis.detector.alarm_source == "multimodel" and not found.hypothesis:
@@ -141,7 +141,7 @@ def multimodel_thresholds(axis: AxisConfig) -> Iterator[Finding]:
         yield Finding(("detector", "budget_s"), f"{found.path.name} has {of_it}: remove this, or", THRESHOLDS)
 
 
-# --- What the checks have in common -----------------------------------------------------------------------------------
+# --- Common functions -------------------------------------------------------------------------------------------------
 
 
 def _nominal(axis: AxisConfig) -> NominalFile:
@@ -161,7 +161,7 @@ def _measured(axis: AxisConfig) -> Output:
 
 
 def _given(axis: AxisConfig, path: Keys) -> Any:
-    """The value of a key if the user wrote it, else None."""
+    """The value of a key if the user wrote it; otherwise None."""
     table: Any = axis
     for part in path[:-1]:
         table = getattr(table, str(part))

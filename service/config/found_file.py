@@ -13,25 +13,25 @@ from service.config.base_table import RENAMED_KEYS
 from service.config.problems import at_place, dotted, shown
 
 FORMAT = 1
-"""Format of these files; a later one may mean something else."""
+"""Format of these files."""
 _SAME = 1e-6
-"""Relative difference of equal numbers: they are written with ten digits, and copied with fewer."""
+"""Relative tolerance of equal numbers: they are written with ten digits, and may be copied with fewer."""
 _NAMED_BY_USERS = ("values", "standard_deviations", "nominal")
 """Tables whose keys are names of parameters."""
 
 
 class FoundFileError(ValueError):
-    """A file that cannot be used; the text names it and says why."""
+    """A file cannot be used; the text names it and says why."""
 
 
 class FoundTable(BaseModel):
-    """A table whose unknown keys (fits, rates, provenance) are ignored."""
+    """A table of such a file; unknown keys (fits, rates, provenance) are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
 class FoundFile(FoundTable):
-    """A whole file."""
+    """The common keys of a whole file."""
 
     path: Path
     format: Literal[1]
@@ -41,10 +41,10 @@ _F = TypeVar("_F", bound=FoundFile)
 
 
 def read_found(schema: type[_F], path: Path) -> _F:
-    """The file.
+    """Read a file.
 
     Raises:
-        FoundFileError: it cannot be read, or is no such file.
+        FoundFileError: the file cannot be read, or is not of this kind.
     """
     try:
         text = path.read_bytes().decode("utf-8-sig")
@@ -56,10 +56,10 @@ def read_found(schema: type[_F], path: Path) -> _F:
 
 
 def found_in(schema: type[_F], text: str, path: Path) -> _F:
-    """The content of such a file; ``path`` is its name in messages.
+    """Parse the text of a file; ``path``: its name in messages.
 
     Raises:
-        FoundFileError: it is no such file.
+        FoundFileError: the text is not of this kind.
     """
     try:
         content = tomllib.loads(text)
@@ -79,7 +79,7 @@ def found_in(schema: type[_F], text: str, path: Path) -> _F:
 
 
 def _keys(content: object) -> Iterator[str]:
-    """The keys of a table and of all tables in it, without names of parameters."""
+    """All keys in a table and its inner tables, without names of parameters."""
     if isinstance(content, dict):
         for key, value in content.items():
             yield key
@@ -91,7 +91,7 @@ def _keys(content: object) -> Iterator[str]:
 
 
 def alike(left: object, right: object) -> bool:
-    """Whether two values are the same, numbers as far as they are written."""
+    """Whether two values are equal; numbers are compared with the accuracy with which they are written."""
     if isinstance(left, list | tuple) and isinstance(right, list | tuple):
         return len(left) == len(right) and all(map(alike, left, right))
     if isinstance(left, int | float) and isinstance(right, int | float):

@@ -1,11 +1,11 @@
-"""From a file and the environment to a Config, or to all problems at once.
+"""Loads a configuration from a file and the environment; reports all problems at once.
 
-The environment overrides the keys of [service] and [web]: AXISWATCH_WEB__PORT=9000 replaces the port in [web], and
-AXISWATCH_WEB__HOSTS=a,b the list of its hosts.
-The names are those of pydantic-settings (prefix, section, two underscores, key, any case), which itself reads only the
-environment of the process and does not report which variable was wrong.
+Variables of the environment override keys of [service] and [web]: AXISWATCH_WEB__PORT=9000 replaces the port, and
+AXISWATCH_WEB__HOSTS=a,b the list of hosts.  Their names are as in pydantic-settings: prefix, section, two underscores,
+key, in any case.  That package itself is not used, as it reads only the environment of the process and does not report
+which variable was wrong.
 
-Under systemd STATE_DIRECTORY, the folder that its unit has for the service, is the default of state_dir.
+Under systemd, the folder in STATE_DIRECTORY is the default of state_dir.
 """
 
 import os
@@ -33,7 +33,7 @@ from service.config.toml_lines import Keys, nearest, positions
 
 PREFIX = "AXISWATCH_"
 SECTIONS = ("service", "web")
-"""Those that the environment can set."""
+"""Sections whose keys the environment can set."""
 _AT = re.compile(r"(?P<message>.*) \(at (?:line (?P<line>\d+), column (?P<column>\d+)|end of document)\)")
 
 
@@ -46,13 +46,13 @@ _Overrides = Mapping[Keys, _Override]
 
 
 def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: bool = True) -> Config:
-    """The configuration of a file, with the overrides of the environment.
+    """Load a configuration file, with the overrides of the environment.
 
-    Relative paths start at the folder of the file.  Without ``thresholds`` the files of thresholds are ignored: a
-    calibration replaces them, and they may no longer fit.
+    Relative paths start at the folder of the file.  Without ``thresholds``, thresholds files are ignored: for a
+    calibration, which replaces them, as they may no longer fit.
 
     Raises:
-        ConfigErrors: all problems of the file, of the overrides and of the descriptions of the buses.
+        ConfigErrors: all problems of the file, the overrides and the bus descriptions.
     """
     text = _text(path)
     values = _values(path, text)
@@ -93,12 +93,12 @@ def _values(path: Path, text: str) -> dict[str, Any]:
 
 
 def _read(values: dict[str, Any], reading: Reading) -> tuple[Config | None, list[Finding]]:
-    """The configuration if the schema accepts it, and the problems: of the schema, or otherwise of the cross-checks."""
+    """The configuration, if the schema accepts it, and the problems: of the schema, otherwise of the cross-checks."""
     try:
         config = Config.model_validate(values, context=reading)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        return None, [Finding(e["loc"], _message(e)) for e in found if not _follows(e)]
+        return None, [Finding(e["loc"], _message(e)) for e in found if not _is_consequence(e)]
     return config, list(crosscheck(config))
 
 
@@ -119,14 +119,14 @@ def _problems(
 
 
 def _at_origin(finding: Finding, where: Mapping[Keys, int]) -> Finding:
-    """The finding where the file has the value: in an axis, or in the defaults of its robot."""
+    """The finding with the path where the file has the value: in an axis, or in the defaults of its robot."""
     path = origin(finding.path, where)
     other = None if finding.other is None else origin(finding.other, where)
     return finding._replace(path=path, other=finding.other if other == path else other)
 
 
 def _shown_at(values: Any, path: Keys) -> str | None:
-    """The value at a path, None if it is missing."""
+    """The value at a path as text; None: it is missing."""
     for part in path:
         try:
             values = values[part]
@@ -139,13 +139,13 @@ def _shown_at(values: Any, path: Keys) -> str | None:
 
 
 def _path(name: str) -> Keys | None:
-    """("web", "port") for AXISWATCH_WEB__PORT; None for other variables, such as AXISWATCH_DATA."""
+    """The path that a variable sets: ("web", "port") for AXISWATCH_WEB__PORT; None: another kind of variable."""
     section, separator, key = name.upper().removeprefix(PREFIX).lower().partition("__")
     return (section, key) if name.upper().startswith(PREFIX) and separator else None
 
 
 def _override(values: dict[str, Any], over: _Overrides) -> None:
-    """Write the overrides of known sections into the values of the file, in place."""
+    """Write overrides of known sections into the values, in place."""
     for (section, key), override in over.items():
         table = values.setdefault(str(section), {}) if section in SECTIONS else None
         if isinstance(table, dict):
@@ -153,9 +153,9 @@ def _override(values: dict[str, Any], over: _Overrides) -> None:
 
 
 def _default_state_dir(values: dict[str, Any], environ: Mapping[str, str]) -> None:
-    """Write the first state directory of systemd's unit into the values, unless they have one, in place.
+    """Write the first state directory of the systemd unit into the values, in place, unless they have one.
 
-    Without it there is a [service], too, so that the default starts at the folder of the file.
+    [service] is added in any case, so that its default path starts at the folder of the file.
     """
     table = values.setdefault("service", {})
     if isinstance(table, dict) and environ.get("STATE_DIRECTORY"):
@@ -163,7 +163,7 @@ def _default_state_dir(values: dict[str, Any], environ: Mapping[str, str]) -> No
 
 
 def _typed(section: str, key: str, text: str) -> Any:
-    """As the schema has the key: a number, true or false, a list; the text itself where it is none, for the schema."""
+    """The text converted to the type of the key; an unsuitable text is returned as it is, for the schema to report."""
     table = table_in(Config.model_fields[section].annotation)
     field = table.model_fields.get(key) if table else None
     if field is not None and get_origin(field.annotation) is tuple:
@@ -212,11 +212,11 @@ _RULES = {
 }
 
 
-def _follows(error: ErrorDetails) -> bool:
-    """Whether an error is only a consequence of others."""
+def _is_consequence(error: ErrorDetails) -> bool:
+    """Whether an error is only a consequence of other errors."""
     if error["type"] == "default_factory_not_called":
         return True
-    # pydantic does not count invalid elements, so a list may seem too short.
+    # pydantic does not count invalid elements, so it may report a list as too short.
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
@@ -230,13 +230,13 @@ def _message(error: ErrorDetails) -> str:
 
 
 def _limits(error: ErrorDetails) -> dict[str, Any]:
-    """The numbers and words of a rule, numbers without ".0"."""
+    """The values for the text of a rule, with numbers without ".0"."""
     context = error.get("ctx", {})
     return {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
 
 
 def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[Table] | None]:
-    """The innermost key of a path that the schema knows, and the table that it belongs to."""
+    """The innermost key of a path that the schema knows, and its table."""
     key, table, inner = "", None, table_in(Config)
     for part in path:
         if isinstance(part, int) or inner is None:
@@ -254,8 +254,8 @@ def table_in(annotation: Any) -> type[Table] | None:
 
 
 # --- Cross-checks: names that must differ or exist, values that must agree --------------------------------------------
-# They run once the schema holds.  Each check takes a table and yields findings with paths relative to that table.
-# Where it depends on a value that another check reports, it raises ``Undecidable``.
+# They run when the schema has no errors.  Each check takes a table and yields findings with paths relative to it.
+# A check that depends on a value which another check reports raises ``Undecidable``.
 
 
 T = TypeVar("T")
@@ -284,14 +284,14 @@ def axis_findings(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _run(rules: Iterable[Rule[T]], table: T, path: Keys, last: Rule[T] | None = None) -> Iterator[Finding]:
-    """The findings of rules; ``last`` is asked only where all of them have been checked and find nothing."""
-    quiet = True
+    """The findings of rules; ``last`` runs only if all of them could be checked and found nothing."""
+    clean = True
     for rule in rules:
         try:
             for finding in rule(table):
-                quiet = False
+                clean = False
                 yield finding.inside(path)
         except Undecidable:
-            quiet = False
-    if quiet and last is not None:
+            clean = False
+    if clean and last is not None:
         yield from _run((last,), table, path)

@@ -32,7 +32,7 @@ DRIVE: Keys = ("model", "drive")
 
 
 def possible_drive(axis: AxisConfig) -> Iterator[Finding]:
-    """The drive can be modelled, and its inputs computed from what is measured."""
+    """The drive can be modelled, and its inputs can be computed from the measured quantities."""
     try:
         if wrong := _model_error(watched_drive(axis, _measured(axis)), {}):
             yield Finding(DRIVE, str(wrong))
@@ -41,14 +41,14 @@ def possible_drive(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def usable_drive(axis: AxisConfig) -> Drive:
-    """The drive as it is monitored; if there is none, another check reports it."""
+    """The drive as it is monitored; raises Undecidable if there is none, which another check reports."""
     if any(possible_drive(axis)):
         raise Undecidable("drive")
     return watched_drive(axis, _measured(axis))
 
 
 def _measured(axis: AxisConfig) -> Output | None:
-    """The measured output; the angle where that is not stated correctly, so that other checks still have a drive."""
+    """The output to model; "angle" if the configuration states it wrongly, so that other checks still have a drive."""
     with suppress(Undecidable):
         return None if axis.output else "angle"
     return "angle"
@@ -57,7 +57,7 @@ def _measured(axis: AxisConfig) -> Output | None:
 def _model_error(
     drive: Drive, values: Mapping[str, float], monitor: str = "", scales: Mapping[str, float] = {}
 ) -> ValueError | None:
-    """The error of a model with these values, all others being 1; None: it is valid."""
+    """The error of a model with these values, and 1 for all others; None: the model is valid."""
     nominal = {p.name: 1.0 for p in drive.parameters} | dict(values)
     try:
         AxisModel(drive, nominal, (monitor,) if monitor else (), scales)
@@ -72,17 +72,17 @@ def _model_error(
 
 
 def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
-    """Nominal values are possible, and of parameters of the drive; a monitored drive needs all of them."""
+    """Nominal values are possible and belong to parameters of the drive; a monitored drive needs all of them."""
     drive, path = usable_drive(axis), ("model", "nominal")
     known = {p.name: p for p in (*drive.drawn, *drive.parameters)}
     for name, value in axis.model.nominal.items():
         if name not in known:
             yield Finding((*path, name), _no_parameter(name, known))
         elif error := _model_error(drive, {name: value}):
-            # A finding names key and value itself.
+            # The finding already names key and value.
             reason = error.reason if isinstance(error, NominalValueError) else str(error)
             yield Finding((*path, name), reason)
-    if axis.to_be_identified:  # an identification finds what is missing
+    if axis.to_be_identified:  # identification will find the missing values
         return
     given = watched_values(axis).keys()
     for name in lacking(drive, given):
@@ -90,7 +90,7 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def merged_values(axis: AxisConfig) -> Iterator[Finding]:
-    """A merged parameter that is given agrees with the parameters that it is merged from."""
+    """The given value of a merged parameter agrees with the values of its parts."""
     given = axis.model.nominal
     for merged in usable_drive(axis).definitions:
         if merged.name in given and merged.names <= given.keys():
@@ -102,13 +102,13 @@ def merged_values(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _nominal(axis: AxisConfig, drive: Drive) -> dict[str, float]:
-    """The nominal values of the parameters of the drive, as far as they are known, including merged ones."""
+    """The known nominal values of the parameters of the drive, including merged ones."""
     values = with_merged(watched_values(axis), drive)
     return {p.name: values[p.name] for p in drive.parameters if p.name in values}
 
 
 def with_merged(given: Mapping[str, float], drive: Drive) -> dict[str, float]:
-    """The values and those of the parameters that are merged from them."""
+    """The values, and the values of parameters merged from them."""
     values = dict(given)
     for d in drive.definitions:
         if d.name not in values and d.names <= values.keys():
@@ -125,7 +125,7 @@ def _no_parameter(name: str, known: Iterable[str]) -> str:
 
 
 def monitored(axis: AxisConfig) -> Iterator[Finding]:
-    """Monitored parameters exist, are listed once, and have a size: the nominal value or a scale."""
+    """Monitored parameters exist, are listed once, and have a size: a nominal value or a scale."""
     drive, seen, scales = usable_drive(axis), set[str](), scales_of(axis)
     nominal = _nominal(axis, drive)
     names = [p.name for p in drive.parameters]
@@ -142,7 +142,7 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
             yield Finding(path, f"{base} is monitored twice")
         elif base in nominal:
             value = {base: nominal[base]}
-            # Why it has no size; an impossible value another check reports.
+            # Report why it has no size; another check reports an impossible value.
             error = None if _model_error(drive, value) else _model_error(drive, value, name, scales)
             if error is not None:
                 yield Finding(path, str(error))
@@ -150,7 +150,7 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _why_not(drive: Drive, name: str) -> str:
-    """Why a drawn parameter is no parameter of the drive."""
+    """Why a drawn parameter is not a parameter of the drive."""
     try:
         drive.parameter(name)
     except KeyError as error:
@@ -159,7 +159,7 @@ def _why_not(drive: Drive, name: str) -> str:
 
 
 def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
-    """Scales, bounds and P(0) belong to monitored parameters."""
+    """Scales, bounds and P(0) are given for monitored parameters only."""
     model = axis.model
     tables: tuple[tuple[Keys, Iterable[str]], ...] = (
         (("model", "scales"), model.scales),
@@ -188,10 +188,10 @@ def bounds(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def complete_model(axis: AxisConfig) -> Iterator[Finding]:
-    """Where no rule finds anything, the engine does not, either: values of a drawing, or merged from several."""
+    """The model can be made.  This finds faults in drawn or merged values that no other rule checks."""
     try:
         axis_model(axis)
-    except KeyError:  # a wrong value counts as missing here
+    except KeyError:  # a wrong value, which counts as missing here
         return
     except ValueError as error:
         yield Finding(DRIVE, str(error))
@@ -201,7 +201,7 @@ def complete_model(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def limited(axis: AxisConfig) -> Iterator[Finding]:
-    """A limit belongs to a monitored parameter or to its reciprocal, and only to one of them."""
+    """A limit belongs to a monitored parameter or its reciprocal, not to both."""
     monitor, seen = axis.model.monitor, dict[str, str]()
     for name in axis.model.limits:
         own = monitored_as(name, monitor)
@@ -214,7 +214,7 @@ def limited(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def sides(axis: AxisConfig) -> Iterator[Finding]:
-    """A lower limit is below the nominal value, an upper one above, and within the bounds of the estimate."""
+    """Limits lie on the right side of the nominal value, and within the bounds of the estimate."""
     model = decided_model(axis)
     for name, values in axis.model.limits.items():
         own = monitored_as(name, axis.model.monitor)
@@ -233,7 +233,7 @@ def sides(axis: AxisConfig) -> Iterator[Finding]:
 
 
 def _wrong_side(values: tuple[float, ...], nominal: float, low: float, high: float) -> str:
-    """What is wrong with a limit or a pair of them; empty: nothing."""
+    """The fault of a limit or a pair of limits; empty: none."""
     if len(values) == 2 and not values[0] < nominal < values[1]:
         return f"must be [lower, upper] with lower < nominal < upper, nominal = {nominal:g}"
     if len(values) == 1 and values[0] == nominal:
@@ -246,7 +246,7 @@ def _wrong_side(values: tuple[float, ...], nominal: float, low: float, high: flo
 
 
 def decided_model(axis: AxisConfig) -> AxisModel:
-    """The model of an axis; where there is none, another check reports why."""
+    """The model of an axis; raises Undecidable if there is none, which another check reports."""
     usable_drive(axis)
     try:
         return axis_model(axis)
@@ -258,9 +258,9 @@ def decided_model(axis: AxisConfig) -> AxisModel:
 
 
 def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
-    """The delay is that of the torque, its nominal value is given once, and it is below one interval.
+    """A monitored delay is that of the torque; its nominal value is given once and is below one interval.
 
-    Beyond one interval the torque would be that of another sample.
+    A torque with a larger delay would belong to another sample.
     """
     if not watches_skew(axis):
         return

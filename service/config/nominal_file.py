@@ -1,4 +1,4 @@
-"""nominal.toml: the result of `axiswatch identify`, as the configuration and the daemon read it."""
+"""nominal.toml, the result of `axiswatch identify`: the keys that configuration and daemon use."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class DriveTable(FoundTable):
 
 
 class PredictorTable(FoundTable):
-    """[predictor]: the predictor of the identification; K is the filter gain, x+ = x + K eps.
+    """[predictor]: the predictor of the identification, with the filter gain K: x+ = x + K eps.
 
-    ``colour``: neighbouring errors are correlated, so estimates scatter as if their variance were larger by this
-    factor.
+    ``colour``: prediction errors are autocorrelated, so estimates scatter as if the innovation variance were larger by
+    this factor.
     """
 
     kind: Literal["innovations", "output-error"]
@@ -36,12 +36,12 @@ class PredictorTable(FoundTable):
     torque_delay_s: NotNegative
     innovation_variance: Positive
     largest_error: NotNegative = 0.0
-    """One in ten thousand eps of the records is larger, in the unit of the output; none in files of earlier versions"""
+    """One in ten thousand |eps| of the records is larger, in the unit of the output; 0 in files of earlier versions"""
     colour: Annotated[Real, Field(ge=1)] = 1.0
     states: tuple[str, ...]
     gain: tuple[Real, ...]
     min_speed: NotNegative = 0.0
-    """Slower motion is no part of the fit, rad/s at the sensor; none in files of earlier versions"""
+    """Slower motion was left out of the fit [rad/s at the sensor]; 0 in files of earlier versions"""
 
     @property
     def lam0(self) -> float:
@@ -57,7 +57,7 @@ class PredictorTable(FoundTable):
 
 
 class NoiseTable(FoundTable):
-    """[noise]: standard deviations of torque [N m] and output [rad or rad/s], 0 where not found."""
+    """[noise]: standard deviations of torque [N m] and output [rad or rad/s]; 0: not known."""
 
     torque: NotNegative = 0.0
     output: NotNegative = 0.0
@@ -82,9 +82,9 @@ class ThermalTable(FoundTable):
     coulomb_friction: NotNegative
     largest_w: Positive
     first_w: NotNegative | None = None
-    """Heat at the beginning of the first record, 0: it was taken to be cold; none in files of earlier versions"""
+    """Heat at the start of the first record, 0: assumed cold; None in files of earlier versions"""
     model_error: dict[str, NotNegative] = Field(default_factory=dict)
-    """Standard deviation of what parameters are off by beside the heat; none in files of earlier versions"""
+    """Standard deviations of the error that the warm-up correction leaves, by parameter; empty in earlier versions"""
 
     @model_validator(mode="after")
     def _some_friction(self) -> ThermalTable:
@@ -94,7 +94,7 @@ class ThermalTable(FoundTable):
 
 
 class CorrelationTable(FoundTable):
-    """[correlation] of the estimates."""
+    """[correlation]: correlation matrix of the estimates."""
 
     names: tuple[str, ...] = ()
     matrix: tuple[tuple[Real, ...], ...] = ()
@@ -107,7 +107,7 @@ class CorrelationTable(FoundTable):
 
 
 class RecordTable(FoundTable):
-    """[[record]]: what was used, in the order in which it was given."""
+    """[[record]]: the records used, in the order given."""
 
     sha256: str
     range_s: tuple[Real, Real]
@@ -129,9 +129,9 @@ class NominalFile(FoundFile):
     record: tuple[RecordTable, ...] = ()
 
     def unidentifiable_pairs(self, monitored: Sequence[str]) -> tuple[tuple[str, str], ...]:
-        """Pairs of a monitored parameter and another one that the record hardly distinguishes.
+        """Pairs of a monitored parameter and another parameter that the record hardly distinguishes.
 
-        Such a nominal value fits only the motion of its record, and is far off with another motion.
+        Nominal values of such parameters fit the motion of the record, and may be far off with another motion.
         """
         monitored = [split_name(name)[0] for name in monitored]
         names, found = self.correlation.names, list[tuple[str, str]]()

@@ -1,4 +1,4 @@
-"""Mistakes in a configuration: findings of the checks; problems with place, key, value and what would be right."""
+"""Mistakes in a configuration: findings of checks, and problems with place, key, value and correction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LONGEST_DECIMAL = 128
 
 
 class Finding(NamedTuple):
-    """A mistake at a path of the file; where ``other`` is given, the message ends with that place."""
+    """A mistake at a path of the file; if ``other`` is given, its place is added to the end of the message."""
 
     path: Keys
     message: str
@@ -31,10 +31,10 @@ class Finding(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One problem.  ``key`` is dotted and counts array elements from 1: robot[1].axis[2].torque.message.
+    """One problem.  ``key``: dotted, with array elements counted from 1: robot[1].axis[2].torque.message.
 
-    ``line`` is None where the whole file is meant.  ``file`` is None for the environment: then ``key`` is the
-    variable.  ``value`` is as TOML would write it, None for a key that is missing.
+    ``line``: None for the whole file.  ``file``: None for the environment; ``key`` is then the variable.  ``value``: as
+    TOML would write it; None: the key is missing.
     """
 
     file: Path | None
@@ -46,7 +46,7 @@ class Problem:
 
     @property
     def place(self) -> str:
-        """File, line and, in syntax errors, column: robot.toml:12; or "environment"."""
+        """File, line and, for syntax errors, column, such as robot.toml:12; or "environment"."""
         if self.file is None:
             return "environment"
         parts = [str(self.file), *(str(n) for n in (self.line, self.column) if n is not None)]
@@ -59,7 +59,7 @@ class Problem:
 
 
 class ConfigErrors(Exception):  # noqa: N818 - several errors
-    """A configuration that cannot be used, with every problem found in it."""
+    """The configuration cannot be used; with all problems found in it."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
         super().__init__("\n".join(map(str, problems)))
@@ -67,7 +67,7 @@ class ConfigErrors(Exception):  # noqa: N818 - several errors
 
 
 def dotted(path: Sequence[str | int]) -> str:
-    """A path as TOML would write its key, elements of arrays counted from 1."""
+    """A path as a dotted TOML key, with elements of arrays counted from 1."""
     text = ""
     for part in path:
         if isinstance(part, int):
@@ -79,7 +79,7 @@ def dotted(path: Sequence[str | int]) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as TOML would write it, cut where it is long."""
+    """A value as TOML would write it, cut if it is long."""
     text = _toml(value)
     return text if len(text) <= _LONGEST_VALUE else text[: _LONGEST_VALUE - 3] + "..."
 
@@ -90,7 +90,7 @@ def _toml(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, int) and value.bit_length() > _LONGEST_DECIMAL:
-        return hex(value)  # Python refuses to write very long decimal numbers
+        return hex(value)  # Python refuses to convert very long integers to decimal text
     if isinstance(value, list):
         return f"[{', '.join(map(_toml, value))}]"
     if isinstance(value, dict):
@@ -98,14 +98,14 @@ def _toml(value: object) -> str:
     return str(value)
 
 
-# --- What a validation has found, in words ----------------------------------------------------------------------------
+# --- Validation errors in words ---------------------------------------------------------------------------------------
 
 
 _LIMITS = {"gt": ">", "ge": "≥", "lt": "<", "le": "≤"}
 
 
 def at_place(place: str, error: Mapping[str, Any]) -> str:
-    """What pydantic has found wrong at a place, such as a key: its words, and where it is a usual mistake its kind."""
+    """A validation error of pydantic at a place, such as a key, as a sentence; common errors are translatable."""
     words, values = error["msg"].removeprefix("Value error, "), error.get("ctx", {})
     template = "{place}: {words}"
     for name, sign in _LIMITS.items():

@@ -1,4 +1,4 @@
-"""A configuration as persons may read it who have no business with its secrets: without these, as TOML."""
+"""A configuration as TOML without its secrets, for readers who must not see these."""
 
 import os
 import re
@@ -15,14 +15,14 @@ from service.config.schema import Config
 
 HIDDEN = "..."
 _SECRET = re.compile(r"secret|password|passwd|passphrase|token|credential|(^|_)key$", re.IGNORECASE)
-"""Keys whose values are not shown, even where they only name a file or a variable that holds a secret."""
+"""Keys whose values are hidden, even if they only name a file or a variable with a secret."""
 
 
 def public_text(config: Config, folder: Path) -> str:
-    """What is set in a configuration, by its file or the environment, without secrets.
+    """The keys set by the file or the environment, as TOML, without secrets.
 
-    Keys that keep their default are left out.  Values of [robot.defaults] stand in the axes.  Of a file that was read
-    only its name is shown, relative to ``folder`` where it is in it; of the address of a webhook only the host.
+    Keys with their default are left out.  Values of [robot.defaults] are shown in the axes.  A file that was read is
+    shown by its name, relative to ``folder`` if it is in there.  Of a webhook's address only the host is shown.
     """
     return tomlkit.dumps(_shown_table(config, folder))
 
@@ -53,7 +53,7 @@ def _shown_value(key: str, value: Any, folder: Path) -> Any:
 
 
 def _without_credentials(text: str) -> str:
-    """Of an address its host only: who knows the rest may often do what it is for."""
+    """A text; of a URL only the host, as the whole URL of a webhook often gives access."""
     if "://" not in text:
         return text
     try:

@@ -1,4 +1,4 @@
-"""Remarks on a valid configuration for the user: what it takes for granted, and what is weaker than it could be."""
+"""Remarks to the user on a valid configuration: its assumptions, and possible improvements."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -27,7 +27,7 @@ from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.unit_names import UNITS, Quantity, unit_passed_over
 
 _KnownOn = Callable[[str], MessageSet]
-"""The messages of a bus by its name"""
+"""Function that returns the messages of a bus by its name"""
 _NEARLY = 1e-3
 _EXACT = 1e-7
 
@@ -67,7 +67,7 @@ def remarks(config: Config) -> Iterator[str]:
 
 
 def _shared_torque(config: Config) -> Iterator[str]:
-    """One signal that is the torque of several axes: of all but one of them it is that of another axis."""
+    """A signal that is the torque of several axes, which must be wrong for all but one."""
     used: dict[tuple[object, ...], list[str]] = {}
     for axis in config.axes:
         torque, bus = axis.config.torque, axis.config.bus
@@ -81,7 +81,7 @@ def _shared_torque(config: Config) -> Iterator[str]:
 
 
 def _assumptions(config: Config) -> Iterator[str]:
-    """Assumptions where the configuration does not state the conditions, robot by robot."""
+    """For each robot: the assumption that is made if the configuration states no conditions."""
     for robot in config.robot:
         names = [
             axis.name
@@ -99,7 +99,7 @@ def _assumptions(config: Config) -> Iterator[str]:
 
 
 def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:
-    """A weight that follows the pose, and a payload that may change."""
+    """The load is not monitored although the weight follows the pose and the payload may change."""
     if LOAD not in axis.model.monitor and turning_torques(axis):
         yield (
             f'{axis_id}: its weight follows the pose, but "{LOAD}" is not in monitor: another payload will be called'
@@ -108,7 +108,7 @@ def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:
 
 
 def _short_memory(axis: NamedAxis, model: AxisModel, settings: Settings) -> Iterator[str]:
-    """A memory that is short compared with the predictor."""
+    """A memory that is short compared with the time constants of the predictor."""
     short = short_memory(model, settings, axis.config.estimator.joint_state)
     if short is None:
         return
@@ -126,7 +126,7 @@ def _short_memory(axis: NamedAxis, model: AxisModel, settings: Settings) -> Iter
 
 
 def _small_noise(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
-    """A noise that is smaller than the resolution."""
+    """An output noise smaller than that of the resolution."""
     given, least = predictor_of(axis.config).output_noise, _least_noise(known_on, axis.config)
     if given is not None and least is not None and given < least * (1 - _NEARLY):
         yield (
@@ -137,7 +137,7 @@ def _small_noise(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
 
 
 def _other_unit(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
-    """A signal whose description, or the name of whose column, states a unit that no factor converts."""
+    """A signal with a unit, by its description or column name, that no factor converts."""
     config = axis.config
     motion: Quantity = "angle" if config.angle is not None else "speed"
     quantities: tuple[Quantity, ...] = ("torque", motion)
@@ -157,7 +157,7 @@ def _other_unit(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
 
 
 def _by_events(config: Config, known_on: _KnownOn) -> Iterator[str]:
-    """Drives whose torque and motion are not sampled at one moment."""
+    """Drives whose torque and motion are not sampled at the same time."""
     for axis in config.axes:
         if axis.config.canopen is None or axis.config.records_only:
             continue
@@ -174,7 +174,7 @@ def _by_events(config: Config, known_on: _KnownOn) -> Iterator[str]:
 
 
 def _long_frames(config: Config, known_on: _KnownOn) -> Iterator[str]:
-    """Messages of CAN FD on buses that are not opened for it."""
+    """CAN FD messages on buses that are not opened for CAN FD."""
     for bus in config.bus:
         if bus.interface in FD_INTERFACES or "fd" in bus.options:
             continue
@@ -193,7 +193,7 @@ def _long_frames(config: Config, known_on: _KnownOn) -> Iterator[str]:
 
 
 def _least_noise(known_on: _KnownOn, axis: AxisConfig) -> float | None:
-    """The noise of the encoder's resolution, or, if that is not given, of that of its signal on the bus."""
+    """The noise from the resolution of the encoder, or, if that is not given, of its signal on the bus."""
     if (noise := step_noise(axis)) is not None or axis.records_only:
         return noise
     _, signal = find_signal(known_on(axis.bus), axis.motion.message, axis.motion.signal)
@@ -214,7 +214,7 @@ def _nearly_a_turn(axis: NamedAxis) -> Iterator[str]:
 
 
 def _detector(axis: NamedAxis, found: Detectors) -> Iterator[str]:
-    """A multi-model detector that does not run, or has no thresholds of its own."""
+    """A multi-model detector that does not run, or has no thresholds from a calibration."""
     wanted = axis.config.detector
     if found.multimodel is None and wanted.shadow and found.why:
         yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"

@@ -1,7 +1,7 @@
-"""Keys that need not be written for each axis: those in [robot.defaults], and those that follow from others.
+"""Completes axes with the keys of [robot.defaults], and with keys that follow from others.
 
-They are put into the axes before these are validated, so the rest of the program sees complete axes.  A mistake in the
-defaults is reported once, in its line there.
+This happens before validation, so the rest of the program sees complete axes.  A mistake in the defaults is reported
+once, with its line there.
 """
 
 from collections.abc import Container, Mapping
@@ -14,7 +14,7 @@ DEFAULTS = "defaults"
 
 
 def completed(config: Any) -> Any:
-    """A configuration as read, with complete axes; what is no table or list is left to the schema to report."""
+    """A raw configuration with complete axes; values of a wrong type are left for the schema to report."""
     if not isinstance(config, dict) or not isinstance(config.get("robot"), list):
         return config
     match config.get("bus"):
@@ -34,7 +34,7 @@ def _completed_robot(robot: Any, bus: str | None) -> Any:
 
 
 def _merged(shared: Mapping[str, Any], own: Any) -> Any:
-    """Tables are merged key by key; everything else of the axis replaces that of the defaults."""
+    """Merge an axis with the defaults: tables key by key; any other value of the axis replaces the default."""
     if not isinstance(own, dict):
         return own
     complete = dict(shared)
@@ -45,9 +45,10 @@ def _merged(shared: Mapping[str, Any], own: Any) -> Any:
 
 
 def _with_derived(axis: Any, bus: str | None) -> Any:
-    """The axis with the signals of its drive, on the only bus, if it reads messages and names none.
+    """Add keys that follow from others.
 
-    Its counter is in the message of the motion.
+    These are the signals of a CANopen drive; the bus, if there is only one; the message of the counter, by default that
+    of the motion.
     """
     if isinstance(axis, dict):
         axis = with_sources(axis)
@@ -64,7 +65,7 @@ def _with_derived(axis: Any, bus: str | None) -> Any:
 
 
 def origin(path: Keys, written: Container[Keys]) -> Keys:
-    """Where the value at a path comes from: the defaults of the robot, if the axis has less of the path itself."""
+    """The path where the value at a path is written: in the defaults of the robot, or in the axis."""
     match path:
         case ("robot", int(robot), "axis", int(axis), *keys):
             own: Keys = ("robot", robot, "axis", axis)
@@ -75,5 +76,5 @@ def origin(path: Keys, written: Container[Keys]) -> Keys:
 
 
 def _depth(table: Keys, keys: list[str | int], written: Container[Keys]) -> int:
-    """How many of the keys are written below a table."""
+    """Number of leading keys that are written below a table."""
     return next((n for n in range(len(keys), 0, -1) if (*table, *keys[:n]) in written), 0)

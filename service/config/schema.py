@@ -1,6 +1,7 @@
-"""Every key of the configuration file, with its unit, its bounds and its default; those of a model: schema_model.py.
+"""Schema of the configuration: every key with unit, bounds and default.  Keys of the model: see schema_model.py.
 
-Attributes have the names of the TOML keys.  SI units; torque, angle and speed are those of the motor.
+Attributes have the names of the TOML keys.  Units are SI; torque, angle and speed are those of the motor.  The
+docstring of a key is shown to the user with mistakes in it.
 """
 
 import math
@@ -39,7 +40,7 @@ from service.config.schema_model import (
 
 
 NEVER_IDENTIFIED = {"kT", "r"}
-"""Torque constant and gear ratio of a library drive: torque and motion of the motor do not determine them."""
+"""Torque constant and gear ratio of a library drive, which torque and motion of the motor do not determine."""
 
 
 class SignalConfig(Table):
@@ -50,7 +51,7 @@ class SignalConfig(Table):
     signal: Text = ""
     """name of the signal in that message"""
     factor: Factor = 1.0
-    """SI value = factor * signal + offset; negative turns the direction"""
+    """SI value = factor * signal + offset; a negative factor reverses the direction"""
     offset: Real = 0.0
     """SI value = factor * signal + offset"""
     column: Text | None = None
@@ -66,9 +67,9 @@ class TorqueConfig(SignalConfig):
     """[robot.axis.torque]: the motor torque."""
 
     kT_Nm_per_A: Real | None = None
-    """torque constant, where the signal is the motor current: torque = kT * (factor * signal + offset) [N m/A]"""
+    """torque constant, if the signal is the motor current: torque = kT * (factor * signal + offset) [N m/A]"""
     late_samples: int = Field(0, ge=0, le=10, strict=True)
-    """the signal comes so many samples later than the motion that it has caused"""
+    """number of samples by which the signal comes later than the motion that it has caused"""
 
     @property
     def scale(self) -> tuple[float, float]:
@@ -86,7 +87,7 @@ class AngleConfig(SignalConfig):
     """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
 
     def wraps_after_a_turn(self, ratio: float) -> bool:
-        """Whether it wraps after a turn of what it moves with this gear ratio, as that of a turntable does."""
+        """Whether the angle wraps after a whole turn of the arm with this gear ratio, as that of a turntable does."""
         if self.wrap_period is None:
             return False
         turn = abs(self.factor * ratio) * self.wrap_period
@@ -103,7 +104,7 @@ class SpeedConfig(SignalConfig):
 
 
 class FurtherSignalConfig(Table):
-    """[[robot.axis.signal]]: an auxiliary signal: of the axis, of the robot, or of the motion of another axis."""
+    """[[robot.axis.signal]]: an auxiliary signal of the axis or of the robot, or the motion of another axis."""
 
     name: Name
     """name by which the configuration refers to it: letters, digits, - and _"""
@@ -122,7 +123,7 @@ class FurtherSignalConfig(Table):
     offset: Real = 0.0
     """value = factor * signal + offset"""
     max_age_s: Positive = 10.0
-    """a value received longer ago than this is no longer believed [s]"""
+    """a value received longer ago than this is not used any more [s]"""
 
     @property
     def scale(self) -> tuple[float, float]:
@@ -155,26 +156,26 @@ class TimeConfig(Table):
     counter_signal: Text | None = None
     """sample counter; with it sample times are whole intervals, free of receipt jitter"""
     clock: Literal["receipt", "cyclic"] = "receipt"
-    """without a counter: "receipt", the times of receipt, or "cyclic", the controller sends every sample_interval_s
-    by its own clock, which is fitted to them"""
+    """without a counter: "receipt", the times of receipt, or "cyclic": the controller samples every sample_interval_s
+    by its own clock, which is fitted to the times of receipt"""
 
 
 class ThermalConfig(Table):
-    """[robot.axis.thermal]: an axis whose friction follows its heat, which nobody measures (nominal_file)."""
+    """[robot.axis.thermal]: warm-up of an axis whose friction follows its heat, without thermometer (nominal_file)."""
 
     start: ThermalStart = "unknown"
-    """how warm it is where no checkpoint tells: "unknown", its first motion tells, until then nothing is tested; or
-    "cold" """
+    """how warm the axis is at a start without a checkpoint: "unknown" (friction is not tested until the first motion
+    has shown it), or "cold" """
     unwatched: Unwatched = "unknown"
-    """what it did while the daemon did not run, if it is where it was: "unknown", the longer that was the less is
-    known of its heat; or "stood", the robot never works without the daemon"""
+    """motion of the axis while the daemon did not run: "unknown" (its heat is less certain the longer that was), or
+    "stood" (the robot never works without the daemon)"""
 
 
 # --- Service, buses, robots, axes -------------------------------------------------------------------------------------
 
 
 class ServiceConfig(Table):
-    """[service]: what the daemon keeps."""
+    """[service]: the state directory, history and recordings of the daemon."""
 
     state_dir: FilePath = Field(Path("state"), validate_default=True)
     """folder of the alarm journal and the checkpoints, relative to the configuration file; default under systemd: its
@@ -189,39 +190,39 @@ class ServiceConfig(Table):
     history_raw_days: Positive = Field(7.0, le=36500)
     """age of the points of the history [days]"""
     history_minute_days: Positive = Field(60.0, le=36500)
-    """age of its minutes [days]"""
+    """age of the history's minutes [days]"""
     history_hour_days: Positive = Field(730.0, le=36500)
-    """age of its hours [days]"""
+    """age of the history's hours [days]"""
     history_day_days: Positive = Field(3650.0, le=36500)
-    """age of its days [days]"""
+    """age of the history's days [days]"""
     history_mb: Real = Field(1000.0, ge=1)
-    """size of the file of the history; the oldest is removed [MB]"""
+    """largest size of the history file; the oldest part is removed [MB]"""
     recording_before_s: Positive = Field(120.0, le=3600)
-    """raw frames before an alarm that are recorded with it, kept in memory until then [s]"""
+    """time before an alarm for which raw frames are recorded; they are kept in memory until then [s]"""
     recording_after_s: Positive = Field(30.0, le=3600)
-    """raw frames after an alarm that are recorded with it [s]"""
+    """time after an alarm for which raw frames are recorded [s]"""
     recording_format: Literal["log", "blf"] = "log"
-    """files of the raw frames around alarms: "log" of candump, or "blf" of Vector's tools"""
+    """format of the recorded frames around alarms: "log" (candump), or "blf" (Vector's tools)"""
     recordings_mb: Real = Field(500.0, ge=0)
-    """all recordings together; the oldest are removed; 0: none is made [MB]"""
+    """largest size of all recordings; the oldest are removed; 0: no recordings [MB]"""
 
 
 _HOST = r"[A-Za-z0-9._-]+|[0-9A-Fa-f.]*(?::[0-9A-Fa-f.]*){2,}"
-"""A name, an IPv4 address, or an IPv6 address, which has two colons or more."""
+"""A name, an IPv4 address, or an IPv6 address (with two colons or more)."""
 Host = Annotated[Text, written(_HOST, "a name or an address, without port, brackets or path")]
 
 
 class WebConfig(Table):
-    """[web]: where REST, metrics and the page are served."""
+    """[web]: address and TLS of the REST API, the metrics and the page."""
 
     host: Text = "127.0.0.1"
     """address to listen on; any but 127.0.0.1, such as 0.0.0.0 for all interfaces, needs tokens and TLS"""
     port: Annotated[int, Field(strict=True)] = Field(8080, ge=0, le=65535)
     """TCP port; 0 for any free one"""
     hosts: tuple[Host, ...] = ()
-    """names and addresses by which the daemon is asked, without a port, beside host and localhost"""
+    """further names and addresses of the daemon in requests, besides host and localhost, without a port"""
     certificate: FilePath | None = None
-    """PEM file of the certificate for TLS, with those up to the root, relative to the configuration file"""
+    """PEM file of the certificate for TLS, with the chain up to the root, relative to the configuration file"""
     key: FilePath | None = None
     """PEM file of the private key of the certificate, without a password"""
     open_metrics: bool = Field(False, strict=True)
@@ -229,7 +230,7 @@ class WebConfig(Table):
 
 
 MAX_BYTES = 64
-"""Of the longest frame"""
+"""Data bytes of the longest frame"""
 LAST_STANDARD_ID, _LAST_ID = 0x7FF, 0x1FFFFFFF
 _LAST_PGN = 0x3FFFF
 FLOAT_BITS = (16, 32, 64)
@@ -241,7 +242,7 @@ class BitsConfig(Table):
     name: Text
     """name of the signal"""
     start_bit: Annotated[int, Field(strict=True)] = Field(ge=0, lt=8 * MAX_BYTES)
-    """lowest bit, of big endian the highest: 8 * byte + bit, both from 0, bit 0 of a byte is its lowest"""
+    """lowest bit, or highest bit in big endian: 8 * byte + bit, both from 0; bit 0 is the lowest of a byte"""
     length: Annotated[int, Field(strict=True)] = Field(ge=1, le=64)
     """number of bits"""
     kind: Literal["unsigned", "signed", "float"] = "unsigned"
@@ -260,13 +261,13 @@ class MessageConfig(Table):
     name: Text
     """name by which axes refer to the message"""
     id: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=_LAST_ID)
-    """identifier, as 0x181; or pgn"""
+    """identifier, such as 0x181; or pgn"""
     pgn: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=_LAST_PGN)
-    """parameter group number of J1939, as 0xFF31: any priority, and any source address unless it is given"""
+    """parameter group number of J1939, such as 0xFF31: any priority, and any source address unless it is given"""
     source_address: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=0xFF)
     """with pgn: source address of the drive"""
     extended: Annotated[bool, Field(strict=True)] | None = None
-    """the identifier has 29 bits; default: it is above 0x7FF"""
+    """whether the identifier has 29 bits; default: if it is above 0x7FF"""
     signal: tuple[BitsConfig, ...] = Field(min_length=1)
     """its signals, [[bus.message.signal]]"""
 
@@ -292,7 +293,7 @@ class BusConfig(Table):
     message: tuple[MessageConfig, ...] = ()
     """messages that no file describes, [[bus.message]]"""
     queue_frames: Annotated[int, Field(strict=True)] = Field(100_000, ge=100, le=10_000_000)
-    """frames that may wait for the worker before some are dropped"""
+    """most frames that wait for the worker; further ones are dropped"""
     options: dict[str, Any] = Field(default_factory=dict)
     """passed to python-can as they are: bitrate, fd, ..."""
 
@@ -307,13 +308,13 @@ class AxisConfig(Table):
     name: Name
     """name of the axis: letters, digits, - and _"""
     bus: Text = ""
-    """name of a [[bus]]; where there is only one, it is that"""
+    """name of a [[bus]]; default: the only one"""
     canopen: CanopenConfig | None = None
-    """its drive speaks CANopen (CiA 402), [robot.axis.canopen]: torque and motion follow from its EDS"""
+    """its drive is a CANopen drive (CiA 402), [robot.axis.canopen]: torque and motion follow from the EDS"""
     sample_interval_s: Positive = Field(ge=1e-5, le=1)
     """nominal sample interval [s]"""
     pairing_tolerance_s: Positive = Field(default_factory=lambda known: 0.4 * known["sample_interval_s"])
-    """torque and angle (or speed) further apart than this are no sample [s]"""
+    """torque and angle (or speed) whose times differ by more than this do not form a sample [s]"""
     max_gap_s: Positive = Field(default_factory=lambda known: 10 * known["sample_interval_s"])
     """a longer interval restarts the predictor [s]"""
     settling_time_s: Annotated[Real, Field(ge=0)] | None = None
@@ -321,11 +322,11 @@ class AxisConfig(Table):
     torque_delay_s: Real = Field(0.0, ge=0)
     """delay of the torque after its sample [s], at most one interval"""
     torque: TorqueConfig
-    """motor torque; factor and offset make it N m, or, with kT_Nm_per_A, A"""
+    """motor torque; factor and offset convert it to N m, or, with kT_Nm_per_A, to A"""
     angle: AngleConfig | None = None
-    """motor angle; factor and offset make it rad"""
+    """motor angle; factor and offset convert it to rad"""
     speed: SpeedConfig | None = None
-    """motor speed; factor and offset make it rad/s"""
+    """motor speed; factor and offset convert it to rad/s"""
     time: TimeConfig = Field(default_factory=TimeConfig)
     """time of the samples"""
     signal: tuple[FurtherSignalConfig, ...] = ()
@@ -333,7 +334,7 @@ class AxisConfig(Table):
     gate: tuple[GateConfig, ...] = ()
     """the axis is monitored only while all of these are open, [[robot.axis.gate]]"""
     min_speed: NotNegative | None = None
-    """the axis is not monitored while its motor turns more slowly than this [rad/s]; None: as of the nominal file"""
+    """the axis is not monitored while its motor turns more slowly than this [rad/s]; default: from the nominal file"""
     thermal: ThermalConfig = Field(default_factory=ThermalConfig)
     """warm-up without a thermometer"""
     model: ModelConfig
@@ -343,7 +344,7 @@ class AxisConfig(Table):
     detector: DetectorConfig = Field(default_factory=DetectorConfig)
     """change detector"""
     trend: TrendConfig = Field(default_factory=TrendConfig)
-    """slow course and forecasts"""
+    """long-term trend and forecasts"""
     alarms: AlarmsConfig = Field(default_factory=AlarmsConfig)
     """priority of the alarms, and which ones are latched or hidden"""
 
@@ -354,7 +355,7 @@ class AxisConfig(Table):
 
     @property
     def to_be_identified(self) -> bool:
-        """Whether its nominal values are still to be found: none is given but those that no record shows."""
+        """Whether its nominal values have not been found yet: only those are given that no record determines."""
         return self.model.nominal_file is None and (
             self.records_only or not set(self.model.nominal) - NEVER_IDENTIFIED
         )
@@ -372,12 +373,12 @@ class AxisConfig(Table):
 
     @property
     def interval_mean(self) -> bool:
-        """The output is the mean of the speed over each interval, as the drive takes it."""
+        """Whether the output is the mean of the speed over each sample interval."""
         return self.speed is not None and self.speed.interval_mean
 
     @property
     def motion(self) -> AngleConfig | SpeedConfig:
-        """The signal of the angle, or, where that is not measured, of the speed."""
+        """The signal of the angle, or, if that is not measured, of the speed."""
         given = [signal for signal in (self.angle, self.speed) if signal is not None]
         if not given:
             raise Undecidable("angle or speed")
@@ -389,12 +390,12 @@ class AxisConfig(Table):
 
     @property
     def output(self) -> Output:
-        """What is measured besides torque."""
+        """The measured motion: "angle" or "speed"."""
         return "angle" if self.motion is self.angle else "speed"
 
 
 def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[FurtherSignalConfig]:
-    """The auxiliary signals of an axis, where they come from: those of other axes of its robot from their motions."""
+    """The auxiliary signals of an axis with their sources; a motion of another axis gets the source of that motion."""
     axes = {other.name: other for other in robot}
     for s in axis.signal:
         if s.axis is None:
@@ -429,22 +430,22 @@ class NamedAxis(NamedTuple):
     robot: str
     config: AxisConfig
     sources: tuple[FurtherSignalConfig, ...] = ()
-    """Its further signals"""
+    """Its auxiliary signals with their sources"""
     epoch: int = 1
-    """Number of the epoch that its nominal values and thresholds belong to"""
+    """Number of the epoch of its nominal values and thresholds"""
     configured: bool = True
-    """These are those of its configuration"""
+    """Whether these values are those of the configuration"""
 
 
 class Config(Table):
     """The whole file."""
 
     service: ServiceConfig = Field(default_factory=lambda: ServiceConfig.model_validate({}))
-    """what the daemon keeps"""
+    """state directory, history and recordings of the daemon"""
     web: WebConfig = Field(default_factory=WebConfig)
-    """where it is served"""
+    """address and TLS of API and page"""
     links: LinksConfig = Field(default_factory=LinksConfig)
-    """where else the alarms go"""
+    """plant links, to which alarms and states are sent"""
     bus: tuple[BusConfig, ...] = ()
     """CAN buses, [[bus]]; without any, axes are only identified from tables"""
     robot: tuple[RobotConfig, ...] = Field(min_length=1)
@@ -454,7 +455,7 @@ class Config(Table):
 
     @property
     def block_s(self) -> float:
-        """Time in which frames are collected [s]: each block costs the same, so it is to have some samples."""
+        """Time in which frames are collected [s]; as each block costs the same, it should have some samples."""
         if self.service.block_s is not None:
             return self.service.block_s
         return min(max(0.03, 30 * min(axis.config.sample_interval_s for axis in self.axes)), 0.1)

@@ -1,6 +1,6 @@
-"""[links]: where else the alarms and states go; each link is optional.  Its keys, and what must fit together in them.
+"""[links]: schema and cross-checks of the plant links, which send alarms and states; each link is optional.
 
-Secrets are never in the configuration: it names a file or a variable of the environment that holds them.
+Secrets are never in the configuration: it names a file or an environment variable with the secret.
 """
 
 import re
@@ -41,7 +41,7 @@ def _https(url: str) -> str:
 
 
 def is_local(host: str) -> bool:
-    """Whether a host is a name or an address of this machine alone."""
+    """Whether a host is a loopback name or address of this machine."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -49,61 +49,61 @@ def is_local(host: str) -> bool:
 
 
 class AlarmLimits(Table):
-    """Of every link: which alarms it delivers, and for how long it tries."""
+    """Common keys of all links: which alarms a link delivers, and for how long it tries."""
 
     max_age_s: Annotated[Positive, Field(ge=60, le=2_592_000)] = 86400.0
-    """what could not be delivered for this time is given up [s]"""
+    """a transition that could not be delivered for this time is given up [s]"""
     priorities: tuple[Priority, ...] = Field(PRIORITIES, min_length=1)
     """alarms of these priorities"""
 
 
 class WebhookConfig(AlarmLimits):
-    """[[links.webhook]]: each transition of an alarm is sent to an address, signed."""
+    """[[links.webhook]]: sends each transition of an alarm, signed, to an address."""
 
     name: Name
     """name of the link: letters, digits, - and _"""
     url: Annotated[Text, AfterValidator(_https)]
-    """https://HOST/PATH; of it only the host is shown"""
+    """https://HOST/PATH; only the host is shown to users"""
     secret_file: FilePath | None = None
     """file whose text is the key of the signature, at least 16 characters"""
     secret_env: Variable | None = None
-    """variable of the environment with that key; where it is set, the file is not read"""
+    """environment variable with that key; if it is set, the file is not read"""
     ca_file: FilePath | None = None
-    """PEM file of the authority that has signed the receiver's certificate; default: the known ones"""
+    """PEM file of the authority that has signed the receiver's certificate; default: the authorities of the system"""
     timeout_s: Positive = Field(10.0, le=120)
     """time in which the receiver must answer [s]"""
 
 
 class ServerLink(AlarmLimits):
-    """A link to a server at which the daemon logs in."""
+    """A link to a server to which the daemon logs in."""
 
     host: Text
     """name or address of the server"""
     ca_file: FilePath | None = None
-    """PEM file of the authority that has signed the server's certificate; default: the known ones"""
+    """PEM file of the authority that has signed the server's certificate; default: the authorities of the system"""
     user: Text | None = None
     """name by which the daemon logs in"""
     password_file: FilePath | None = None
     """file whose text is the password"""
     password_env: Variable | None = None
-    """variable of the environment with the password; where it is set, the file is not read"""
+    """environment variable with the password; if it is set, the file is not read"""
 
 
 class MqttConfig(ServerLink):
-    """[links.mqtt]: states of the axes and alarms to a broker, MQTT 5."""
+    """[links.mqtt]: publishes states of the axes and alarms to an MQTT 5 broker."""
 
     port: Port = 8883
     """TCP port of the broker"""
     tls: bool = Field(True, strict=True)
-    """whether the broker speaks TLS; its certificate is verified"""
+    """whether to use TLS; the certificate of the broker is verified"""
     prefix: Topic = "axiswatch"
-    """beginning of all topics; another one for each daemon at the broker"""
+    """first part of all topics; must differ between the daemons of a broker"""
     interval_s: Positive = Field(10.0, ge=1, le=3600)
     """time between two states of an axis [s]"""
 
 
 class SmtpConfig(ServerLink):
-    """[links.smtp]: a message for each new alarm and for its end; many at a time are one message."""
+    """[links.smtp]: sends an e-mail for each new alarm and for its end; several at a time share one e-mail."""
 
     port: Port = 587
     """TCP port of the mail server"""
@@ -112,13 +112,13 @@ class SmtpConfig(ServerLink):
     sender: MailAddress
     """address of the sender"""
     to: tuple[MailAddress, ...] = Field(min_length=1, max_length=50)
-    """addresses of those who get the messages"""
+    """addresses of the receivers"""
     priorities: tuple[Priority, ...] = Field(("medium", "high"), min_length=1)
     """alarms of these priorities"""
     collect_s: Real = Field(30.0, ge=0, le=3600)
-    """a message waits for this time, in which alarms get their names and others join it [s]"""
+    """delay of a message, in which causes of alarms are named and further alarms are added to it [s]"""
     interval_s: Real = Field(300.0, ge=0, le=86400)
-    """shortest time between two messages; what comes meanwhile is in the second [s]"""
+    """shortest time between two messages; alarms in between are in the second [s]"""
     timeout_s: Positive = Field(30.0, le=120)
     """time in which the server must answer [s]"""
 
@@ -131,17 +131,17 @@ class OpcUaConfig(AlarmLimits):
     port: Port = 4840
     """TCP port to listen on"""
     certificate: FilePath | None = None
-    """PEM file of the certificate, of an RSA key; with it everything is signed and encrypted"""
+    """PEM file of the certificate of an RSA key; with it, all communication is signed and encrypted"""
     key: FilePath | None = None
     """PEM file of the private key of the certificate, without a password"""
     anonymous: bool = Field(False, strict=True)
-    """who has no token may read, and change nothing"""
+    """clients without a token may read, but not change anything"""
     interval_s: Positive = Field(1.0, ge=0.2, le=3600)
-    """time between two looks for values that have changed [s]"""
+    """time between two updates of changed values [s]"""
 
 
 class LinksConfig(Table):
-    """[links]: where else the alarms go."""
+    """[links]: the plant links, to which alarms and states are sent."""
 
     webhook: tuple[WebhookConfig, ...] = ()
     """receivers of alarms over HTTPS, [[links.webhook]]"""
@@ -169,26 +169,26 @@ class LinksConfig(Table):
 
 SECRET_FILES = ("secret_file", "password_file")
 LINK_FILES = (*SECRET_FILES, "ca_file", "certificate", "key")
-"""Keys of the files that a link names."""
+"""Keys of a link that name files."""
 SECRET_KEYS = ("password", "secret", "token")
 
 
 def concealed(key: str | int, value: object) -> object:
-    """The value of a key as a message may show it: where a secret is by mistake, it is left out."""
+    """The value of a key for messages, without a secret that was written there by mistake."""
     if key in SECRET_KEYS:
         return "..."
     return re.sub(r"//[^/]*@", "//...@", value) if key == "url" and isinstance(value, str) else value
 
 
-# --- Cross-checks: names, secrets, encryption, and whether the program can do it at all -------------------------------
+# --- Cross-checks: names, secrets, encryption, installed packages -----------------------------------------------------
 
 
 RESERVED = ("mqtt", "smtp", "opcua")
-"""Names of the links that have no name of their own."""
+"""Names of the links that cannot be named by the user."""
 
 
 def link_names(links: LinksConfig) -> Iterator[Finding]:
-    """Each link has a name of its own: status and metrics are shown by it."""
+    """Each link has a unique name, which status and metrics use."""
     first: dict[str, Keys] = {}
     for i, hook in enumerate(links.webhook):
         path: Keys = ("webhook", i, "name")
@@ -199,7 +199,10 @@ def link_names(links: LinksConfig) -> Iterator[Finding]:
 
 
 def link_secrets(links: LinksConfig) -> Iterator[Finding]:
-    """A secret has a source.  Whether it can be read is seen at the start: not everyone who checks this may."""
+    """A secret has a source.
+
+    The start checks whether it can be read, as a user who checks the file may not be allowed.
+    """
     for i, hook in enumerate(links.webhook):
         if hook.secret_file is None and hook.secret_env is None:
             message = "missing: give secret_file or secret_env, the key of the signature"
@@ -216,7 +219,7 @@ def link_secrets(links: LinksConfig) -> Iterator[Finding]:
 
 
 def link_encryption(links: LinksConfig) -> Iterator[Finding]:
-    """A password crosses no network in the clear, and neither do messages; OPC UA is encrypted for other machines."""
+    """Passwords and messages cross no network unencrypted; OPC UA is encrypted for other machines."""
     mqtt, smtp, opcua = links.mqtt, links.smtp, links.opcua
     if mqtt is not None and not mqtt.tls and mqtt.user is not None and not is_local(mqtt.host):
         yield Finding(("mqtt", "tls"), "the password would cross the network in the clear: use TLS")
@@ -229,16 +232,16 @@ def link_encryption(links: LinksConfig) -> Iterator[Finding]:
 
 
 def link_extras(links: LinksConfig) -> Iterator[Finding]:
-    """What a link needs is installed."""
+    """The packages that a link needs are installed."""
     for name, package in (("mqtt", "aiomqtt"), ("opcua", "asyncua")):
         if getattr(links, name) is not None and find_spec(package) is None:
             yield Finding((name,), f"needs another package: pip install axiswatch[{name}]")
 
 
 def certificate_and_key(table: Any) -> Iterator[Finding]:
-    """A certificate has its key, of [web] or [links.opcua]; None: there is no such table.
+    """A certificate in [web] or [links.opcua] has its key; ``table`` None: the table does not exist.
 
-    Whether they fit is seen at the start: not everyone who reads this may read the key.
+    The start checks whether they fit, as a user who checks the file may not be allowed to read the key.
     """
     for given, lacking in (("certificate", "key"), ("key", "certificate")):
         if getattr(table, given, None) is not None and getattr(table, lacking) is None:

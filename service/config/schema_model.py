@@ -1,4 +1,4 @@
-"""The keys of the model of an axis and its monitoring: drive, values, limits; estimator, detectors, trend, alarms."""
+"""Schema of the model and the monitoring of an axis: drive, values, limits, estimator, detectors, trend, alarms."""
 
 from typing import Annotated, Literal
 
@@ -23,19 +23,19 @@ from service.config.thresholds_file import ThresholdsFile
 
 
 class ScheduleConfig(Table):
-    """[[robot.axis.model.schedule]]: nominal value = that of the model + slope * (signal - reference)."""
+    """[[robot.axis.model.schedule]]: nominal value = value of the model + slope * (signal - reference)."""
 
     parameter: Text
     """a monitored parameter, such as "fm" or "Ja", or its reciprocal"""
     signal: Text
-    """a signal of [[robot.axis.signal]]; cos, sin or square of one or of a sum, cos(angle2 + angle3); a product,
-    payload * cos(angle2)"""
+    """a signal of [[robot.axis.signal]]; cos, sin or square of a signal or a sum, as in cos(angle2 + angle3); or a
+    product, as in payload * cos(angle2)"""
     slope: Real
-    """change of the parameter for each unit of the signal, in its SI unit"""
+    """change of the parameter, in its SI unit, for each unit of the signal"""
     reference: Real
-    """where the signal is when the parameter has the value of the model"""
+    """value of the signal at which the parameter has the value of the model"""
     range: tuple[Real, Real] | None = None
-    """[lowest, highest] of the signal; a tenth of it beyond, nothing is estimated"""
+    """[lowest, highest] of the signal; more than a tenth of the range outside, nothing is estimated"""
 
 
 def _one_or_two(value: object) -> object:
@@ -43,7 +43,7 @@ def _one_or_two(value: object) -> object:
 
 
 Limits = Annotated[tuple[Real, ...], BeforeValidator(_one_or_two), Field(min_length=1, max_length=2)]
-"""A limit, above or below the nominal value, or [lower, upper]."""
+"""One limit, above or below the nominal value, or [lower, upper]."""
 
 
 def _nominal_file(value: object, info: ValidationInfo) -> NominalFile:
@@ -60,9 +60,9 @@ class ModelConfig(Table):
     """[robot.axis.model]: the drive, its nominal values, and the monitored parameters."""
 
     drive: DriveName = "three-mass"
-    """name of a drive that comes with the program, or "....mo", a file"""
+    """name of a library drive, or of a Modelica file, "....mo" """
     drive_model: Text | None = None
-    """which model, of a Modelica file with more than one"""
+    """name of the model, if the Modelica file has more than one"""
     monitor: tuple[Text, ...] = Field(min_length=1)
     """parameters to estimate, e.g. ["kT", "1/Ja", "fm"]"""
     friction_speed_scale: Positive = 1.0
@@ -74,16 +74,16 @@ class ModelConfig(Table):
     thresholds_file: Annotated[ThresholdsFile | None, BeforeValidator(_thresholds_file)] = None
     """what `axiswatch calibrate` wrote: thresholds of the tests; relative to this file"""
     scales: dict[str, Positive] = Field(default_factory=dict)
-    """size of a monitored parameter, where |nominal| is not it"""
+    """size of a monitored parameter, if it is not |nominal|"""
     bounds: dict[str, tuple[Real, Real]] = Field(default_factory=dict)
-    """name = [lower, upper]: the estimate stays between them"""
+    """name = [lower, upper]: bounds of the estimate"""
     limits: dict[str, Limits] = Field(default_factory=dict)
-    """name = limit, or [lower, upper], of a monitored parameter or its reciprocal: when it will be reached is
-    foretold"""
+    """name = limit, or [lower, upper], of a monitored parameter or its reciprocal; the time at which the trend reaches
+    it is forecast"""
     schedule: tuple[ScheduleConfig, ...] = ()
-    """nominal values that follow signals, beside those of the nominal_file"""
+    """nominal values that follow signals, besides those of the nominal_file"""
     conditions: Literal["others stand still"] | None = None
-    """the pose of the other axes, payload and temperature do not change, so nothing follows them"""
+    """pose of the other axes, payload and temperature do not change, so that no parameter follows them"""
 
 
 REPLACED_BY_NOMINAL_FILE = {
@@ -91,7 +91,7 @@ REPLACED_BY_NOMINAL_FILE = {
     "estimator": ("predictor", "torque_noise", "output_noise", "innovation_variance", "initial_p"),
 }
 REPLACED_BY_THRESHOLDS_FILE = {"detector": ("alpha_1", "alpha_2", "budget_s")}
-"""Keys of an axis by table."""
+"""Keys of an axis, by table, that these files replace."""
 
 
 def _none_or_three(value: float) -> float:
@@ -108,16 +108,16 @@ class EstimatorConfig(Table):
     memory_s: Positive | None = None
     """memory of the estimates [s]: older samples count little; default 1 s"""
     information_floor: Real = Field(0.05, ge=0, le=0.5)
-    """share of the information at commissioning that is never forgotten; 0: the paper's, without"""
+    """share of the information at commissioning that is never forgotten; 0: none, as in the paper"""
     min_excitation: Real = Field(0.05, ge=0, le=0.5)
-    """share of the usual excitation below which nothing is estimated; 0: the paper's, always"""
+    """share of the usual excitation below which nothing is estimated; 0: always estimate, as in the paper"""
     outlier_limit: Annotated[Real, AfterValidator(_none_or_three)] = Field(6.0, le=1000)
-    """an innovation beyond this number of standard deviations is rejected, if these are few; 0: never"""
+    """an innovation larger than this number of standard deviations is rejected, if there are few such; 0: never"""
     joint_state: bool | None = Field(None, strict=True)
-    """the state moves with the estimates, as in a joint Kalman filter; by default where the memory is short: below
-    2.5 slowest time constants of the predictor"""
+    """whether the state moves with the estimates, as in a joint Kalman filter; default: if the memory is shorter than
+    2.5 times the slowest time constant of the predictor"""
     random_walk: bool = Field(False, strict=True)
-    """parameters are followed as a random walk, each for itself, as in a Kalman filter: for many"""
+    """whether each parameter is modelled as a separate random walk, as in a Kalman filter; for many parameters"""
     torque_noise: Positive | None = None
     """standard deviation of the torque per sample [N m], for the Kalman gain"""
     output_noise: Positive | None = None
@@ -132,21 +132,21 @@ class DetectorConfig(Table):
     """[robot.axis.detector]: the alarm source, and the CUSUM tests."""
 
     alarm_source: Literal["multimodel", "cusum"] | None = None
-    """which detector alarms: "multimodel" (parallel hypotheses) or "cusum" (the paper's tests); default multimodel
-    where the thresholds_file has thresholds for it and nominal values follow no measured signals"""
+    """detector that raises alarms: "multimodel" (parallel hypotheses) or "cusum" (the paper's tests); default:
+    multimodel, if the thresholds_file has thresholds for it and nominal values follow no measured signals"""
     shadow: bool = Field(True, strict=True)
-    """where the CUSUM tests alarm, the multi-model detector runs in shadow mode"""
+    """whether the multi-model detector runs in shadow mode if the CUSUM tests raise the alarms"""
     budget_s: Real = Field(31557600.0, ge=60)
-    """mean time between false alarms [s] that the threshold of the multi-model detector guarantees for an exact
-    model, where it has none from a thresholds_file"""
+    """mean time between false alarms [s] that the threshold of the multi-model detector guarantees for an exact model;
+    used if there is no thresholds_file for it"""
     alpha_1: Real = Field(3.0, ge=0)
     """drift nu = alpha_1 standard deviations"""
     alpha_2: Positive = 20.0
     """threshold h = alpha_2 times the size of the parameter"""
     outside_calibration: Literal["report", "wait", "widen"] = "report"
-    """where speed or signals are outside their range in the calibration records: "report" (tests go on, alarms are
-    marked), "wait" (nothing is tested), or "widen": as "report", and where friction follows the heat of the axis the
-    CUSUM tests go on beyond the heat of the records, with a wider allowance, instead of waiting"""
+    """if speed or signals are outside their range in the calibration records: "report" (tests continue, alarms are
+    marked), "wait" (nothing is tested), or "widen" (as "report"; and if friction follows the heat of the axis, the
+    CUSUM tests continue beyond the heat of the records with a wider allowance, instead of waiting)"""
     covariance_reset: Real = Field(0.0, ge=0, le=1e6)
     """after an alarm P_ii is at least this many times P(0)_ii: faster convergence; 0: P stays"""
 
@@ -161,13 +161,13 @@ class TrendConfig(Table):
     """[robot.axis.trend]: the long-term trend of the parameters, and forecasts."""
 
     interval_s: Positive = Field(3600.0, le=86400)
-    """operating time [s] of one mean of the slow history; forecasts need 120 times as long"""
+    """operating time of each mean in the long-term history [s]; forecasts need 120 times as long"""
     lead_time: Annotated[Positive, BeforeValidator(_time)] = Field("14 days", validate_default=True)
     """an alarm is raised when a limit may be reached within this time: "14 days", for example"""
 
 
 DEFAULT_OFF_DELAY_S = 60.0
-"""Off-delays that ISA-18.2 suggests to begin with go up to a minute."""
+"""The off-delays that ISA-18.2 suggests as first values are up to a minute."""
 
 
 class AlarmsConfig(Table):
@@ -176,20 +176,21 @@ class AlarmsConfig(Table):
     priority: Priority = "medium"
     """priority of its alarms: "low", "medium" or "high" """
     priorities: dict[str, Priority] = Field(default_factory=dict)
-    """name = priority, of a monitored parameter or a sensor fault that has another one"""
+    """name = priority, of monitored parameters or sensor faults with another priority"""
     latched: tuple[Text, ...] = ()
-    """parameters or sensor faults whose alarm stays active until it is acknowledged, though its cause is gone"""
+    """parameters or sensor faults whose alarm stays active until it is acknowledged, even if its cause is gone"""
     suppressed: tuple[Text, ...] = ()
     """parameters or sensor faults whose alarms are recorded, but not announced"""
     out_of_service: bool = Field(False, strict=True)
-    """while the axis is maintained: all of its alarms are recorded, but not announced"""
+    """for maintenance: all alarms of the axis are recorded, but not announced"""
     group: Name | None = None
-    """of the alarms of the axes of one group the first is marked; default: the name of the robot"""
+    """name of a group of axes; the first of several alarms in a group is marked; default: the name of the robot"""
     off_delay_s: NotNegative | None = None
-    """an alarm returns when its cause has been away for that long [s]; one that is back sooner is no new alarm"""
+    """an alarm returns to normal when its cause has been absent for this time [s]; if the cause is back sooner, that is
+    no new alarm"""
 
     def rules(self, cause: str, memory_s: float) -> AlarmRules:
-        """Those of the alarms of a parameter or of a sensor fault, of an axis with this memory [s]."""
+        """The alarm rules of a parameter or sensor fault of an axis with this memory [s]."""
         off_delay_s = self.off_delay_s
         if off_delay_s is None:
             off_delay_s = min(DEFAULT_OFF_DELAY_S, REOPEN_MEMORIES * memory_s)

@@ -1,4 +1,4 @@
-"""thresholds.toml: the result of `axiswatch calibrate`, and the monitor that it belongs to."""
+"""thresholds.toml, the result of `axiswatch calibrate`, and the settings of the monitor that it belongs to."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -18,7 +18,7 @@ Entry = bool | float | str | list[float] | list[str]
 class ThresholdTable(FoundTable):
     """[[threshold]]: nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size, h = alpha_2 * size.
 
-    size_error is what the estimate of the healthy axis is off by for good, as a share of the size.
+    size_error: lasting error of the estimate on the healthy axis, as a share of the size.
     """
 
     parameter: str
@@ -29,9 +29,9 @@ class ThresholdTable(FoundTable):
 
 
 class HypothesisTable(FoundTable):
-    """[[hypothesis]]: one of the multi-model detector; alarm when its g exceeds h.  Some have no size.
+    """[[hypothesis]]: a hypothesis of the multi-model detector; alarm when its g exceeds h.  Some have no size.
 
-    size_error is what the size of its cause is off by on the healthy axis, in the unit of size.
+    size_error: error of the size of its cause on the healthy axis, in the unit of size.
     """
 
     cause: str
@@ -51,7 +51,10 @@ class RangeTable(FoundTable):
 
 
 class ThresholdsFile(FoundFile):
-    """The whole file.  ``made_with`` and ``nominal`` are of the monitor that the thresholds belong to."""
+    """The whole file.
+
+    ``made_with``, ``nominal``: settings and nominal values of the monitor that the thresholds fit.
+    """
 
     KIND: ClassVar[str] = "thresholds"
     kind: Literal["thresholds"]
@@ -61,16 +64,16 @@ class ThresholdsFile(FoundFile):
     nominal: dict[str, Real]
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
     hypothesis: tuple[HypothesisTable, ...] = ()
-    """Of the multi-model detector, where it was calibrated, too"""
+    """Thresholds of the multi-model detector, if it was calibrated"""
     range: tuple[RangeTable, ...] = ()
-    """Of the rms speed and of the signals; none in files of earlier versions"""
+    """Ranges of the rms speed and of the signals; empty in files of earlier versions"""
 
 
-# --- Thresholds belong to one monitor: to its nominal values and to the settings of its estimator ---------------------
+# --- Thresholds belong to the nominal values and the estimator settings of one monitor --------------------------------
 
 
 def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
-    """The settings that thresholds depend on, by the names of the configuration, without nominal values."""
+    """The settings that thresholds depend on, without nominal values, by the names of the configuration."""
     return {
         "drive": structure_of(model.drive),
         "monitor": list(model.monitored),
@@ -93,7 +96,7 @@ def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile)
     """The settings with the thresholds of a file.
 
     Raises:
-        ValueError: they were made with other nominal values, or for another estimator.
+        ValueError: the thresholds were made with other nominal values or for another estimator.
     """
     for left, right in ((dict(model.nominal), found.nominal), (made_with(model, settings), found.made_with)):
         if reason := _difference(left, right):

@@ -1,4 +1,4 @@
-"""The line of each key of a TOML text: tomllib does not report it, a syntax tree does."""
+"""The line of each key of a TOML text, from a syntax tree, as tomllib does not report lines."""
 
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -20,7 +20,7 @@ def positions(text: str) -> dict[Keys, int]:
 
 
 def nearest(found: Mapping[Keys, int], path: Keys) -> int:
-    """The line of a path; for a missing key, that of the innermost table around it."""
+    """The line of a path; for a missing key, the line of the innermost table around it."""
     for length in range(len(path), 0, -1):
         if path[:length] in found:
             return found[path[:length]]
@@ -30,7 +30,7 @@ def nearest(found: Mapping[Keys, int], path: Keys) -> int:
 class _Finder:
     def __init__(self) -> None:
         self.found: dict[Keys, int] = {}
-        self._elements: dict[Keys, int] = {}  # how many [[elements]] each array of tables has so far
+        self._elements: dict[Keys, int] = {}  # number of [[elements]] so far in each array of tables
 
     def document(self, root: Node) -> None:
         self._pairs(root, ())
@@ -55,7 +55,7 @@ class _Finder:
         return (*array, index)
 
     def _current(self, names: Iterable[str]) -> Keys:
-        """The path of a header: in an array of tables it means the last element."""
+        """The path of a header; a name of an array of tables means its last element."""
         path: Keys = ()
         for name in names:
             path = (*path, name)

@@ -1,4 +1,4 @@
-"""Units by the words in names of columns, and by the unit of a signal on a bus: how much of the SI unit they are."""
+"""Recognises units in column names and in the units of bus signals, with their factors to SI units."""
 
 import math
 import re
@@ -8,20 +8,20 @@ from typing import Literal, NamedTuple
 
 Quantity = Literal["torque", "angle", "speed"]
 UNITS: Mapping[str, str] = MappingProxyType({"torque": "N m", "angle": "rad", "speed": "rad/s"})
-"""SI units of what is measured of an axis"""
+"""SI units of the measured quantities of an axis"""
 
 
 class Unit(NamedTuple):
-    """A unit; ``factor``: in SI units; None: that depends on the drive."""
+    """A unit; ``factor``: factor to the SI unit; None: it depends on the drive."""
 
     words: str
     factor: float | None
     linear: bool = False
-    """The unit of a path, as of a linear axis: the factor is 2 pi over the path of one turn of its motor"""
+    """Whether it is a unit of length, as for a linear axis: the factor is 2 pi / (path of one turn of the motor)"""
 
     @property
     def missing(self) -> str:
-        """Of a unit that depends on the drive: its factor, in words."""
+        """The factor of a unit that depends on the drive, in words."""
         if self.linear:
             return "2 pi / (mm that a turn of the motor moves it)"
         if "rated torque" not in self.words:
@@ -65,7 +65,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
 
 
 def unit_in(text: str, quantity: Quantity) -> Unit | None:
-    """The unit of a quantity that a name like "A1_Pos_deg" or "speed [1/min]" holds; None: it holds none."""
+    """The unit of a quantity in a name like "A1_Pos_deg" or "speed [1/min]"; None: the name has none."""
     at_once = re.sub(r"[\s.*·]", "", text)  # "mN m", "N*m"
     words = [at_once, *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
     known = _TABLE[quantity]
@@ -76,33 +76,33 @@ _AMPERES = {"a": 1.0, "arms": 1.0, "amp": 1.0, "amps": 1.0, "ampere": 1.0, "ma":
 
 
 def current_in(text: str) -> float | None:
-    """What a unit is in amperes, where it is one of a current; None: it is none."""
+    """Factor of a unit of current to amperes; None: it is no unit of current."""
     return _AMPERES.get(text.strip().lower())
 
 
 def unit_passed_over(text: str, quantity: Quantity, factor: float, current: bool = False) -> Unit | None:
-    """The unit that a name or a description states, where it is not the SI unit and no factor converts it.
+    """A non-SI unit in a name or description that no factor converts; None: there is none.
 
-    ``current``: the torque is a current, which its torque constant converts from A.
+    ``current``: the torque signal is a current, which the torque constant converts from A.
     """
     unit = Unit(text.strip(), current_in(text)) if current else unit_in(text, quantity)
     return None if unit is None or unit.factor in (None, 1.0) or abs(factor) != 1 else unit
 
 
 def unit_as_recorded(text: str, quantity: Quantity, factor: float) -> Unit | None:
-    """The unit in which values stay, as it depends on the drive and no factor converts it; None: there is none."""
+    """A unit that depends on the drive and that no factor converts; None: there is none."""
     unit = unit_in(text, quantity)
     return None if unit is None or unit.factor is not None or abs(factor) != 1 else unit
 
 
 def unit_of(name: str, below: str = "") -> str:
-    """The unit of a column: below its name, or in brackets in it; empty: none is there."""
+    """The unit of a column: ``below`` its name, or in brackets in the name; empty: none."""
     bracketed = _BRACKETED.search(name)
     return below or (bracketed[1] if bracketed else "")
 
 
 def without_unit(name: str) -> str:
-    """The name of a column without a unit in brackets; other brackets, as of an index, stay."""
+    """The name of a column without a unit in brackets; other brackets, such as an index, stay."""
     bracketed = _BRACKETED.search(name)
     if bracketed is None or not _is_unit(bracketed[1]):
         return name

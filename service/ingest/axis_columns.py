@@ -1,4 +1,4 @@
-"""The samples of one axis in the rows of a table."""
+"""Makes the samples of one axis from the rows of a table."""
 
 import math
 from collections.abc import Sequence
@@ -15,24 +15,24 @@ from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldColumns
 
 _DAY_US = 86_400e6
-_NEARLY = 23 / 24
-"""Part of a day: a time of day that falls by this much has passed midnight; up to an hour may be missing there."""
+_MIDNIGHT_STEP = 23 / 24
+"""A time of day that decreases by more than this part of a day has passed midnight; up to an hour may be missing."""
 
 
 class TimeOfDay:
-    """Counts the midnights in the times of one table, in blocks."""
+    """Makes times of day continuous over midnight, for one table, block by block."""
 
     def __init__(self) -> None:
         self._last, self._passed = math.nan, 0.0
 
     def continuous(self, time_us: Floats) -> Floats:
-        """Times (N,) [us] with a day more after each midnight; NaN stays, and times since 1970 are as they were."""
+        """Times (N,) [us] with a day added after each midnight; NaN and times since 1970 are not changed."""
         known = np.isfinite(time_us)
         t = np.concatenate([[self._last], time_us[known]])
         of_day, days = (t >= 0) & (t < _DAY_US), np.diff(t) / _DAY_US
-        near = of_day[1:] & of_day[:-1] & (abs(days) > _NEARLY)
+        near = of_day[1:] & of_day[:-1] & (abs(days) > _MIDNIGHT_STEP)
         falls = near & (days < 0)
-        falls[:-1] &= ~near[1:]  # else the time of a single row is wrong
+        falls[:-1] &= ~near[1:]  # if it jumps back at once, the time of a single row is wrong
         passed = self._passed + np.cumsum(falls)
         out = time_us.copy()
         out[known] += _DAY_US * passed
@@ -44,10 +44,10 @@ _LATEST_US = 2.0**62
 
 
 class AxisColumns:
-    """The columns of one axis and its auxiliary signals, and the counts of its dropped rows.
+    """The table columns of one axis and its auxiliary signals, with counts of dropped rows.
 
     Raises:
-        RecordError: the configuration does not name the column of the torque, the motion or one of these signals.
+        RecordError: the configuration names no column for the torque, the motion or one of these signals.
     """
 
     def __init__(self, axis_id: str, config: AxisConfig, further: Sequence[FurtherSignalConfig] = ()) -> None:
@@ -70,16 +70,16 @@ class AxisColumns:
         self.dropped = dict.fromkeys(DROP_REASONS, 0)
 
     def wanted(self) -> dict[str, str]:
-        """The purpose of each column."""
+        """The needed columns, each with its purpose in words."""
         wanted = {str(s.column): f"signal {s.name}" for s in self._further}
         wanted |= {self._torque: "torque", self._motion: self._config.output}
         wanted |= {self._time: "time"} if self._time is not None else {}
-        return {column: f"the {what} of axis {self._id}" for column, what in wanted.items()}
+        return {column: f"the {purpose} of axis {self._id}" for column, purpose in wanted.items()}
 
     def samples(self, rows: Rows, first_row: int, sound: Bools | None = None) -> SampleBlock:
-        """The samples in these rows, the first of which has that number in the file.
+        """Make the samples of these rows; ``first_row``: number of the first row in the file.
 
-        ``sound``: rows to look at (N,); None: all.
+        ``sound``: mask of the rows to use (N,); None: all.
         """
         torque, motion = self.quantities(rows)
         time_us = self._times(rows, first_row, len(torque))
@@ -93,7 +93,7 @@ class AxisColumns:
         t_us = time_us[index].astype(np.int64)
         later = self._increasing(t_us)
         index = index[later]
-        # A row without a sample may still hold a signal, such as a temperature in a row of its own.
+        # A row without a sample may still hold an auxiliary signal, such as a temperature in a separate row.
         held_us = np.where(timed & looked_at, time_us, np.nan)
         signals = self._held.take(held_us, rows.columns)[index] if self._held else None
         block = self._late.paired(SampleBlock(t_us[later], torque[index], motion[index], signals=signals))
@@ -106,18 +106,18 @@ class AxisColumns:
         return torque, _si(self._config.motion, rows.columns[self._motion])
 
     def absurd(self, torque: Floats, motion: Floats) -> Bools:
-        """Which of these values (N,) are beyond physical limits."""
+        """Mask of the rows (N,) whose torque or motion is beyond physical limits."""
         limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[self._config.output]
         return np.asarray((abs(torque) > limits[0]) | (abs(motion) > limits[1]), np.bool_)
 
     def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
-        """Times [us], rounded once to whole ones."""
+        """Times of the rows, rounded to whole us."""
         if self._time is not None:
             return np.rint(self._day.continuous(rows.columns[self._time] * self._time_unit_us))
         return np.rint(np.arange(first_row, first_row + count, dtype=np.float64) * self._interval_us)
 
     def _increasing(self, t_us: Ints) -> Bools:
-        """Which times are later than all before; counts the others, and the missing samples in between."""
+        """Mask of the times later than all before; counts the other times, and missing samples in between."""
         if not len(t_us):
             return np.zeros(0, np.bool_)
         before = np.iinfo(np.int64).min if self._last_us is None else self._last_us

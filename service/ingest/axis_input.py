@@ -1,4 +1,4 @@
-"""Input of one axis from its bus: decoded messages of a block of frames in, a block of samples out."""
+"""Makes the samples of one axis from the decoded messages of its bus, block by block."""
 
 from collections.abc import Mapping, Sequence
 
@@ -16,14 +16,15 @@ from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
 from service.ingest.timestamp_jitter import Stamps, stamps_of
 
-_HELD = 4.0
-"""Intervals that a value waits for its partner, where that may be held until its cycle is known."""
+_CYCLIC_PATIENCE = 4.0
+"""Intervals that a value waits for its partner with a cyclic clock, as the partner may be held until its cycle is
+known."""
 
 
 class AxisInput:
-    """Samples of one axis from the decoded messages of its bus, with these auxiliary signals.
+    """Makes the samples of one axis, with its auxiliary ``signals``.
 
-    The decoder of the bus is asked for the signals of this axis.
+    The constructor registers the signals of this axis with the decoder of the bus.
 
     Raises:
         DescriptionError: the bus has no such message or signal.
@@ -36,11 +37,11 @@ class AxisInput:
         self.torque = quantity_of("torque", config.torque, decoder)
         self.motion = quantity_of(config.output, config.motion, decoder)
         self.held = [HeldSignal(source, decoder, config.sample_interval_s) for source in signals]
-        """Auxiliary signals that its samples carry, in this order."""
+        """The auxiliary signals of the samples, in this order."""
         self.counter: Quantity | None = None
         self._late = LateValues(config, signals)
         self.keys = {self.torque.key, self.motion.key}
-        """The frames that carry values of this axis"""
+        """Keys of the frames that carry values of this axis"""
         interval_s, kind = config.sample_interval_s, sampling.RECEIPT
         clocks = sampling.counter_clock(interval_s, 1), sampling.counter_clock(interval_s, 1)
         message, signal = config.time.counter_message, config.time.counter_signal
@@ -52,7 +53,7 @@ class AxisInput:
                 sampling.CYCLIC,
                 (sampling.cyclic_clock(interval_s), sampling.cyclic_clock(interval_s)),
             )
-        patience = _HELD if config.time.clock == "cyclic" else 1.0
+        patience = _CYCLIC_PATIENCE if config.time.clock == "cyclic" else 1.0
         try:
             pairing = pairing_of(
                 interval_s, config.pairing_tolerance_s, config.max_gap_s, patience, config.output
@@ -61,31 +62,31 @@ class AxisInput:
             raise IngestError(f"axis {axis.id}: {error}") from None
         bits = sampling.HAS_TORQUE, sampling.HAS_MOTION, sampling.HAS_COUNT
         self._columns = tuple(zip(self.sampled, ("torque", "motion", "counter"), bits, strict=False))
-        """Each quantity with its column and its bit in FRAME"""
+        """Each quantity with its column name and its bit in FRAME"""
         self._stream = sampling.Stream(
             kind, clocks, pairing, sampling.new_meter(interval_s), sampling.new_scratch()
         )
 
     @property
     def sampled(self) -> tuple[Quantity, ...]:
-        """Torque, motion, and the counter, where there is one."""
+        """Torque, motion, and the counter if there is one."""
         return (self.torque, self.motion, *([self.counter] if self.counter else []))
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Values that became no sample, by monitor_core.sampling.DROP_REASONS."""
+        """Number of dropped values by reason (monitor_core.sampling.DROP_REASONS)."""
         counts = self._stream.pairing.counts
         return counts | {"unpaired": counts["unpaired"] + self._late.unpaired}
 
     @property
     def events(self) -> Mapping[str, int]:
-        """Restarts of the time line: clock_reanchored (counter, fitted clock), clock_set_back (receipt)."""
+        """Restarts of the time axis: clock_reanchored (counter, fitted clock), clock_set_back (time of receipt)."""
         reanchored = max(clock.reanchored for clock in self._stream.clocks)
         return {"clock_reanchored": reanchored, "clock_set_back": self._stream.pairing.set_back}
 
     @property
     def stamps(self) -> Stamps:
-        """Scatter of the time stamps."""
+        """Jitter of the time stamps."""
         stream = self._stream
         if stream.clock == sampling.CYCLIC:
             return stamps_of(stream.meter, "cyclic", sampling.cyclic_interval_s(stream.clocks[1]))
@@ -94,7 +95,7 @@ class AxisInput:
         return stamps_of(stream.meter, "receipt")
 
     def take(self, decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
-        """Take the messages in a block of frames; returns the samples that are now complete, if there are any."""
+        """Take the messages of a block of frames; returns the samples that are now complete, or None."""
         parts = [self._values(key, decoded[key]) for key in self.keys if key in decoded]
         if not parts:
             return self._block(sampling.room_for_samples(self._stream, 0)[:0], decoded)
@@ -105,23 +106,23 @@ class AxisInput:
         samples = sampling.room_for_samples(self._stream, len(values))
         return self._block(samples[: sampling.take_frames(self._stream, values, samples)], decoded)
 
-    def _values(self, key: FrameKey, found: Decoded) -> NDArray[np.void]:
+    def _values(self, key: FrameKey, decoded: Decoded) -> NDArray[np.void]:
         """The values in the frames of a message."""
-        values = np.zeros(len(found.places), sampling.FRAME)
-        values["place"], values["received_us"] = found.places, found.t_us
+        values = np.zeros(len(decoded.places), sampling.FRAME)
+        values["place"], values["received_us"] = decoded.places, decoded.t_us
         for quantity, name, bit in self._columns:
             if quantity.key == key:
-                values[name], present = quantity.column(found.signals)
-                values["has"] += np.uint8(bit) * present  # each bit once
+                values[name], present = quantity.column(decoded.signals)
+                values["has"] += np.uint8(bit) * present  # each bit is added once
         return values
 
     def flush(self) -> SampleBlock | None:
-        """End of the frames: the samples of held values; values without a partner are counted."""
+        """End the input: returns the samples of held values; values without a partner are counted as dropped."""
         samples = sampling.room_for_samples(self._stream, 0)
         return self._block(samples[: sampling.flush_frames(self._stream, samples)], {})
 
     def _block(self, samples: NDArray[np.void], decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
-        """The samples with the auxiliary signals of the frames that completed them."""
+        """The samples with the auxiliary signals at the frames that completed them."""
         held = [held.take(decoded, samples["place"], samples["received_us"]) for held in self.held]
         if not len(samples):
             return None
@@ -147,7 +148,7 @@ class AxisInput:
 def pairing_of(
     interval_s: float, tolerance_s: float, max_gap_s: float, patience: float = 1.0, motion: str = "angle"
 ) -> sampling.Pairing:
-    """The pairing of an axis; see monitor_core.sampling.new_pairing.
+    """The pairing of torque and motion of an axis; see monitor_core.sampling.new_pairing.
 
     Raises:
         IngestError: the tolerance is not below half an interval.

@@ -1,4 +1,4 @@
-"""All samples of one axis in a file, for identification and calibration: as the daemon would get them."""
+"""Reads all samples of one axis from a file, as the daemon would get them; for identification and calibration."""
 
 import hashlib
 import re
@@ -26,11 +26,11 @@ from service.ingest.unwrap import AMBIGUOUS, turns_of
 
 _RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
 _NO_NUMBER = 1e30
-"""In a column of which nothing is known: above that it is no measurement, not even a time in nanoseconds."""
+"""A larger value is no measurement in any column, not even a time in nanoseconds."""
 
 
 class Wanted(NamedTuple):
-    """A file and a range in it: seconds after the first sample; None: to its end."""
+    """A file and a range in it, in seconds after the first sample; None: from the start, or to the end."""
 
     path: Path
     start_s: float | None = None
@@ -67,22 +67,22 @@ def sha256_of(path: Path) -> str:
 
 
 Progress = Callable[[float], None]
-"""Called with the part that has been read, 0 to 1."""
+"""Called with the part of the file that has been read, 0 to 1."""
 
 
 class AxisRecord(NamedTuple):
-    """The samples of an axis in a file, and how much became none: rows of a table or values of a log, by reason."""
+    """The samples of an axis in a file, and the number of dropped table rows or log values by reason."""
 
     block: SampleBlock
     dropped: Mapping[str, int]
     left_out: Sequence[str] = ()
-    """Lines or other parts of the file that could not be read, with their place"""
+    """Lines or other parts of the file that could not be read, with their positions"""
 
 
 def silent_in(path: Path, config: Config) -> dict[str, Mapping[str, int]]:
-    """The axes without two samples in a CAN log, with what became none, by reason; in a table none is silent.
+    """The axes with fewer than two samples in a CAN log, with their dropped values by reason; empty for a table.
 
-    A log is read until every axis has been seen.
+    A log is read only until every axis has two samples.
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
@@ -106,7 +106,7 @@ def axis_record(
     signals: Sequence[FurtherSignalConfig],
     progress: Progress = lambda _: None,
 ) -> AxisRecord:
-    """The samples of an axis, with these signals, in a table or a CAN log, with continuous angles.
+    """Read the samples of an axis, with these auxiliary signals and continuous angles, from a table or a CAN log.
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
@@ -141,10 +141,10 @@ def _table_record(
 ) -> AxisRecord:
     """Samples from a .csv, .parquet or .mat file.
 
-    A row with an absurd number is refused as a whole and counted as "absurd": where one cell is broken the others of
-    its row, shifted or torn, cannot be trusted.  Rows next to it that belong to the same damage are counted as "torn",
-    rows whose time alone runs ahead of the others' as "ahead", lines of a CSV that cannot be read as "unreadable".  In
-    a CSV without names all columns are checked, otherwise those that are read.
+    A row with an absurd number is refused as a whole and counted as "absurd": if one cell is broken, the other cells of
+    the row may be shifted or torn.  Rows next to it that belong to the same damage are counted as "torn", rows whose
+    time runs ahead of that of the rows after them as "ahead", lines of a CSV that cannot be read as "unreadable".  In a
+    CSV without names all columns are checked, otherwise only those that are read.
     """
     table = open_table(path)
     columns = AxisColumns(axis.id, axis.config, signals)
@@ -165,7 +165,7 @@ def _table_record(
 
 
 def _refused(rows: Rows, columns: AxisColumns, time: TimeConfig) -> dict[str, Bools]:
-    """Which rows (N,) cannot be trusted, by reason; a missing number is not absurd."""
+    """Masks of the rows (N,) that cannot be trusted, by reason; a missing number is not absurd."""
     absurd = columns.absurd(*columns.quantities(rows))
     for values in rows.columns.values():
         absurd |= abs(values) > _NO_NUMBER
@@ -182,8 +182,8 @@ def _refused(rows: Rows, columns: AxisColumns, time: TimeConfig) -> dict[str, Bo
 # --- Why a record has no samples of an axis ---------------------------------------------------------------------------
 
 
-def why_none(path: Path, config: Config, axis: NamedAxis, dropped: Mapping[str, int]) -> str:
-    """Why a record gives no samples of an axis, as far as it shows; else what was dropped.
+def no_samples_words(path: Path, config: Config, axis: NamedAxis, dropped: Mapping[str, int]) -> str:
+    """Why a record gives no samples of an axis, as far as the record shows it; otherwise the counts of dropped values.
 
     Raises:
         RecordError, DescriptionError, IngestError: as of LogRecord.
@@ -193,7 +193,7 @@ def why_none(path: Path, config: Config, axis: NamedAxis, dropped: Mapping[str, 
         unit = UNITS[axis.config.output]
         return (
             f"{dropped['absurd']} values are beyond {torque:g} N m or {motion:g} {unit}, more than any machine has; is"
-            " the factor that makes them SI units missing, or wrong?"
+            " the factor that converts them to SI units missing or wrong?"
         )
     if not is_table(path) and (words := absence_words(path, config, axis)):
         return words
@@ -202,7 +202,7 @@ def why_none(path: Path, config: Config, axis: NamedAxis, dropped: Mapping[str, 
 
 
 def absence_words(path: Path, config: Config, axis: NamedAxis) -> str:
-    """What is wrong with the messages of an axis, by the frames in a log; empty: nothing that frames show.
+    """What the frames of a log show to be wrong with the messages of an axis; empty: nothing.
 
     Raises:
         RecordError, DescriptionError, IngestError: as of LogRecord.

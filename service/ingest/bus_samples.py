@@ -1,4 +1,4 @@
-"""Blocks of frames of one bus in, blocks of samples of its axes out: the same code for the daemon and for replay."""
+"""Makes blocks of samples of the axes from blocks of frames of one bus; the same code for daemon and replay."""
 
 from collections.abc import Iterator, Mapping, Sequence, Set
 from typing import NamedTuple
@@ -13,31 +13,31 @@ from service.config.schema import Config, FurtherSignalConfig, NamedAxis
 from service.ingest.axis_input import AxisInput
 
 Carried = Mapping[str, Sequence[FurtherSignalConfig]]
-"""The auxiliary signals that samples carry, by axis; other axes are not read."""
+"""By axis: the auxiliary signals of its samples.  Axes that are not in it are not read."""
 
 
 def carried_by(config: Config) -> Carried:
-    """The signals that the monitoring of each axis needs."""
+    """The auxiliary signals that the monitoring of each axis needs."""
     return {axis.id: needed(axis) for axis in config.axes}
 
 
 class Values(NamedTuple):
-    """The values of one quantity as decoded, before pairing, in the order of receipt."""
+    """The decoded values of one quantity before pairing, in order of receipt."""
 
     axis_id: str
     quantity: str  # "torque", "angle", "speed", "counter" or "signal NAME"
     message: str
     signal: str
     t_us: Ints
-    """(N,)"""
+    """Times of receipt (N,)"""
     physical: Floats
-    """(N,) as the description of the bus says"""
+    """Values (N,) in the unit of the bus description"""
     si: Floats
-    """(N,) N m, rad or rad/s on the motor side; of a further signal, its own unit"""
+    """Values (N,) in N m, rad or rad/s on the motor side; an auxiliary signal in its own unit"""
 
 
 class Ingest:
-    """Ingest of the axes of one bus; ``carried``: axes and their signals; None: as the monitoring needs them.
+    """Ingest of the axes of one bus; ``carried``: auxiliary signals by axis; None: those that the monitoring needs.
 
     Raises:
         DescriptionError: the messages of the bus cannot be read, or it has no such message or signal.
@@ -49,10 +49,10 @@ class Ingest:
         axes = [axis for axis in config.axes if axis.config.bus == bus and axis.id in signals]
         self.decoder = Decoder(messages_of(config, bus))
         self.axes = {axis.id: AxisInput(axis, self.decoder, signals[axis.id]) for axis in axes}
-        """The axes on this bus, by their names"""
+        """The axes on this bus, by id"""
 
     def change(self, axes: Sequence[NamedAxis], replaced: Set[str]) -> None:
-        """Read these axes from now on: those that are replaced anew, the others go on as they are.
+        """Read exactly these axes from now on.  Axes in ``replaced`` get a new input; the others keep theirs.
 
         Raises:
             DescriptionError, IngestError: as the constructor.
@@ -66,26 +66,26 @@ class Ingest:
 
     @property
     def keys(self) -> tuple[FrameKey, ...]:
-        """The wanted frames."""
+        """Keys of the needed frames."""
         return self.decoder.keys
 
     @property
     def filter(self) -> tuple[FrameFilter, ...]:
-        """What a bus need let through."""
+        """The filters that let all needed frames through."""
         masks = self.decoder.known.masks
         return tuple(FrameFilter(key, masks.get(key, ID_BITS)) for key in self.keys)
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Frames that yielded nothing, or not all, by service.can.decoder.FRAME_REASONS."""
+        """Number of frames that gave no value, or not all values, by reason (service.can.decoder.FRAME_REASONS)."""
         return dict(self.decoder.dropped)
 
     def feed(self, frames: FrameBlock) -> dict[str, SampleBlock]:
-        """The samples that these frames complete, by axis, in the order of their times."""
+        """Take frames; returns the samples that they complete, by axis, in the order of their times."""
         return self._samples(self.decoder.decode(frames))
 
     def feed_values(self, frames: FrameBlock) -> Iterator[Values]:
-        """The values in these frames, to inspect a bus.  Counts, pairs and times as ``feed`` does."""
+        """The decoded values of these frames, to inspect a bus.  Counts, pairs and measures times like ``feed``."""
         decoded = self.decoder.decode(frames)
         self._samples(decoded)
         for axis in self.axes.values():
@@ -98,7 +98,7 @@ class Ingest:
                     yield Values(axis.id, q.name, q.message, q.signal, t_us, raw.values[there], si[there])
 
     def flush(self) -> dict[str, SampleBlock]:
-        """End of the frames: samples whose times were not known yet; values without a partner are counted."""
+        """End the input: returns samples that were held; values without a partner are counted as dropped."""
         flushed = {axis_id: axis.flush() for axis_id, axis in self.axes.items()}
         return {axis_id: samples for axis_id, samples in flushed.items() if samples is not None}
 

@@ -1,7 +1,7 @@
-"""Which columns of a table are the time, and torque and motion of each axis: by their names, and by their values.
+"""Finds the columns of a table that are the time, and torque and motion of each axis, by names and values.
 
-A name says what a column may be.  The values decide: times increase; a speed is the slope of an angle; a torque and a
-motion of one axis explain each other as a rigid mass with friction.
+A name says what a column may be; the values decide.  Times increase.  A speed is the slope of an angle.  The torque of
+an axis follows from its motion as that of a rigid mass with friction.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,9 +14,9 @@ from monitor_core.arrays import Bools, Floats
 from service.config.unit_names import Quantity, current_in, unit_in, unit_of, without_unit
 from service.ingest.axis_columns import TimeOfDay
 from service.ingest.roles_by_name import (
-    asked_role,
     axis_name,
     axis_number,
+    commanded_role,
     is_load,
     own_word,
     owners,
@@ -29,21 +29,21 @@ from service.ingest.signal_roles import AxisRoles, SignalRole, Sureness
 
 _MOST_ROWS = 20_000
 _ABSURD = 1e30
-"""No quantity of a robot is as large, whatever its unit."""
+"""No quantity of a robot is as large in any unit."""
 _FAR = 100.0
-"""Values farther than this from the middle, in units of the range of 98 % of them, are faults of the file, .."""
+"""Values farther than this from the median, in units of the range of 98 % of the values, are faults of the file ..."""
 _FEW = 3
-""".. unless at least so many rows in a row have them: an axis that nearly always stands has moved."""
+"""... unless at least this many successive rows have them: then an axis that nearly always stands has moved."""
 
 
 class TableRoles(NamedTuple):
-    """What a table holds; ``unit_s``: of its times."""
+    """The roles of the columns of a table; ``unit_s``: unit of the times [s]."""
 
     time: str | None
     unit_s: float
     axes: tuple[AxisRoles, ...]
     loads: Mapping[str, str]
-    """Columns of measured loads that the torque may follow, by the name of their axis; "": of any axis"""
+    """Columns of measured loads that the torque may depend on, by the name of their axis; "": no axis named"""
     unused: tuple[str, ...]
 
 
@@ -52,10 +52,10 @@ def roles(
     units: Mapping[str, str] = MappingProxyType({}),
     interval_s: float | None = None,
 ) -> TableRoles:
-    """The roles of columns (N,) by name; what is not finite, and rows with an absurd value, are passed over.
+    """Find the roles of columns (N,); values that are not finite, and rows with an absurd value, are ignored.
 
-    ``units``: of columns, by name, where the table has them below its names; ``interval_s``: between its rows, if it
-    says that, and no column does.
+    ``units``: units of columns by name, if the table has a line of units; ``interval_s``: interval of the rows as
+    stated by the table, used if no column has the time.
     """
     unit_names = {name: unit_of(name, units.get(name, "")) for name in columns}
     values = _sound({name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2})
@@ -69,9 +69,9 @@ def roles(
     places = {name: place for place, name in enumerate(columns)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
     pairs = _pairs(moving, t, kinds, places)
-    if not pairs:  # many drives export no other torque than the one that they are asked for
-        asked = {name: asked_role(name) for name, kind in kinds.items() if kind == "wanted"}
-        kinds |= {name: role for name, role in asked.items() if role in ("torque", "current")}
+    if not pairs:  # many drives export only the commanded torque
+        commanded = {name: commanded_role(name) for name, kind in kinds.items() if kind == "wanted"}
+        kinds |= {name: role for name, role in commanded.items() if role in ("torque", "current")}
         pairs = _pairs(moving, t, kinds, places)
     used = {time, *(pair.torque for pair in pairs), *(pair.motion for pair in pairs)}
     loaded = [name for name in moving if name not in used and is_load(name, unit_names[name])]
@@ -82,7 +82,7 @@ def roles(
 
 
 def _axis_of(column: str, axes: Sequence[str]) -> str:
-    """The axis that a column names; empty: none."""
+    """The axis that the name of a column refers to; empty: none."""
     named = (axis_name(axis_number(without_unit(column))), own_word(column))
     return next((name for name in named if name in axes), "")
 
@@ -101,7 +101,7 @@ def _axis(pair: Pair, kinds: Mapping[str, str], units: Mapping[str, str]) -> Axi
 
 
 def _role(column: str, quantity: Quantity, kind: str, unit: str) -> SignalRole:
-    """A column as a quantity; ``kind``: what it is by its name and its unit."""
+    """A column as a quantity; ``kind``: its role by name and unit."""
     current = kind == "current"
     known = None if current else unit_in(unit, quantity) or unit_in(column, quantity)
     factor = current_in(unit) if current else known and known.factor
@@ -122,7 +122,7 @@ def _pairs(
 
 
 def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Columns (N,) without the rows in which one of them has a value that nothing can have: such a row is torn."""
+    """Columns (N,) with NaN in rows in which any column has an absurd value: such a row is torn."""
     torn = np.zeros(min(map(len, columns.values()), default=0), bool)
     for v in columns.values():
         torn |= _absurd(v[: len(torn)])
@@ -130,7 +130,7 @@ def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:
 
 
 def _absurd(v: Floats) -> Bools:
-    """Which values (N,) are too large for any quantity, or lie far outside of all others in a few rows."""
+    """Mask of the values (N,) that are too large for any quantity, or in a few rows lie far outside all others."""
     absurd = np.asarray(abs(v) >= _ABSURD)
     finite = v[np.isfinite(v) & ~absurd]
     if not finite.size:
@@ -151,10 +151,10 @@ def _absurd(v: Floats) -> Bools:
 
 _UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _RISES = 0.99
-"""Least share of the steps of a time that rise: a few rows may be there twice."""
+"""Smallest share of rising steps in a time column: a few rows may be repeated."""
 _FEWEST_STEPS = 4
 _LONGEST_S = 0.5
-"""A longer interval of a drive's samples is none in seconds."""
+"""A time column with longer intervals is not in seconds."""
 
 
 def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str | None, float]:
@@ -166,7 +166,7 @@ def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str |
     name = rising[0]
     steps = steps_of[name]
     if role_of(name) != "time" and np.quantile(steps, 0.9) - np.quantile(steps, 0.1) > steps.mean():
-        return None, 1.0  # an angle that only grows
+        return None, 1.0  # uneven steps: an angle that only grows
     unit = next((_UNITS[word] for word in (units[name], *words_in(name)) if word in _UNITS), 1.0)
     interval = float(np.median(steps))
     if unit == 1.0:
@@ -175,7 +175,7 @@ def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str |
 
 
 def _interval_of_rows(values: Mapping[str, Floats]) -> float | None:
-    """The interval of the rows, where a time in seconds has no parts of them: as many rows are in each second."""
+    """The interval of the rows if a time column has only whole seconds: from the number of rows in a second."""
     for name, v in values.items():
         steps = np.flatnonzero(np.diff(v) != 0) + 1
         if role_of(name) == "time" and len(steps) >= _FEWEST_STEPS and (np.diff(v[steps]) == 1).all():

@@ -1,6 +1,6 @@
-"""Tables as text: a .csv file with a row for each time, or with one for each time and each signal or axis.
+"""CSV tables, with one row for each time, or with one row for each time and each signal or axis.
 
-A date with a time of day is a number, too: of seconds since 1970, in UTC where it names no zone.
+A date with a time of day is read as seconds since 1970, in UTC if it names no time zone.
 """
 
 from __future__ import annotations
@@ -26,26 +26,26 @@ ROWS = 8192
 _BLOCK_BYTES = 1 << 20
 _MOST_SIGNALS = 1000
 _ALONE = 0.5
-"""Share of the times with one signal only, from which on signals have times of their own"""
+"""If more than this share of the times has one signal only, each signal has its own times"""
 _UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
 class Rows(NamedTuple):
-    """Columns by name, NaN where a cell is empty; ``done`` is how much of the file has been read, 0 to 1."""
+    """Columns by name, with NaN for an empty cell; ``done``: part of the file that has been read, 0 to 1."""
 
     columns: Mapping[str, Floats]
     done: float
 
 
 class CsvTable:
-    """A CSV file.  Where no names stand above its numbers, columns are "0", "1", ...
+    """A CSV file.  Without a line of names, the columns are called "0", "1", ...
 
-    Cells are separated by tabs, semicolons, commas or single spaces; where not by commas, numbers may have a decimal
+    Cells are separated by tabs, semicolons, commas or single spaces.  If not by commas, numbers may have a decimal
     comma.
 
     Raises:
-        RecordError: it cannot be read.
+        RecordError: the file cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -57,31 +57,32 @@ class CsvTable:
         names = self._head.names
         self.has_names = names is not None
         self.names: Sequence[str] = tuple(map(str, range(self._head.width))) if names is None else names
-        """The columns there are"""
+        """Names of all columns"""
         self.units = self._head.units
-        """Of the columns, by name, where a line below the names has them"""
+        """Units of the columns by name, if a line below the names has them"""
         self._decimal, self._day_first = self._head.decimal_mark, self._head.day_first
         self.taken = self._head.taken
-        """What the table leaves open, and how it is taken, in words"""
+        """Assumptions about ambiguous dates and numbers, in words"""
         self._dates = self._head.dates(self.names)
         self.keys = self._head.keys({*self._dates, *(name for name in self.names if role_of(name) == "time")})
-        """The time, and the column that names what a row holds, where a time has several rows; else None"""
+        """If a time has several rows: the columns with the time and with the name of the signal or axis; otherwise
+        None"""
         self.texts = [name for name in self.names if self.keys and self._head.is_text(name)]
-        """The columns of texts, where a time has several rows"""
+        """If a time has several rows: the columns of texts"""
         self.unit = next((name for name in self.texts if name.lower() in _UNIT_NAMES), None)
-        """The column of units, where a time has several rows"""
+        """If a time has several rows: the column of units"""
         self.labels: dict[str, float] = {}
-        """The texts that name what a row holds, and its unit, with their numbers in these columns of ``rows``"""
+        """The numbers that ``rows`` returns for texts in the columns of names and units"""
         self.left_out: list[str] = []
-        """Lines that could not be read, with their place and what is wrong; known when all rows are read"""
+        """Lines that could not be read, with line number and fault; complete when all rows have been read"""
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
-        """The rows of these columns, which must exist, in blocks.
+        """Read the rows of these columns, which must exist, in blocks.
 
-        A torn last line is left out, and lines that cannot be read, up to one in a hundred: ``left_out``.
+        A torn last line is left out, and so are unreadable lines, up to one in a hundred; see ``left_out``.
 
         Raises:
-            RecordError: a cell is no number, or the file is damaged.
+            RecordError: too many cells are no numbers, or the file is damaged.
         """
         size, read = max(1, self._path.stat().st_size), 0
         with self._path.open("rb") as file:
@@ -92,8 +93,8 @@ class CsvTable:
                     yield Rows(columns, min(1.0, file.tell() / size))
                 return
             except pa.ArrowException:
-                pass  # a line that is to be named, or separators of thousands
-        yield from self._sound_rows(names, read)
+                pass  # a faulty line, which must be named, or thousands separators
+        yield from self._rows_by_line(names, read)
 
     def _column(self, name: str, batch: pa.RecordBatch) -> Floats:
         column = batch.column(name)
@@ -108,13 +109,16 @@ class CsvTable:
             raise pa.ArrowInvalid(str(error)) from None
         return np.asarray(known[cells.indices.to_numpy()])
 
-    def _sound_rows(self, names: Sequence[str], skipped: int) -> Iterator[Rows]:
-        """The rows that can be read after the first ones, line by line; slower, and only where arrow fails."""
+    def _rows_by_line(self, names: Sequence[str], skipped: int) -> Iterator[Rows]:
+        """Read the remaining rows line by line, after arrow has failed; this is slower.
+
+        ``skipped``: rows already read.
+        """
         found, torn, read, cells = list[str](), list[str](), 0, list[list[float]]()
         for line, row, ends in self._lines():
-            if wrong := self._wrong(row, names):
+            if fault := self._fault(row, names):
                 cut = ends and len(row) <= len(self.names)
-                (torn if cut else found).append(f"line {line}: {wrong}")
+                (torn if cut else found).append(f"line {line}: {fault}")
                 if too_many(len(found), read):
                     break
                 continue
@@ -135,7 +139,7 @@ class CsvTable:
         return Rows(dict(zip(names, np.array(cells, np.float64).T, strict=True)), 1.0)
 
     def _lines(self) -> Iterator[tuple[int, list[str], bool]]:
-        """Number, cells, and whether the file ends in the line, without a line break; without empty lines and names."""
+        """Each non-empty line below the names: its number, its cells, and whether the file ends within it."""
         with self._path.open("rb") as file:
             file.seek(-min(2, self._path.stat().st_size), 2)
             cut = file.read().rstrip(b"\0")[-1:] not in (b"\n", b"\r")
@@ -170,8 +174,8 @@ class CsvTable:
             ),
         )
 
-    def _wrong(self, row: Sequence[str], names: Sequence[str]) -> str:
-        """What is wrong with a line; empty: nothing."""
+    def _fault(self, row: Sequence[str], names: Sequence[str]) -> str:
+        """The fault of a line; empty: none."""
         if len(row) != len(self.names):
             return f"{len(row)} cells in a table of {len(self.names)} columns"
         for name in names:
@@ -207,10 +211,10 @@ class CsvTable:
 
 
 def numbers(column: pa.Array[Any]) -> Floats:
-    """Numbers of a column (N,), NaN where there is none: seconds since 1970 where it holds dates.
+    """The numbers of a column (N,), with NaN for an empty cell; dates become seconds since 1970.
 
     Raises:
-        pa.ArrowException: it holds neither.
+        pa.ArrowException: the column holds neither numbers nor dates.
     """
     scale = 1.0
     if pa.types.is_timestamp(column.type):
@@ -220,9 +224,9 @@ def numbers(column: pa.Array[Any]) -> Floats:
 
 
 class LongTable:
-    """A CSV file with a row for each time and each signal or axis, read as one with a row for each time.
+    """A CSV file with a row for each time and each signal or axis, read as if it had one row for each time.
 
-    The columns are the signals; where rows hold several numbers, as of an axis, they are called torque_A1, angle_A1.
+    The columns are the signals.  If a row holds several numbers of an axis, they are called torque_A1, angle_A1.
     """
 
     has_names = True
@@ -239,12 +243,12 @@ class LongTable:
 
     @property
     def names(self) -> Sequence[str]:
-        """The time, and the columns that the rows of each time make."""
+        """The time, and the columns made from the rows of each time."""
         return tuple(self._columns)
 
     @property
     def units(self) -> Mapping[str, str]:
-        """Of the columns, by name, where the rows have them."""
+        """Units of the columns by name, if the rows have them."""
         return self._units if self._columns else {}
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
@@ -265,7 +269,7 @@ class LongTable:
         signals = [code for code in texts if (read[self._key] == code).any()]
         if len(signals) > _MOST_SIGNALS:
             raise RecordError(f'{self._path}: {len(signals)} signals, by their names in column "{self._key}"')
-        # In their order in the file: times of day begin again at midnight.
+        # Keep the order of the file, as times of day restart at midnight.
         _, first, number, counts = np.unique(
             read[self._time], return_index=True, return_inverse=True, return_counts=True
         )

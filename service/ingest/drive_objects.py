@@ -1,4 +1,4 @@
-"""What CANopen drives send of torque and motion, by their EDS; and which of them are on a bus."""
+"""Finds the torque and motion objects that CANopen drives send, by their EDS, and the drives on a bus."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -9,26 +9,26 @@ from service.can.messages import DescriptionError, Message, find_signal, key_of_
 from service.config.canopen_axis import CURRENT, POSITION, TORQUE, VELOCITY
 
 _NODE_BITS = 0x7F
-"""Bits of a predefined identifier that are the node"""
+"""Bits of the node id in a predefined identifier"""
 _RATED = {TORQUE: 0x6076, CURRENT: 0x6075}
-"""Objects that torque and current are thousandths of, in thousandths of N m and A"""
+"""Objects with the rated torque [mN m] and rated current [mA]; torque and current are in thousandths of these"""
 _ENCODER = 0x608F
-"""Subindex 1: increments, 2: in so many turns"""
+"""Encoder resolution: subindex 1 has the increments, subindex 2 the turns that they belong to"""
 
 
 class DriveObjects(NamedTuple):
-    """Objects that are torque and motion of a drive."""
+    """The objects with torque and motion of a drive."""
 
     torque: int
     motion: int
     interval_s: float | None
-    """Time between two SYNCs, if the file has it"""
+    """Interval of the SYNC; None: not in the file"""
     rated: float | None = None
-    """Of the torque [N m] or the current [A], if the file has it"""
+    """Rated torque [N m] or current [A]; None: not in the file"""
     counts_per_turn: float | None = None
-    """Of the position, if the file has it"""
+    """Counts of the position per turn; None: not in the file"""
     others: tuple[str, ...] = ()
-    """What else is sent, in words"""
+    """Other objects that the drive sends, in words"""
 
     def __str__(self) -> str:
         torque = "torque" if self.torque == TORQUE else "current"
@@ -37,13 +37,13 @@ class DriveObjects(NamedTuple):
 
 
 def objects_of(eds: Path, node_id: int) -> DriveObjects:
-    """Torque before current, and position before velocity.
+    """The objects of a drive; torque is preferred to current, and position to velocity.
 
     Raises:
-        DescriptionError: the file cannot be used, or the drive does not send them.
+        DescriptionError: the file cannot be used, or the drive does not send these objects.
     """
-    torque, message = _first(eds, node_id, TORQUE, CURRENT)
-    motion, _ = _first(eds, node_id, POSITION, VELOCITY)
+    torque, message = _find_object(eds, node_id, TORQUE, CURRENT)
+    motion, _ = _find_object(eds, node_id, POSITION, VELOCITY)
     interval_s = message.cycle_time / 1000 if message.cycle_time else None
     rated, counts = (value_in(eds, node_id, *place) for place in ((_RATED[torque],), (_ENCODER, 1)))
     turns = value_in(eds, node_id, _ENCODER, 2) or 1
@@ -63,10 +63,10 @@ def _others(eds: Path, node_id: int, used: set[str]) -> tuple[str, ...]:
     return tuple(f"{name} ({group.names.get(name, 'no name')})" for name in sent if name not in used)
 
 
-def _first(eds: Path, node_id: int, better: int, other: int) -> tuple[int, Message]:
+def _find_object(eds: Path, node_id: int, preferred: int, other: int) -> tuple[int, Message]:
     known, name = read_drive(eds, node_id), node_name(node_id)
     try:
-        return better, find_signal(known, name, object_name(better))[0]
+        return preferred, find_signal(known, name, object_name(preferred))[0]
     except DescriptionError as missing:
         try:
             return other, find_signal(known, name, object_name(other))[0]
@@ -75,7 +75,7 @@ def _first(eds: Path, node_id: int, better: int, other: int) -> tuple[int, Messa
 
 
 def nodes_in(eds: Path, frames: FrameBlock) -> list[int]:
-    """The nodes whose torque is among these frames; of a DCF that was saved for one node only that.
+    """The nodes whose torque is among these frames.  A DCF that was saved for one node can only give that node.
 
     Raises:
         DescriptionError: as of ``objects_of``.
@@ -84,8 +84,8 @@ def nodes_in(eds: Path, frames: FrameBlock) -> list[int]:
     nodes = {key.can_id & _NODE_BITS for key in counts if not key.extended} - {0} if own is None else {own}
     found: dict[FrameKey, int] = {}
     for node_id in sorted(nodes):
-        key = key_of_message(_first(eds, node_id, TORQUE, CURRENT)[1])
-        # An identifier that the file gives as a number is the same for all nodes.
+        key = key_of_message(_find_object(eds, node_id, TORQUE, CURRENT)[1])
+        # An identifier that the file states as a number is the same for all nodes.
         if key in counts and (key not in found or key.can_id & _NODE_BITS == node_id):
             found[key] = node_id
     return sorted(found.values())

@@ -1,4 +1,4 @@
-"""Encodes values of axes to frames by the messages of the bus, the inverse of decoding, for play and simulate."""
+"""Encodes values of axes to frames, the inverse of decoding; for play and simulate."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -16,13 +16,13 @@ from service.ingest.quantities import Quantity
 Raw = dict[str, int | float]
 Page = tuple[tuple[str, int], ...]
 Values = tuple[float, float] | tuple[float, float, tuple[float, ...]]
-"""Torque [N m], motion [rad or rad/s], and the further signals that the axis needs, where they are known."""
+"""Torque [N m], motion [rad or rad/s], and the auxiliary signals of the axis, if known."""
 
 _QuantityRaw = tuple[Quantity, int | float]
 
 
 class Encoded(NamedTuple):
-    """A frame to be sent."""
+    """A frame to send."""
 
     key: FrameKey
     data: bytes
@@ -31,7 +31,7 @@ class Encoded(NamedTuple):
 class FrameEncoder:
     """Encodes frames of one bus from torque, motion and auxiliary signals of its axes.
 
-    Signals that no axis needs have their initial value, or the raw value 0.
+    Signals that no axis needs get their initial value, or the raw value 0.
 
     Raises:
         DescriptionError, IngestError: the configuration cannot be used.
@@ -41,7 +41,7 @@ class FrameEncoder:
         ingest = Ingest(config, bus)
         self._axes = ingest.axes
         self._messages = ingest.decoder.messages
-        # A signal that is the motion of another axis is sent by that axis.
+        # An auxiliary signal that is the torque or motion of another axis is sent with that axis.
         own = {(q.key, q.signal) for axis in self._axes.values() for q in axis.sampled}
         self._further = {
             axis.id: [None if (h.quantity.key, h.quantity.signal) in own else h.quantity for h in axis.held]
@@ -49,9 +49,9 @@ class FrameEncoder:
         }
 
     def encode(self, values: Mapping[str, Values], count: int) -> list[Encoded]:
-        """The frames of one sample, auxiliary signals first, then those with the torque.
+        """The frames of one sample: first the auxiliary signals, then torque and motion.
 
-        ``values``: by axis; those of other buses are ignored.  ``count``: for their sample counters; it wraps.
+        ``values``: by axis; axes of other buses are ignored.  ``count``: value of the sample counters; it wraps.
 
         Raises:
             IngestError: a value does not fit into its signal.
@@ -101,7 +101,7 @@ class FrameEncoder:
 
 
 def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
-    """An angle wrapped to its period, from zero or, for a signed signal, from minus half a period."""
+    """An angle wrapped into its period, which starts at zero, or at minus half a period for a signed signal."""
     if quantity.wrap_period is None:
         return value
     lowest = -quantity.wrap_period / 2 if signal.is_signed else 0.0
@@ -109,7 +109,7 @@ def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
 
 
 def _page(message: Message, signal: Signal) -> Page:
-    """The multiplexers that select this signal, with the required raw values."""
+    """The multiplexers that select this signal, with their raw values."""
     page: list[tuple[str, int]] = []
     while signal.multiplexer_signal is not None and signal.multiplexer_ids:
         page.append((signal.multiplexer_signal, signal.multiplexer_ids[0]))
@@ -118,7 +118,7 @@ def _page(message: Message, signal: Signal) -> Page:
 
 
 def _data(message: Message, pages: Mapping[Page, Raw]) -> Iterator[bytes]:
-    """A frame for each page; signals that are on no page are in all of them."""
+    """The data of a frame for each page; signals without a page are in all frames."""
     common: Raw = {signal.name: signal.raw_initial or 0 for signal in message.signals} | pages.get((), {})
     for page in [page for page in pages if page] or [()]:
         try:

@@ -1,7 +1,7 @@
-"""Values that come later than the motion they belong to: each motion gets its own torque, and its own accelerations.
+"""Corrects values that are received some samples later than the motion that they belong to.
 
-A filtered torque is sent some samples after the motion that it has caused.  The acceleration of another axis is known
-only when samples on both sides of it are there.
+A filtered torque is sent some samples after the motion that it caused.  The acceleration of another axis is known only
+when there are samples on both sides of it.
 """
 
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from service.config.schema import AxisConfig, FurtherSignalConfig
 from service.ingest.quantities import ACCELERATION_LATE, HOLDS
 
 _NEAR = 0.5
-"""Of an interval: where the times are farther apart, samples between are missing."""
+"""Tolerance of the time difference in intervals; outside it, samples in between are missing."""
 
 
 class LateValues:
-    """The samples of an axis with the torque that comes ``late_samples`` later, and accelerations, block by block.
+    """Combines each motion with the torque that is received ``late_samples`` samples later, and with accelerations.
 
-    The last samples wait for what is late.  One whose torque is missing is left out, and counted.
-    ``signals`` are those that the samples carry.
+    It takes block after block.  The last samples wait for their late values.  A sample whose torque is missing is
+    dropped and counted.  ``signals`` are the auxiliary signals of the samples.
     """
 
     def __init__(self, config: AxisConfig, signals: Sequence[FurtherSignalConfig] = ()) -> None:
@@ -30,10 +30,10 @@ class LateValues:
         self._waits = max(self._late, ACCELERATION_LATE if self._accelerations else 0)
         self._waiting: list[SampleBlock] = []
         self.unpaired = 0
-        """Samples whose torque is missing"""
+        """Number of samples whose torque is missing"""
 
     def paired(self, block: SampleBlock) -> SampleBlock:
-        """The samples of which all is now known."""
+        """Take samples; returns those whose late values are now known, with these."""
         if not self._waits:
             return block
         known = concatenate([*self._waiting, block])

@@ -1,6 +1,6 @@
-"""What a bus sends, by its description: which signals are torque and motion of which axis, by names and by values.
+"""Finds the torque and motion signals of each axis on a described bus, by names and by values.
 
-Names and units are looked at as without a bus; the values decide as in the columns of a table.
+Names and units are used as in ``signal_roles``; the values decide as for the columns of a table.
 """
 
 import math
@@ -31,64 +31,64 @@ from service.ingest.signal_roles import (
 from service.ingest.unwrap import continuous
 
 _FEWEST = 50
-"""Values of a signal that can be looked at."""
+"""Fewest values of a signal that are compared."""
 _SCATTER_S, _CATCH_UP_S = 0.1, 1.0
-"""Largest scatter of times of receipt, once late frames have had the second time to come"""
+"""Largest jitter of the times of receipt [s], and the time within which late frames have caught up [s]"""
 _BUNCHED = 0.05
-"""Share of the frames that come within half an interval after another one"""
+"""Frames are bunched if more than this share comes within half an interval after another frame"""
 _ALIKE, _APART = 1.3, 5.0
-"""Intervals of signals that are compared differ by less than this factor; by the other where none is found"""
+"""Signals are compared if their intervals differ by less than the first factor; by the second if no axis is found"""
 _BITS = 8  # a number of fewer bits is a state
 _CYCLE = 0.02
-"""A measured interval this close to the cycle in the description, relatively, is that cycle."""
+"""A measured interval within this relative distance of the described cycle is taken as that cycle."""
 _ACCURATE = 0.003
 """Relative accuracy of an interval that is measured in some seconds."""
 _TURNS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
-"""Factors of angles without a unit that start again after so much"""
+"""SI factors of angles without a unit, by the period after which they wrap"""
 _NEARLY = 1e-3
 
 
 class Series(NamedTuple):
-    """The values of a signal (N,), with their times, s."""
+    """The values of a signal (N,), with their times (N,) [s]."""
 
     t: Floats
     values: Floats
 
     @property
     def interval_s(self) -> float:
-        """The usual mean of a fifth of the series: frames that are late, lost or in bunches move it little."""
+        """Median of the mean intervals over a fifth of the series; late, lost or bunched frames affect it little."""
         span = max(1, self.t.size // 5)
         return float(np.median(self.t[span:] - self.t[:-span])) / span if self.t.size > 1 else 0.0
 
     @property
     def is_bunched(self) -> bool:
-        """Whether many values come close after another one."""
+        """Whether many values come shortly after another one."""
         return int(np.count_nonzero(np.diff(self.t) < 0.5 * self.interval_s)) > _BUNCHED * self.t.size
 
     @property
     def even_s(self) -> Floats:
-        """Times (N,) without the scatter of receipt, s: evenly spaced, unless values were lost."""
+        """Times (N,) without the jitter of receipt [s]: evenly spaced, unless values were lost."""
         even = np.asarray(self.t[0] + self.interval_s * np.arange(self.t.size), np.float64)
-        # Frames that are late come soon after one another; after a loss all that follow are behind.
+        # Late frames catch up soon; after a loss, all later frames lag behind the even times.
         starts = np.arange(0, self.t.size, max(1, round(_CATCH_UP_S / self.interval_s)))
         behind = np.minimum.reduceat(self.t - even, starts)
         return even if np.ptp(behind) < _SCATTER_S else self.t
 
 
 class BusRoles(NamedTuple):
-    """What was found on a bus."""
+    """The axes and messages found on a bus."""
 
     axes: tuple[AxisRoles, ...]
     came: tuple[str, ...]
-    """Described messages that came"""
+    """Names of described messages that were received"""
     missing: tuple[str, ...]
-    """Described messages that never came, with their identifiers"""
+    """Described messages that were never received, with their identifiers"""
     strange: tuple[str, ...]
-    """Identifiers of frames that are not described"""
+    """Identifiers of frames without a description"""
 
 
 def roles_on_bus(known: MessageSet, frames: FrameBlock) -> BusRoles:
-    """The axes that a bus with these messages carries, by all its frames in the order of their receipt."""
+    """Find the axes on a bus with these messages, from all its frames in order of receipt."""
     frames = frames.in_order()
     decoder, messages = _decoder(known)
     keys = frames.counts()
@@ -100,19 +100,19 @@ def roles_on_bus(known: MessageSet, frames: FrameBlock) -> BusRoles:
 
 
 def _decoder(known: MessageSet) -> tuple[Decoder, dict[FrameKey, Message]]:
-    """A decoder of all messages that can be decoded, and these."""
+    """A decoder of all messages that can be decoded, and these messages."""
     decoder, messages = Decoder(known), dict[FrameKey, Message]()
     for message in known.messages:
         try:
             for signal in message.signals:
                 messages[decoder.want(message.name, signal.name)] = message
         except DescriptionError:
-            continue  # a fault in a message that may not be needed; `check` names it where it is
+            continue  # the faulty message may not be needed; if it is, `check` reports the fault
     return decoder, messages
 
 
 def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
-    """By "Message.Signal"."""
+    """The series of all received signals, by "Message.Signal"."""
     decoded = decoder.decode(frames)
     began_us = min((int(found.t_us[0]) for found in decoded.values()), default=0)
     series = dict[str, Series]()
@@ -124,7 +124,7 @@ def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
     return series
 
 
-# --- The axes: by values where they move, else by names ---------------------------------------------------------------
+# --- The axes: by values if they move, otherwise by names -------------------------------------------------------------
 
 
 def _axes(
@@ -146,7 +146,7 @@ def _axes(
         numbers.add(pair.name)
         torque = by_name.get(pair.torque) or _guess(*signals[pair.torque], "torque")
         motion = by_name.get(pair.motion) or _guess(*signals[pair.motion], pair.output)
-        motion = _looked(motion, group[pair.motion])
+        motion = _with_wrap(motion, group[pair.motion])
         torque = torque._replace(turned=pair.turned)
         axis = AxisRoles(pair.name, torque, motion, explained=pair.explained, fastest=pair.fastest)
         yield _timed(axis, signals[pair.torque][0], series)
@@ -160,7 +160,7 @@ def _axes(
 def _named(
     message: Message, signal: Signal, role: SignalRole | None, owners: Mapping[tuple[str, str], str]
 ) -> Named | None:
-    """What its name says of a signal; None: it is neither torque nor motion."""
+    """What the name of a signal says; None: the signal is neither torque nor motion."""
     if role is not None:
         return Named("current" if role.current else role.quantity, owners[message.name, signal.name])
     number = number_in(message.name, signal.name)
@@ -171,7 +171,7 @@ def _named(
 
 
 def _groups(series: Mapping[str, Series], most: float) -> Iterator[dict[str, Series]]:
-    """Signals whose intervals differ by less than this factor, all at the times of the first of the slowest."""
+    """Groups of signals whose intervals differ by less than ``most``, resampled to the times of a slowest signal."""
     long = {name: s for name, s in series.items() if s.t.size >= _FEWEST and s.interval_s > 0}
     while long:
         shortest_s = min(s.interval_s for s in long.values())
@@ -198,8 +198,8 @@ def _pairs(
     return axes_by_values(values, t, named)
 
 
-def _looked(role: SignalRole, series: Series) -> SignalRole:
-    """The role with what the values of an angle show: where it starts again, and with that its unit."""
+def _with_wrap(role: SignalRole, series: Series) -> SignalRole:
+    """The role of an angle with its wrap period as the values show it, and the unit that follows from the period."""
     if role.quantity != "angle" or role.wrap_period is not None:
         return role
     period = wrap_of(series.values)
@@ -211,12 +211,12 @@ def _looked(role: SignalRole, series: Series) -> SignalRole:
 
 
 def _guess(message: Message, signal: Signal, quantity: Quantity) -> SignalRole:
-    """Of a signal whose name says nothing."""
+    """The role of a signal whose name says nothing."""
     return SignalRole(message.name, signal.name, quantity, signal.unit or "", None, False, "guess", None)
 
 
 def _timed(axis: AxisRoles, message: Message, series: Mapping[str, Series]) -> AxisRoles:
-    """With the interval as measured, and the sample counter beside the torque, if it counts."""
+    """The axis with its measured interval, and with the sample counter beside the torque, if that counts frames."""
     own = [series[f"{role.message}.{role.signal}"] for role in (axis.torque, axis.motion)]
     measured_s, counter = max(s.interval_s for s in own), None
     for signal in filter(counts, message.signals):
@@ -234,13 +234,13 @@ def _timed(axis: AxisRoles, message: Message, series: Mapping[str, Series]) -> A
 
 
 def _rounded(interval_s: float) -> float:
-    """A measured interval, as round as its accuracy allows."""
+    """A measured interval, rounded as far as its accuracy allows."""
     few = float(f"{interval_s:.2g}")
     return few if abs(few - interval_s) < _ACCURATE * interval_s else float(f"{interval_s:.4g}")
 
 
 def _counted_s(signal: Signal, series: Series | None) -> float | None:
-    """Seconds for each count of a sample counter; None: it does not count the frames, or did not come."""
+    """Seconds per count of a sample counter; None: it does not count the frames, or was not received."""
     if series is None:
         return None
     if not counts_frames(series.values, 2.0**signal.length):

@@ -1,4 +1,4 @@
-"""Records of an axis with their origin: for identification, and as blocks of samples for calibration."""
+"""Loads records of an axis with their origin: for identification, and as blocks of samples for calibration."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,20 +14,20 @@ from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.conditions import needed
 from service.config.schema import FurtherSignalConfig
-from service.ingest.axis_records import Progress, axis_record, sha256_of, wanted, why_none
+from service.ingest.axis_records import Progress, axis_record, no_samples_words, sha256_of, wanted
 from service.ingest.records import is_table
 
 _NAMED = 3
-"""Places of lines that could not be read."""
+"""Number of unreadable places that a message names."""
 
 
 @dataclass(frozen=True)
 class RecordOrigin:
-    """Origin of the samples of an axis, for what is made from them.
+    """Origin of the samples of an axis, to be stated in results.
 
-    ``text`` is that of the command line: the file ``path``, and seconds in it.  ``samples`` are those of the axis in
-    the whole file, ``used`` those in the range.  ``dropped`` counts what became no sample, by reason: rows of a table,
-    values of a log.
+    ``text``: argument of the command line, a file and a range.  ``path``: the file.  ``samples``: number of samples of
+    the axis in the whole file.  ``used``: number in the range.  ``dropped``: number of dropped table rows or log values
+    by reason.
     """
 
     text: str
@@ -39,13 +39,13 @@ class RecordOrigin:
     end_s: float
     dropped: Mapping[str, int]
     begins_s: float | None = None
-    """Time of the first sample used, by the clock of the file [s]; None: it is not known"""
+    """Time of the first used sample, by the clock of the file [s]; None: not known"""
     left_out: Sequence[str] = ()
-    """Lines or other parts of it that could not be read, with their place"""
+    """Lines or other parts of the file that could not be read, with their positions"""
 
     @property
     def words(self) -> str:
-        """One line for the user."""
+        """The origin in one line for the user."""
         complete = self.used == self.samples
         part = "" if complete else f", {self.used} of them from {self.start_s:g} to {self.end_s:g} s"
         lost = ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in self.dropped.items() if n)
@@ -61,12 +61,12 @@ class Loaded(NamedTuple):
 
 
 def load(text: str, config: Config, axis_id: str) -> Loaded:
-    """The record of one axis, "robot.axis", in a file, with all its auxiliary signals that the file has.
+    """Load the record of one axis ("robot.axis"), with those of its auxiliary signals that the file has.
 
-    ``text``: the file, with a range or without: ``wanted``.
+    ``text``: a file, with or without a range; see ``wanted``.
 
     Raises:
-        RecordError: no such axis; the file cannot be read, is damaged, or holds too few samples of the axis.
+        RecordError: there is no such axis; the file cannot be read, is damaged, or has too few samples of the axis.
         DescriptionError, IngestError: the configuration cannot be used.
     """
     axis = _axis_named(config, axis_id)
@@ -84,7 +84,7 @@ def load_samples(
     model: AxisModel,
     progress: Progress = lambda _: None,
 ) -> tuple[list[SampleBlock], list[RecordOrigin]]:
-    """All records of an axis as blocks of samples, with the operating conditions that its monitoring needs.
+    """Load records of an axis as blocks of samples, with the operating conditions that its monitoring needs.
 
     Raises:
         RecordError: a file cannot be read, or has no samples of the axis.
@@ -112,16 +112,16 @@ def samples_in(
     signals: Sequence[FurtherSignalConfig],
     progress: Progress = lambda _: None,
 ) -> tuple[SampleBlock, RecordOrigin]:
-    """The samples of an axis in a file, with a range or without: ``wanted``.
+    """Load the samples of an axis from a file, with or without a range; see ``wanted``.
 
     Raises:
-        RecordError: the file cannot be read, or has less than two samples of the axis there.
+        RecordError: the file cannot be read, or has fewer than two samples of the axis in the range.
         DescriptionError, IngestError: the configuration cannot be used.
     """
     want = wanted(text)
     block, dropped, left_out = axis_record(want.path, config, axis, signals, progress)
     if block.size < 2:
-        why = why_none(want.path, config, axis, dropped)
+        why = no_samples_words(want.path, config, axis, dropped)
         raise RecordError(f"{want.path}: {block.size} samples of axis {axis.id} in it; {why}")
     since_s = (block.t_us - block.t_us[0]) * 1e-6
     inside = since_s >= (want.start_s or 0.0)
@@ -164,14 +164,16 @@ def _signals_in(path: Path, axis: NamedAxis) -> Sequence[FurtherSignalConfig]:
 
 
 _SAME_S = 1e-3
-"""Times in a file of nominal values are rounded."""
+"""Tolerance of times, as those in a nominal file are rounded."""
 
 
 def begins_cold(axis: NamedAxis, texts: Sequence[str]) -> bool:
-    """Whether the axis was cold at the beginning of these records, as its identification took the same ones to be.
+    """Whether the axis was cold at the start of these records.
+
+    This is so if its identification used the same start and took the axis as cold there.
 
     Raises:
-        RecordError: the first of them cannot be read.
+        RecordError: the first record cannot be read.
     """
     found = axis.config.model.nominal_file
     if found is None or found.thermal is None or found.thermal.first_w != 0 or not found.record:

@@ -1,8 +1,10 @@
-"""The quantities of an axis: how a value follows from a signal on the bus, or from a column of a table.
+"""The quantities of an axis: their values from a signal on the bus or from a column of a table.
 
-Auxiliary signals are held: each sample gets the last received value, if that is not too old.  The acceleration of
-another axis is that of the parabola which fits five values of its angle best (Savitzky and Golay 1964), and so that in
-their middle: it is known some intervals later (``late_values`` gives it to the sample of its time).
+Auxiliary signals are forward-filled: each sample gets the last received value, if that is not too old.
+
+The acceleration of another axis is that of the parabola that fits five values of its angle best (Savitzky and Golay
+1964).  It belongs to the middle of the five, so it is known some intervals later; ``late_values`` assigns it to the
+sample of its time.
 """
 
 import math
@@ -20,9 +22,9 @@ from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
 
 
 class Quantity(NamedTuple):
-    """One value of an axis: value = factor * signal + offset.
+    """One quantity of an axis: value = factor * signal + offset.
 
-    SI on the motor side; auxiliary signals in their own unit.
+    The value is in SI units on the motor side, or in the own unit of an auxiliary signal.
     """
 
     name: str  # "torque", "angle", "speed", "counter" or "signal NAME"
@@ -42,7 +44,7 @@ class Quantity(NamedTuple):
 
 
 def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: Decoder) -> Quantity:
-    """The quantity in a message of the bus, which the decoder decodes from now on.
+    """The quantity in a message of the bus; registers its signal with the decoder.
 
     Raises:
         DescriptionError: the bus has no such message or signal.
@@ -123,12 +125,12 @@ class HeldSignal:
         self._value, self._t_us = math.nan, 0
 
     def take(self, decoded: Mapping[FrameKey, Decoded], places: Ints, t_us: Ints) -> Floats:
-        """The values (N,) for samples completed by the frames at these places of a block; NaN: none, or too old.
+        """The values (N,) for samples completed by the frames at these places of a block; NaN: no value, or too old.
 
         Args:
-            decoded: of the block; its last value that is a number is kept for the blocks to come.
-            places: of frames in the block (N,), increasing; a value in the very frame counts.
-            t_us: when they were received (N,).
+            decoded: decoded messages of the block; the last finite value is kept for the next blocks.
+            places: positions of frames in the block (N,), increasing; a value in the same frame counts.
+            t_us: times of receipt of these frames (N,).
         """
         values, times, since = [self._value], [self._t_us], np.zeros(0, np.int64)
         if (found := decoded.get(self.quantity.key)) is not None:
@@ -146,9 +148,9 @@ class HeldSignal:
 
 
 class HeldColumns:
-    """The auxiliary signals (at least one) in the rows of a table, block by block.
+    """The auxiliary signals (at least one) in the rows of a table, forward-filled block by block.
 
-    An empty cell has the value before it.  ``interval_s``: between the samples of the axis.
+    An empty cell gets the value before it.  ``interval_s``: between the samples of the axis.
     """
 
     def __init__(self, sources: Sequence[FurtherSignalConfig], interval_s: float) -> None:
@@ -163,7 +165,7 @@ class HeldColumns:
 
         Args:
             time_us: times of the rows (N,) [us]; rows with NaN are ignored.
-            columns: of these rows (N,), by name.
+            columns: columns of these rows (N,), by name.
         """
         raw = np.stack([s.factor * columns[str(s.column)] + s.offset for s in self._sources], axis=1)
         known_us = np.where(np.isfinite(raw), time_us[:, np.newaxis], np.nan)

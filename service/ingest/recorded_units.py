@@ -1,4 +1,4 @@
-"""In which unit the signals of an axis are, by the names in its records; and those that nothing makes SI units."""
+"""The units of the signals of an axis as its records state them, and signals that are not converted to SI units."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Signal = Literal["torque", "motion"]
 
 
 def unit_text(config: Config, axis: NamedAxis, signal: Signal, path: Path) -> str:
-    """What names the unit: the column, the table below it, or the unit in the description of the bus.
+    """The text that names the unit: from the table's line of units, the column name, or the description of the bus.
 
     Raises:
         RecordError: the file cannot be read.
@@ -32,7 +32,7 @@ def unit_text(config: Config, axis: NamedAxis, signal: Signal, path: Path) -> st
 
 
 def units_as_recorded(config: Config, axis: NamedAxis, path: Path) -> Iterator[str]:
-    """Which SI units of reports are none, as a signal stays in the unit of the record, and the factor that is missing.
+    """Remarks on signals that are not in SI units, as a factor is missing, so that units in reports are wrong.
 
     Raises:
         RecordError, DescriptionError, IngestError: as of ``unit_text``.

@@ -1,4 +1,4 @@
-"""Records from files: tables and CAN logs with one interface."""
+"""Records from files: tables and CAN logs behind one interface."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from service.ingest.timestamp_jitter import Stamps
 
 
 class Step(NamedTuple):
-    """Samples by axis of a part of a record; ``done`` is how much of it has been read, 0 to 1."""
+    """The samples by axis in one part of a record; ``done``: part of the record that has been read, 0 to 1."""
 
     samples: Mapping[str, SampleBlock]
     done: float
@@ -35,23 +35,23 @@ _NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 class Quality(NamedTuple):
-    """What became no sample so far, and how good the times are; of a table only the first is known."""
+    """Dropped values so far, and the quality of the time stamps; a table has only ``axis_dropped``."""
 
     axis_dropped: _Counts
-    """Values (CAN logs) or rows (tables), by axis and reason"""
+    """Number of dropped values (CAN log) or rows (table), by axis and reason"""
     bus_dropped: _Counts = _NONE
-    """Frames, by bus and reason; those of no bus are under the name of the file, and of their channel in it"""
+    """Number of dropped frames by bus and reason; frames of no bus are under the name of the file and channel"""
     axis_events: _Counts = _NONE
-    """How often the time line of an axis restarted, by cause"""
+    """How often the time axis of an axis restarted, by cause"""
     axis_stamps: Mapping[str, Stamps] = _NONE
-    """Scatter of the time stamps of each axis"""
+    """Jitter of the time stamps of each axis"""
 
 
 def read_record(path: Path, config: Config) -> Record:
-    """The record in a file, by its suffix.
+    """Open the record in a file, by its suffix.
 
     Raises:
-        RecordError: it cannot be read, has an unknown suffix or lacks a column.
+        RecordError: the file cannot be read, has an unknown suffix, or lacks a column.
         DescriptionError, IngestError: the configuration cannot be used.
     """
     return TableRecord(path, config) if is_table(path) else LogRecord(path, config)
@@ -61,7 +61,7 @@ def is_table(path: Path) -> bool:
     """Whether a record is a table; otherwise it is a CAN log.
 
     Raises:
-        RecordError: an unknown suffix.
+        RecordError: the suffix is unknown.
     """
     if log_suffix(path):
         return False
@@ -77,7 +77,7 @@ def is_table(path: Path) -> bool:
 def samples_of(
     record: Record, axis_id: str, progress: Callable[[float], None] = lambda _: None
 ) -> SampleBlock:
-    """All samples of one axis, maybe none.
+    """Read all samples of one axis, possibly none.
 
     Raises:
         RecordError: the file is damaged.
@@ -107,8 +107,8 @@ class TableRecord:
         self._axes = {axis.id: AxisColumns(axis.id, axis.config, signals[axis.id]) for axis in axes}
         if not self._axes:
             raise RecordError(
-                f"{path}: no axis says where it is in a table: set torque.column and angle.column or "
-                "speed.column in the configuration"
+                f"{path}: no axis has columns in the configuration: set torque.column and angle.column or "
+                "speed.column"
             )
         self._wanted: dict[str, str] = {}
         for columns in self._axes.values():
@@ -117,7 +117,7 @@ class TableRecord:
 
     @property
     def quality(self) -> Quality:
-        """Of what has been read so far."""
+        """The quality of what has been read so far."""
         unreadable = len(self.left_out)
         return Quality(
             {id_: {**columns.dropped, "unreadable": unreadable} for id_, columns in self._axes.items()}
@@ -125,11 +125,11 @@ class TableRecord:
 
     @property
     def left_out(self) -> Sequence[str]:
-        """Lines that could not be read, with what is wrong in them; known when all has been read."""
+        """Lines that could not be read, with their faults; complete when the record has been read to its end."""
         return self._table.left_out
 
     def steps(self) -> Iterator[Step]:
-        """The samples in order, once."""
+        """Read the samples in order; possible once."""
         first_row = 0
         for rows in self._table.rows(list(self._wanted)):
             samples = {axis_id: axis.samples(rows, first_row) for axis_id, axis in self._axes.items()}
@@ -138,12 +138,12 @@ class TableRecord:
 
 
 class LogRecord:
-    """A CAN log: its frames pass through the same pipeline as those of a bus.
+    """A CAN log; its frames pass through the same code as those of a bus.
 
-    ``carried``: axes to read and the signals of their samples; None: as the monitoring needs them.
+    ``carried``: axes to read, with their auxiliary signals; None: all axes, with the signals that the monitoring needs.
 
     Raises:
-        RecordError: it cannot be opened, or there is no bus.
+        RecordError: the log cannot be opened, or the configuration has no bus.
         DescriptionError, IngestError: the configuration cannot be used.
     """
 
@@ -161,7 +161,7 @@ class LogRecord:
 
     @property
     def quality(self) -> Quality:
-        """Of what has been read so far."""
+        """The quality of what has been read so far."""
         by_bus: dict[str, Mapping[str, int]] = {name: i.dropped for name, i in self._ingests.items()}
         by_bus[self.path.name] = self._log.dropped
         for channel, count in self._other_bus.items():
@@ -176,14 +176,14 @@ class LogRecord:
 
     @property
     def left_out(self) -> Sequence[str]:
-        """Places that could not be read, with what is wrong there; known when all has been read."""
+        """Places that could not be read, with their faults; complete when the log has been read to its end."""
         return self._log.left_out
 
     def frames(self) -> Iterator[tuple[dict[str, FrameBlock], float]]:
-        """The frames by name of their bus, and how much of the log has been read, 0 to 1.
+        """The frames by bus, and the part of the log that has been read, 0 to 1.
 
         Raises:
-            RecordError: the log is damaged, or its frames are of no bus of the configuration.
+            RecordError: the log is damaged, or none of its frames is of a configured bus.
         """
         buses: _LogChannels | None = None
         for block in self._log.blocks():
@@ -201,7 +201,7 @@ class LogRecord:
             raise RecordError(_no_bus_words(self.path, self._config.bus, self._other_bus))
 
     def steps(self) -> Iterator[Step]:
-        """The samples in order, once."""
+        """Read the samples in order; possible once."""
         for of_bus, done in self.frames():
             fed = [self._ingests[bus].feed(frames) for bus, frames in of_bus.items()]
             yield Step({axis_id: found for axes in fed for axis_id, found in axes.items()}, done)
@@ -212,18 +212,19 @@ class LogRecord:
 
 
 Record = TableRecord | LogRecord
-"""Samples from a file, of either kind"""
+"""A record from a file of either kind"""
 
 
-# --- Which channel of a log is which bus of the configuration ---------------------------------------------------------
+# --- The configured bus of each channel in a log ----------------------------------------------------------------------
 
 
 class _LogChannels:
-    """The bus of each channel in a log, at whose beginning these were ``seen``.
+    """The bus of each channel in a log; ``seen``: channels at the start of the log.
 
-    A channel is the bus of that channel or that name.  Formats that number channels do not know names: there channel 0
-    is can0, or whichever bus has a channel that ends with its number, as python-can writes such files.  Where a log
-    begins with one channel only, which no bus has, and there is one bus, that is it: a log of another plant.
+    A channel belongs to the bus with that channel or that name.  Some formats have numbers instead of names: then
+    channel 0 belongs to the bus whose channel ends with that number, such as can0, as python-can writes such files.  If
+    there is one bus, and the log starts with a single channel that does not belong to it, the channel is assigned to
+    that bus: the log is from another plant.
     """
 
     def __init__(self, buses: Sequence[BusConfig], seen: Sequence[str]) -> None:
@@ -236,14 +237,14 @@ class _LogChannels:
             self._known[seen[0]] = buses[0].name
 
     def bus(self, channel: str) -> str | None:
-        """Name of the bus; None: the configuration has none for it."""
+        """Name of the bus of a channel; None: the configuration has no bus for it."""
         if channel in self._known:
             return self._known[channel]
         return self._numbered.get(int(channel)) if channel.isdecimal() else None
 
 
 def _no_bus_words(path: Path, buses: Sequence[BusConfig], frames: Mapping[str, int]) -> str:
-    """Why none of the frames, of which there are so many by channel, is used, and what would be right."""
+    """Why no frame is used, and how to correct the configuration; ``frames``: number of frames by channel."""
     found = ", ".join(f"{channel} ({count} frames)" for channel, count in frames.items())
     known = ", ".join(f'name = "{bus.name}", channel = "{bus.channel}"' for bus in buses)
     return (

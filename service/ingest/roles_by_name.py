@@ -1,4 +1,4 @@
-"""What a column or a signal is by the words in its name and by its unit, and which axis it belongs to."""
+"""The role and the axis of a column or a signal, by the words in its name and by its unit."""
 
 import re
 from collections.abc import Hashable, Mapping
@@ -18,7 +18,7 @@ temperature: temp temperature temperatur
 wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
 """
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
-"""What a word in a column's name says that it is; wanted: what the controller asks for, which is no measurement."""
+"""The role that a word in a column's name indicates; "wanted": a command of the controller, not a measurement."""
 _ENDINGS = {
     "strom": "current",
     "moment": "torque",
@@ -28,15 +28,15 @@ _ENDINGS = {
     "geschwindigkeit": "speed",
     "temperatur": "temperature",
 }
-"""What the end of a German word says that it is: Motorstrom, Istwinkel; Sollwinkel is what the controller asks for."""
-_ASKED = "soll"
+"""The role that the end of a German word indicates: Motorstrom, Istwinkel; Sollwinkel is a command."""
+_COMMANDED = "soll"
 _QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 NOT_MEASURED = {
     *("input", "limit", "limits", "max", "min", "ff", "error", "err"),
     *("warning", "gain", "config", "offset", "request", "requested", "param"),
 }
 NO_MOTION = {"status", "mode", "state", "flag", "time"}
-"""In the name of the signal itself; a message of the state of an axis may carry its motion."""
+"""Applies to the name of the signal only: a message with the state of an axis may also carry its motion."""
 MEASURED = {
     *("act", "actual", "measured", "meas", "fb", "feedback"),
     *("ist", "istwert", "estimate", "estimated", "value"),
@@ -45,17 +45,17 @@ _ANY = {
     *("axis", "joint", "motor", "drive", "achse", "node", "robot", "data", "message", "msg", "signal"),
     *("pdo", "tpdo", "rpdo", "get", "set", "status", "state", "mode", "feed", "back", "filtered", "raw"),
 }
-"""Words that tell no axis from another"""
+"""Words that do not distinguish axes"""
 
 
 def words_in(name: str) -> list[str]:
-    """The words of a column's name, small letters: "A1_TrqAct" has a, trq, act."""
+    """The words of a column's name in lower case: "A1_TrqAct" has a, trq, act."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return [word.lower() for word in re.findall(r"[A-Za-z]+", apart)]
 
 
 def role_of(name: str) -> str:
-    """What a column is by its name; empty: the name does not tell."""
+    """The role of a column by its name; empty: not known."""
     known = [role for word in words_in(name) if (role := _role_of_word(word))]
     return "wanted" if "wanted" in known else known[-1] if known else ""
 
@@ -64,17 +64,17 @@ def _role_of_word(word: str) -> str:
     if word in _WORDS:
         return _WORDS[word]
     found = next((role for ending, role in _ENDINGS.items() if word.endswith(ending)), "")
-    return "wanted" if found and word.startswith(_ASKED) else found
+    return "wanted" if found and word.startswith(_COMMANDED) else found
 
 
-def asked_role(name: str) -> str:
-    """What a controller asks for, by the name of a column with a word for that."""
-    words = [word.removeprefix(_ASKED) for word in words_in(name) if _WORDS.get(word) != "wanted"]
+def commanded_role(name: str) -> str:
+    """The quantity that a controller commands, by the name of the column; the name has a word for "command"."""
+    words = [word.removeprefix(_COMMANDED) for word in words_in(name) if _WORDS.get(word) != "wanted"]
     return role_of(" ".join(words))
 
 
 def role_with(name: str, unit: str) -> str:
-    """What a column is by its name and its unit, which may be empty."""
+    """The role of a column by its name and its unit; the unit may be empty."""
     role = role_of(name)
     if role in ("", "torque") and current_in(unit) is not None:
         return "current"
@@ -87,23 +87,23 @@ _LOAD_UNITS = {"kg", "t", "lb", "lbs", "n", "kn"}
 
 
 def is_load(name: str, unit: str) -> bool:
-    """Whether a column is a measured load by its name and its unit: a load in per cent is that of a motor."""
+    """Whether a column is a measured payload, by its name and unit; a load in per cent is that of a motor."""
     words = {*words_in(without_unit(name))} & _LOADS
     return bool(words) and (unit.lower() in _LOAD_UNITS or (not unit and "payload" in words))
 
 
 def own_word(name: str) -> str:
-    """The first word of a name that says neither what is measured nor how; empty: there is none."""
+    """The first word of a name that may name the axis, as it describes no quantity or kind of value; empty: none."""
     known = _ANY | MEASURED | NOT_MEASURED | NO_MOTION
     return next((w for w in words_in(name) if w not in known and not role_of(w)), "")
 
 
 def owners(numbers: Mapping[K, str], words: Mapping[K, str], quantities: Mapping[K, str]) -> dict[K, str]:
-    """Whose each column or signal is: the number of an axis, else its word, or nothing.
+    """The axis of each column or signal: its number, otherwise its word; empty: none.
 
-    A word, or the letter of a linear axis, tells axes without numbers apart: the torque and the motion of each have it.
+    A word, or the letter of a linear axis, distinguishes axes without numbers if both torque and motion have it.
 
-    ``numbers``: in their names, or nothing; ``words``: of their own, as ``own_word``; ``quantities``: what each is.
+    ``numbers``: axis number in the name, or empty; ``words``: see ``own_word``; ``quantities``: role of each.
     """
     plain = [name for name, number in numbers.items() if not number]
     kinds: dict[str, set[str]] = {}
@@ -116,11 +116,11 @@ def owners(numbers: Mapping[K, str], words: Mapping[K, str], quantities: Mapping
 
 
 def axis_name(number: str) -> str:
-    """Of an axis, by its number, its letter, or the word that tells it from others; empty: it has none of these."""
+    """Name of an axis from its number, its letter or its word; "axis" if it has none of these."""
     return number if len(number) > 1 and not number.isdigit() else f"axis{number.upper()}"
 
 
 def axis_number(name: str) -> str:
-    """The number of the axis in a column's name; empty: there is none."""
+    """The axis number in a column's name; empty: none."""
     found = re.findall(r"\d+", name)
     return found[-1] if found and not name.isdigit() else ""

@@ -1,6 +1,6 @@
-"""Which of many changing values are torque and motion of which axis: by the values, where names do not tell.
+"""Finds torque and motion of each axis among many columns by their values, if names do not tell.
 
-A speed is the slope of an angle; a torque and a motion of one axis explain each other as a rigid mass with friction.
+A speed is the slope of an angle; the torque of an axis follows from its motion as that of a rigid mass with friction.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,45 +14,45 @@ from service.ingest.roles_by_name import axis_name
 from service.ingest.unwrap import continuous
 
 _SLOPE, _SAME = 0.95, 0.99
-"""Correlation of a speed with the slope of its angle, and with another speed of the same axis."""
+"""Least correlation of a speed with the slope of its angle, and with another speed of the same axis."""
 _IN_STEP = 0.5
-"""A torque out of step is taken only if it explains this much more of the torque than one in step."""
+"""A torque at an irregular place in the table is preferred only if it is explained better by this share."""
 _ABOUT, _ROUGHER = 0.1, 3.0
-"""A torque that explains less by no more than this part, but is smoother by this factor, is a wanted one."""
+"""Of torques that are explained about as well (to this share), one that is smoother by this factor is commanded."""
 _JERKS, _RATHER = 0.9, 6.0
-"""A torque without a name is rougher than the motion by this factor, in this share of the rows: as its slopes are."""
+"""A torque without a name is rougher than its motion by this factor, compared at this quantile of the roughness."""
 _ALIKE, _LATER = 0.05, 0.9
-"""Columns have the same numbers where they differ by less of their spread; and rows by which one is later"""
+"""Columns have equal values if they differ by less than this part of their spread; least delay in rows"""
 _FEWEST = 3
-"""Rows in which two columns must have numbers to be compared"""
+"""Fewest rows in which two columns must have values to be compared"""
 _MOVES = 1e-9
 MOST = (0.01, 0.99)
-"""Quantiles between which 98 % of a column lies"""
+"""Quantiles that enclose 98 % of a column"""
 _LONG_S, _HARDLY_EVER = 0.05, 0.999
-"""Time [s] over which the speed of an angle is measured; share of the rows with a lower speed than is named"""
+"""Time over which the speed of an angle is measured [s]; quantile of the speed that is reported as the largest"""
 _TURNED = 0.2
-"""A torque of the wrong sign is taken only if it explains this much more than one of the right sign."""
+"""A torque of the wrong sign is preferred only if it is explained better by this share."""
 SURE, LIKELY = 0.6, 0.2
-"""Part of the torque that a rigid mass explains, from which on a pair of torque and motion is sure, or likely."""
+"""A pair of torque and motion is sure, or likely, if a rigid mass explains at least this share of the torque."""
 
 
 class Pair(NamedTuple):
-    """Torque and motion of one axis; ``explained``: part of the torque that the motion explains as a rigid mass."""
+    """Torque and motion of one axis; ``explained``: share of the torque that a rigid mass with this motion explains."""
 
     name: str
-    """Of the axis"""
+    """Name of the axis"""
     torque: str
     motion: str
     output: Literal["angle", "speed"]
     explained: float
     turned: bool
-    """The torque has the wrong sign"""
+    """Whether the torque has the wrong sign"""
     wrap_period: float | None = None
-    """Period after which the angle starts again, in its own unit"""
+    """Period after which the angle wraps, in its own unit"""
     rivals: tuple[str, ...] = ()
-    """Other columns without a name that may be the torque as well"""
+    """Other unnamed columns that may equally be the torque"""
     fastest: float | None = None
-    """Speed that it hardly ever exceeds, in units of the motion, for an angle per second; None: not known"""
+    """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
 
 
 def changes(v: Floats) -> bool:
@@ -62,40 +62,40 @@ def changes(v: Floats) -> bool:
 
 
 class Named(NamedTuple):
-    """What the name of a column says."""
+    """Information from the name of a column."""
 
     role: str
-    """As ``role_of``"""
+    """See ``role_of``"""
     number: str
-    """Of its axis, or its word; empty: it has neither"""
+    """Number or word of its axis; empty: neither"""
     place: int | None = None
-    """Of the column in its table"""
+    """Place of the column in its table"""
 
 
 def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> list[Pair]:
-    """Which columns are torque and motion of which axis.
+    """Find the torque and motion columns of each axis.
 
-    ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: what names say.
+    ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: by column.
     """
     by_role: dict[str, list[str]] = {}
     for name in values:
         by_role.setdefault(named[name].role, []).append(name)
-    # An axis that sends both: the torque needs no constant.
+    # If an axis sends torque and current, use the torque: it needs no torque constant.
     known = {named[name].number for name in by_role.get("torque", [])}
     torques = [
         *by_role.get("torque", []),
         *(n for n in by_role.get("current", []) if named[n].number not in known),
     ]
-    asked = _asked(values, by_role.get("", []))
-    angles, unnamed = by_role.get("angle", []), [n for n in by_role.get("", []) if n not in asked]
-    # An axis that sends both: the angle gives the better estimates.
+    commanded = _commanded(values, by_role.get("", []))
+    angles, unnamed = by_role.get("angle", []), [n for n in by_role.get("", []) if n not in commanded]
+    # If an axis sends angle and speed, use the angle: it gives the better estimates.
     numbers = {named[name].number for name in angles}
     motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
     speeds: Mapping[str, str] = {}
     if not torques or not motions:
         speeds = _speeds(values, unnamed, t)
         motions = motions or list(speeds) or unnamed
-        # A column may be a speed once more, as wanted for instance; a torque of friction is less like it.
+        # A column may repeat a speed, e.g. as a command; a friction torque is less similar to it.
         slopes = {
             n
             for n in unnamed
@@ -127,12 +127,12 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
 
 
 def _outputs(role: str, beside_speeds: bool) -> Sequence[Literal["angle", "speed"]]:
-    """What a motion may be: one that no name tells, and beside which no slope of an angle was found, is either."""
+    """The quantities that a motion may be: both, if its name does not tell and no column is the slope of another."""
     return ("speed",) if role == "speed" else ("angle",) if role or beside_speeds else ("angle", "speed")
 
 
 def _weight(pair: Pair, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
-    """Pairs with the same number come first, then those that explain each other; of equals the first in the table."""
+    """Sort key: pairs with the same axis number come first, then those whose torque is explained best."""
     alike = named[pair.torque].number == named[pair.motion].number
     beside = _IN_STEP * _in_step(pair, named, step)
     digits = 1 if named[pair.torque].role or named[pair.motion].role else 2
@@ -140,7 +140,7 @@ def _weight(pair: Pair, named: Mapping[str, Named], step: int | None) -> tuple[b
 
 
 def _step(speeds: Mapping[str, str], named: Mapping[str, Named]) -> int | None:
-    """How many columns one quantity of all axes takes: from each angle to its speed; None: there is no such number."""
+    """Number of columns that one quantity of all axes takes, from each angle to its speed; None: not constant."""
     places = [(named[angle].place, named[speed].place) for angle, speed in speeds.items()]
     steps = {b - a for a, b in places if a is not None and b is not None}
     step = steps.pop() if len(steps) == 1 else 0
@@ -148,7 +148,7 @@ def _step(speeds: Mapping[str, str], named: Mapping[str, Named]) -> int | None:
 
 
 def _in_step(pair: Pair, named: Mapping[str, Named], step: int | None) -> bool:
-    """Whether the torque is whole steps behind its angle."""
+    """Whether the torque is a whole number of steps away from its motion in the table."""
     torque, motion = named[pair.torque].place, named[pair.motion].place
     return bool(step and torque is not None and motion is not None and (torque - motion) % step == 0)
 
@@ -160,7 +160,7 @@ def _measured(
     named: Mapping[str, Named],
     step: int | None,
 ) -> Pair:
-    """Of the torques in step with a motion that fit it about as well, the roughest: what is wanted is smooth."""
+    """Of the torques in step with a motion that fit about as well, the roughest: commanded torques are smoother."""
     if not _in_step(pair, named, step):
         return pair
     alike = [
@@ -177,8 +177,8 @@ def _measured(
     return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
 
 
-def _asked(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
-    """Columns whose numbers another one has later: what a controller asks for, which is measured when it is done."""
+def _commanded(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
+    """Columns whose values another column has later: commands, which the measurement follows with a delay."""
     centres = {name: float(np.nanmean(values[name])) for name in names}
     spreads = {name: float(np.nanstd(values[name])) for name in names}
     return {
@@ -193,29 +193,29 @@ def _asked(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
 
 
 def _delay(first: Floats, second: Floats) -> float:
-    """By how many rows the second column (N,) has the numbers of the first one later; 0: they are not the same."""
+    """Delay in rows with which the second column (N,) has the values of the first; 0: the values differ."""
     slope = np.gradient(first)
     rows = np.column_stack([first, slope, np.ones_like(first)])
     good = np.isfinite(rows).all(axis=1) & np.isfinite(second)
-    rows, right = rows[good], second[good]
-    if len(right) < _FEWEST or not changes(rows[:, 1]):
+    rows, target = rows[good], second[good]
+    if len(target) < _FEWEST or not changes(rows[:, 1]):
         return 0.0
-    found = np.linalg.lstsq(rows, right, rcond=None)[0]
-    factor, lead, _ = found.tolist()
-    left = right - rows @ found
-    same = abs(factor - 1) < _ALIKE and float(np.std(left)) < _ALIKE * float(np.std(right))
+    fit = np.linalg.lstsq(rows, target, rcond=None)[0]
+    factor, lead, _ = fit.tolist()
+    residual = target - rows @ fit
+    same = abs(factor - 1) < _ALIKE and float(np.std(residual)) < _ALIKE * float(np.std(target))
     return -lead / factor if same else 0.0
 
 
 def _roughness(v: Floats, share: float = 0.5) -> float:
-    """Of a column (N,): the change of its slope that this share of the rows has at most, as part of its usual range."""
+    """Quantile ``share`` of the second difference of a column (N,), as a part of the range of 98 % of its values."""
     finite = v[np.isfinite(v)]
     low, high = np.quantile(finite, MOST)
     return float(np.quantile(abs(np.diff(finite, 2)), share) / (high - low)) if high > low else 0.0
 
 
 def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:
-    """Columns of which another one is the slope, with that one."""
+    """Columns (angles) of which another column is the slope, each with that column (its speed)."""
     found = dict[str, str]()
     for angle in names:
         slope = np.asarray(np.gradient(values[angle], 1.0 if t is None else t))
@@ -227,11 +227,11 @@ def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None
 
 
 def _likeness(a: Floats, b: Floats) -> float:
-    """Correlation; zero where one is constant."""
+    """Correlation of two columns; zero if one is constant."""
     both = np.isfinite(a) & np.isfinite(b)
     if not both.any():
         return 0.0
-    # A few faulty rows must not hide it: what is beyond the range of 98 % counts as its end.
+    # Clip each column to the range of 98 % of its values, so that a few faulty rows have little effect.
     u, v = (np.clip(x[both], *np.quantile(x[both], MOST)) for x in (a, b))
     return float(np.corrcoef(u, v)[0, 1]) if changes(u) and changes(v) else 0.0
 
@@ -255,7 +255,7 @@ def _pair(
         record = Record(times[good], u[good], continuous(times[good], y[good], period), output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0
-        # Most pairs of columns without names have nothing to do with each other.
+        # Most pairs of unnamed columns are unrelated; for these the test of the sign is skipped.
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
         fastest = None if t is None else _fastest(record)
     number = named[torque].number or named[motion].number
@@ -265,7 +265,7 @@ def _pair(
 def _fastest(record: Record) -> float | None:
     speeds = record.y
     if record.quantity == "angle":
-        # Over so many rows that its resolution does not count.
+        # Difference over enough rows that the resolution of the angle has little effect.
         rows = max(1, round(_LONG_S / float(np.median(np.diff(record.t)))))
         if len(record.t) <= rows:
             return None

@@ -1,6 +1,6 @@
-"""Which signals are torque and motion of which axis; those of a bus by their units and the words in their names.
+"""Finds the torque and motion signals of each axis on a bus by units and names, before any value is received.
 
-Nothing is received yet, so there are no values to compare: a unit says what a signal is, a name says it less surely.
+A unit shows what a signal is; a name is less reliable.
 """
 
 import math
@@ -29,26 +29,26 @@ _NEARLY = 1e-3
 
 
 class SignalRole(NamedTuple):
-    """A signal of a bus, or a column of a table, and what it is taken for."""
+    """A signal of a bus or a column of a table, with the quantity that it is taken for."""
 
     message: str
-    """Empty: it is a column"""
+    """Name of the message; empty for a column"""
     signal: str
     """Name of the signal, or of the column"""
     quantity: Quantity
     unit: str
     factor: float | None
-    """SI value of its unit; None: the unit does not tell it"""
+    """Factor to SI units; None: the unit does not tell"""
     current: bool
-    """It is a current: the torque constant makes it a torque"""
+    """Whether it is a current, which the torque constant converts to a torque"""
     sureness: Sureness
     wrap_period: float | None
     turned: bool = False
-    """It has the wrong sign, by its values"""
+    """Whether the values show that it has the wrong sign"""
 
     @property
     def name(self) -> str:
-        """With that of its message."""
+        """Name of the signal, with that of its message."""
         return f"{self.message}.{self.signal}" if self.message else self.signal
 
 
@@ -63,21 +63,21 @@ class AxisRoles(NamedTuple):
     interval_s: float | None = None
     """Interval of the samples: cycle of the message with the torque, or as measured; None: not known"""
     measured: bool = False
-    """The interval is measured"""
+    """Whether the interval is measured"""
     bunched: bool = False
-    """Its frames are received in bunches"""
+    """Whether its frames are received in bunches"""
     apart: bool = False
-    """Its torque and its motion come at different rates"""
+    """Whether torque and motion come at different rates"""
     explained: float | None = None
-    """Part of the torque that the motion explains as a rigid mass; None: no values were compared"""
+    """Share of the torque that a rigid mass with this motion explains; None: no values were compared"""
     rivals: tuple[str, ...] = ()
-    """Other columns without a name that may be the torque as well"""
+    """Other unnamed columns that may equally be the torque"""
     fastest: float | None = None
-    """Speed that it hardly ever exceeds, in units of the motion, for an angle per second; None: not known"""
+    """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
 
     @property
     def sureness(self) -> str:
-        """How sure the roles are: by the values, where there are any; else as the less sure signal by its name."""
+        """How sure the roles are: by the values, if they were compared; otherwise as sure as the less sure signal."""
         if self.rivals:
             return f"likely; or torque {', '.join(self.rivals)}"
         if self.explained is not None:
@@ -89,20 +89,20 @@ class AxisRoles(NamedTuple):
 
 
 def axes_in(messages: Sequence[Message]) -> list[AxisRoles]:
-    """The axes that these messages carry, in the order of their numbers, those without one as they come."""
+    """The axes in these messages, in the order of their numbers, then those without a number."""
     found = ((m, s, role_in(m, s)) for m in messages for s in m.signals)
     roles = [role for _, _, role in found if role is not None]
     owners, by_axis = owners_of(roles), dict[str, list[SignalRole]]()
     for role in roles:
         by_axis.setdefault(owners[role.message, role.signal], []).append(role)
     by_name = {m.name: m for m in messages}
-    # Pages of a message come in any order.
+    # Sorted, as the pages of a multiplexed message come in any order.
     numbers = sorted(by_axis, key=lambda n: (not n.isdigit(), int(n) if n.isdigit() else 0))
     return [axis for n in numbers if (axis := _axis(n, by_axis[n], by_name)) is not None]
 
 
 def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:
-    """Whose each signal is, by the names of its message and itself: the number of an axis, else a word, or nothing."""
+    """The axis of each signal, from its name and that of its message: its number, otherwise its word; empty: none."""
     by_key = {(role.message, role.signal): role for role in roles}
     return owners(
         {key: number_in(*key) for key in by_key},
@@ -112,7 +112,7 @@ def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:
 
 
 def may_be_measured(message: Message, signal: Signal) -> bool:
-    """Whether a signal may be torque or motion: it is no counter, state, limit, or what a controller asks for."""
+    """Whether a signal may be a measured torque or motion: it is no counter, state, limit or command."""
     words = {*words_in(signal.name), *words_in(_known(message.name))}
     return not (
         counts(signal)
@@ -124,7 +124,7 @@ def may_be_measured(message: Message, signal: Signal) -> bool:
 
 
 def role_in(message: Message, signal: Signal) -> SignalRole | None:
-    """What a signal is by its unit and its name; None: nothing that is measured of an axis."""
+    """The role of a signal by its unit and its name; None: it is no measurement of an axis."""
     if not may_be_measured(message, signal):
         return None
     text = signal.unit or ""
@@ -141,7 +141,7 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
     if quantity is None or (current and named not in ("current", "torque")):
         return None
     if unit is not None and unit.linear and named != quantity:
-        return None  # of a tool, or a distance
+        return None  # a linear motion of a tool, or a distance
     agrees = named == quantity or (current and named in ("current", "torque"))
     known = unit is not None or current
     sureness: Sureness = "sure" if agrees and known else "likely" if agrees else "guess"
@@ -156,7 +156,7 @@ _QUANTITIES: tuple[Quantity, ...] = ("torque", "speed", "angle")
 
 
 def _wrap(signal: Signal) -> float | None:
-    """Period of an angle of one turn, in its own unit."""
+    """Wrap period of an angle whose range is one turn, in its own unit; None: the range is not one turn."""
     if signal.is_float:
         return None
     extent = 2.0**signal.length * abs(float(signal.scale))
@@ -166,12 +166,12 @@ def _wrap(signal: Signal) -> float | None:
 
 
 def _known(message: str) -> str:
-    """The name of a message; empty: it is unknown, and called by its identifier, which tells nothing."""
+    """The name of a message; empty if it is only an identifier, given to an unknown message."""
     return "" if re.fullmatch(r"x[\da-f]+", message) else message
 
 
 def number_in(message: str, signal: str) -> str:
-    """Of the axis, by the names; empty: there is none.  The number of a PDO is that of a message of every drive."""
+    """The axis number in the names; empty: none.  The number of a PDO is not used, as every drive has the same PDOs."""
     for name in (re.sub(r"pdo_?\d+", "", text, flags=re.IGNORECASE) for text in (signal, _known(message))):
         found = re.findall(r"(?:axis|joint|motor|drive|achse|node|[aj])_?(\d+)", name, re.IGNORECASE)
         found = found or re.findall(r"\d+", name)
@@ -200,12 +200,12 @@ def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]
 
 
 def counts(signal: Signal) -> bool:
-    """Whether a signal is a counter, by its name."""
+    """Whether a signal is a sample counter, by its name."""
     return bool({*words_in(signal.name)} & _COUNTS) and not signal.is_float and signal.scale == 1
 
 
 def _best(roles: Sequence[SignalRole]) -> SignalRole | None:
-    """The surest; a torque before a current, one that is called measured before others, the first of equals."""
+    """The surest role; then torque before current, then one that is called measured; the first of equals."""
     grades = {"guess": 0, "likely": 1, "sure": 2}
 
     def grade(role: SignalRole) -> tuple[int, int, bool]:
@@ -215,7 +215,7 @@ def _best(roles: Sequence[SignalRole]) -> SignalRole | None:
 
 
 def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
-    """What was found, a line for each axis."""
+    """The found axes in words, a line for each."""
     for axis in axes:
         torque, motion = (
             role.name if role.unit in role.name else f"{role.name} [{role.unit}]"

@@ -1,4 +1,4 @@
-"""Files with columns of numbers: .csv, .parquet and .mat, read in blocks of rows."""
+"""Reads tables from .csv, .parquet and .mat files in blocks of rows; writes .csv and .parquet."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from service.ingest.csv_tables import ROWS, CsvTable, LongTable, Rows, numbers
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _MOST_COLUMNS = 100
-"""Most columns of a matrix that are columns of a table"""
+"""A matrix with more columns is not offered column by column"""
 
 
 def open_table(path: Path) -> Table:
-    """The table in a file, by its suffix.
+    """Open the table in a file, by its suffix.
 
     Raises:
         RecordError: the file cannot be read or is not what its suffix says.
@@ -37,10 +37,10 @@ def open_table(path: Path) -> Table:
 
 
 def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:
-    """Check that the wanted columns, with the purpose of each by its name, exist in the table of a file.
+    """Check that the wanted columns exist; ``wanted``: purpose of each column by its name.
 
     Raises:
-        RecordError: one does not exist; the text lists those that do.
+        RecordError: a column does not exist; the text suggests existing ones.
     """
     known = set(table.names)
     for name, purpose in wanted.items():
@@ -65,7 +65,7 @@ class ParquetTable:
 
     @property
     def names(self) -> Sequence[str]:
-        """The columns there are."""
+        """Names of all columns."""
         return tuple(self._file.schema_arrow.names)
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
@@ -90,9 +90,9 @@ class ParquetTable:
 
 
 class MatTable:
-    """A MATLAB file up to version 7; a variable of a structure is called structure.variable.
+    """A MATLAB file up to version 7.
 
-    The second column of a matrix is called matrix(:,2).
+    A variable in a structure is called structure.variable, the second column of a matrix is called matrix(:,2).
     """
 
     has_names, left_out, units, taken = True, list[str](), dict[str, str](), tuple[str, ...]()
@@ -112,7 +112,7 @@ class MatTable:
 
     @property
     def names(self) -> Sequence[str]:
-        """The variables there are."""
+        """Names of all variables."""
         return tuple(self._arrays)
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
@@ -146,20 +146,20 @@ def _flat(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
 
 
 Table = CsvTable | LongTable | ParquetTable | MatTable
-"""A file with columns, of any kind"""
+"""A table file of any kind"""
 
 
-# --- Tables that are written ------------------------------------------------------------------------------------------
+# --- Writing tables ---------------------------------------------------------------------------------------------------
 
 
 Columns = Mapping[str, Sequence[Any]]
-"""Columns of a part of a table: texts, whole numbers, or floats, of which NaN becomes an empty cell"""
+"""Columns of one part of a table: texts, integers or floats; NaN becomes an empty cell"""
 
 
 def write_csv(file: IO[bytes], schema: Mapping[str, type], parts: Iterable[Columns]) -> None:
-    """Write a table; the kinds of its columns are str, int and float."""
+    """Write a table; ``schema``: str, int or float by column."""
     known = _schema(schema)
-    options = pc.WriteOptions(include_header=False, quoting_style="needed")  # it would quote all names
+    options = pc.WriteOptions(include_header=False, quoting_style="needed")  # arrow would quote all names
     file.write((",".join(schema) + "\n").encode())
     with pc.CSVWriter(file, known, write_options=options) as writer:
         for part in parts:
@@ -167,7 +167,7 @@ def write_csv(file: IO[bytes], schema: Mapping[str, type], parts: Iterable[Colum
 
 
 def write_parquet(file: IO[bytes], schema: Mapping[str, type], parts: Iterable[Columns]) -> None:
-    """Write a table; the kinds of its columns are str, int and float."""
+    """Write a table; ``schema``: str, int or float by column."""
     known = _schema(schema)
     with pq.ParquetWriter(file, known, compression="zstd") as writer:
         for part in parts:

@@ -1,6 +1,6 @@
-"""The head of a CSV table: what stands above its rows of numbers, and how they are written.
+"""Reads the head of a CSV table: the lines above the numbers, and the format of the numbers.
 
-Exports of drives and spreadsheets begin with remarks, the names of columns, and often a line of their units.
+Exports of drives and spreadsheets start with remarks, the names of the columns, and often a line of units.
 """
 
 import csv
@@ -16,9 +16,9 @@ from typing import NamedTuple
 from service.can.user_errors import RecordError
 
 _SAMPLE_LINES = 300
-"""Lines that show where the numbers begin, and how numbers and dates are written."""
+"""Lines read to find where the numbers start, and the format of numbers and dates."""
 _BELOW_NAMES = 3
-"""At most so many lines stand between the names and the numbers: units, descriptions."""
+"""Most lines between the names and the numbers: units, descriptions."""
 _DECIMAL_COMMA, _DECIMAL_POINT = (
     re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*"),
     re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*"),
@@ -30,7 +30,7 @@ _GROUPED = {
     )
     for mark, other in _OTHER_MARK.items()
 }
-"""Numbers with separators of thousands, by the decimal mark: 1,234 or 1'234.5, and 1.234 or 1 234,5"""
+"""Numbers with thousands separators, by the decimal mark: 1,234 or 1'234.5, and 1.234 or 1 234,5"""
 _THREE_DIGITS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
 _DAY = re.compile(r"(\d\d?)([./])(\d\d?)\2(\d{4}),?\s+")
 _YEAR_FIRST = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)")
@@ -44,7 +44,7 @@ _REMARK = ("#", "%")
 
 
 class Head(NamedTuple):
-    """What stands above the numbers; ``lines``: how many lines that is."""
+    """The head of a table; ``lines``: number of lines above the numbers."""
 
     encoding: str
     delimiter: str
@@ -52,7 +52,7 @@ class Head(NamedTuple):
     names: tuple[str, ...] | None
     """None: the table has numbers only"""
     units: Mapping[str, str]
-    """Of the columns, by name, where a line below the names has them"""
+    """Units of the columns by name, if a line below the names has them"""
     width: int
     """Cells in a row"""
     sample: tuple[tuple[str, ...], ...]
@@ -64,7 +64,7 @@ class Head(NamedTuple):
 
     @property
     def decimal_mark(self) -> str:
-        """Of the numbers in the first rows."""
+        """The decimal mark of the numbers in the first rows."""
         cells = self._cells
         for mark, other in _OTHER_MARK.items():
             if any((mark in c or c.count(other) > 1) and _GROUPED[mark].fullmatch(c) for c in cells):
@@ -74,7 +74,7 @@ class Head(NamedTuple):
 
     @property
     def day_first(self) -> bool:
-        """Whether 01/02/2026 is taken as the first of February: as the rows tell, else with a clock of 24 hours."""
+        """Whether 01/02/2026 is 1 February: if the rows show it, or, if they do not, with a 24-hour clock."""
         days = self._slashed_days
         if any(int(second) > _MONTHS for _, second in days):
             return False
@@ -87,7 +87,7 @@ class Head(NamedTuple):
 
     @property
     def taken(self) -> tuple[str, ...]:
-        """What the first rows leave open, and how it is taken."""
+        """Assumptions about dates and numbers that are ambiguous in the first rows."""
         words, days, cells = list[str](), self._slashed_days, self._cells
         if days and max(int(number) for day in days for number in day) <= _MONTHS:
             order = "day/month" if self.day_first else "month/day"
@@ -106,10 +106,10 @@ class Head(NamedTuple):
         return {name for row in self.sample for name, cell in zip(names, row, strict=False) if _is_date(cell)}
 
     def keys(self, times: Collection[str]) -> tuple[str, str] | None:
-        """A time and a name of what a row holds, where a time has several rows, one for each signal or axis; else None.
+        """If a time has a row for each signal or axis: the columns with the time and with their names; otherwise None.
 
-        ``times``: columns that may be the time.  The rows come by their times, or those of a signal together: then one
-        column has numbers beside the time, and others have texts.
+        ``times``: columns that may be the time.  The rows are sorted by time, or by signal: then only one column
+        besides the time has numbers, and at least one has texts.
         """
         cells_of = zip(*(row for row in self.sample if len(row) == self.width), strict=True)
         columns = dict(zip(self.names or (), cells_of, strict=False))
@@ -128,7 +128,7 @@ class Head(NamedTuple):
         return None
 
     def is_text(self, name: str) -> bool:
-        """Whether a column holds nothing but texts in the first rows."""
+        """Whether a column has only texts in the first rows."""
         at = (self.names or ()).index(name)
         cells = [row[at] for row in self.sample if at < len(row) and row[at]]
         return bool(cells) and not any(is_number(cell.replace(",", ".")) or _is_date(cell) for cell in cells)
@@ -138,8 +138,8 @@ def read_head(path: Path) -> Head:
     """The head of a file.
 
     Raises:
-        OSError: it cannot be read.
-        RecordError: it is no text, or its first line is empty.
+        OSError: the file cannot be read.
+        RecordError: the file is no text, or is empty.
     """
     with path.open("rb") as file:
         encoding = _encoding(file.read(1 << 16))
@@ -153,7 +153,7 @@ def read_head(path: Path) -> Head:
 
 
 def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
-    """The head of a table whose first lines these are."""
+    """The head of a table from its first lines."""
     delimiter = _delimiter(lines)
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter != " ")
     rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
@@ -166,7 +166,7 @@ def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
     words = [(k, row) for k, row in fitting if k < first and _could_be_names(row)]
     above = [(k, row) for k, row in words if not row[0].startswith(_REMARK)] or words
     if not above and first > 0 and not rows[0][1][0].startswith(_REMARK):
-        # Names of another number than the cells below: a fault of the table.
+        # The number of names differs from the number of cells below: a fault of the table.
         above, width = [(0, rows[0][1])], len(rows[0][1])
     if not above:
         start = rows[first - 1][0] if first else 0
@@ -180,7 +180,7 @@ def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
 
 
 def is_number(cell: str) -> bool:
-    """Whether a cell with a decimal point is one."""
+    """Whether a cell is a number with a decimal point."""
     try:
         float(cell)
     except ValueError:
@@ -189,7 +189,7 @@ def is_number(cell: str) -> bool:
 
 
 def plain(cell: str, decimal_mark: str) -> str:
-    """A number as ``float`` reads it: with a decimal point, without separators of thousands; empty: it is none."""
+    """A number for ``float``, with a decimal point and without thousands separators; empty: the cell is no number."""
     if _GROUPED[decimal_mark].fullmatch(cell):
         cell = re.sub(f"[^-+\\d{decimal_mark}]", "", cell)
     return "" if _OTHER_MARK[decimal_mark] in cell else cell.replace(decimal_mark, ".")
@@ -197,9 +197,9 @@ def plain(cell: str, decimal_mark: str) -> str:
 
 @lru_cache(1 << 18)  # a record is read several times, and a time may have a row for each signal
 def seconds_of(cell: str, day_first: bool = False) -> float | None:
-    """Seconds since 1970, or since midnight where it is a time of day; None: the cell holds neither.
+    """Seconds since 1970, or since midnight for a time of day; None: the cell has neither.
 
-    ``day_first``: 01/02/2026 is the first of February.
+    ``day_first``: 01/02/2026 is 1 February.
     """
     text, half, hours = cell.strip(), _HALF_DAY.search(cell.strip()), 0
     text = _HALF_DAY.sub("", text)
@@ -222,7 +222,7 @@ def _iso_day(day: re.Match[str], day_first: bool) -> str:
 
 
 def _encoding(start: bytes) -> str:
-    """Of a text that begins so: of a spreadsheet in Windows, where it is not UTF-8."""
+    """The encoding of a text from its first bytes; cp1252, as of spreadsheets in Windows, if it is not Unicode."""
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if start[1:2] == b"\0":
@@ -240,7 +240,7 @@ def _is_utf8(line: bytes) -> bool:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The first of tab, semicolon and comma that half of the lines have; else a space, where half have numbers so."""
+    """The first of tab, semicolon and comma that half of the lines have; a space if half are numbers with spaces."""
     full = [line.strip("\r\n") for line in lines if line.strip()]
     shares = {d: sum(d in line for line in full) for d in "\t;,"}
     shares[" "] = sum(" " in line and all(map(is_number, line.split(" "))) for line in full)
@@ -252,7 +252,7 @@ def _is_date(cell: str) -> bool:
 
 
 def _has_numbers(row: Sequence[str]) -> bool:
-    """Whether a row holds a number or a date; "1" may be a unit."""
+    """Whether a row has a number or a date; a lone "1" may be a unit."""
     numbers = [is_number(cell.replace(",", ".")) or _is_date(cell) for cell in row if cell]
     return any(numbers) and (all(numbers) or any(n and cell != "1" for n, cell in _with(numbers, row)))
 
@@ -262,7 +262,7 @@ def _with(numbers: Sequence[bool], row: Sequence[str]) -> Iterable[tuple[bool, s
 
 
 def _could_be_names(row: Sequence[str]) -> bool:
-    """Whether most cells of a row have something: remarks of a spreadsheet end with empty ones."""
+    """Whether most cells of a row are filled; remarks of a spreadsheet end with empty cells."""
     return 2 * sum(map(bool, row)) > len(row)
 
 

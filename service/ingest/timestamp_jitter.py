@@ -1,4 +1,4 @@
-"""Scatter of the time stamps of an axis, and recommendations for its configuration."""
+"""Jitter of the time stamps of an axis, and recommendations for its configuration."""
 
 import math
 from collections.abc import Iterator
@@ -15,15 +15,16 @@ _ENOUGH = 100
 _ENOUGH_FOR_MEDIAN = 1000
 _SCATTER = 0.05  # of an interval: 0.25 ms at 5 ms, which costs 2 % spread in fm
 _CRYSTALS = 300e-6
-"""Part of an interval: two clocks hardly differ by more."""
+"""Largest relative difference of two quartz clocks."""
 
 
 class Stamps(NamedTuple):
-    """Time stamps of an axis.
+    """Quality of the time stamps of an axis.
 
-    ``scatter_s`` is the standard deviation [s] of time of receipt minus time of the sample; where the times of receipt
-    are those of the samples, that of the intervals over sqrt(2), as for independent errors.  ``interval_s`` is the
-    interval of the controller measured by the clock of this machine.  None: not known yet.
+    ``scatter_s``: standard deviation of the time of receipt minus the time of the sample [s].  With the clock
+    "receipt", in which these are equal: the standard deviation of the intervals divided by sqrt(2), as for independent
+    errors.  ``interval_s``: interval of the controller, measured by the clock of this machine [s].  None: not known
+    yet.
     """
 
     clock: Clock
@@ -35,9 +36,9 @@ NOT_KNOWN = Stamps("receipt", None, None)
 
 
 def stamps_of(meter: NDArray[np.void], clock: Clock, fitted_s: float | None = None) -> Stamps:
-    """The measurement so far by a meter of ``monitor_core.sampling.new_meter``.
+    """The results so far of a meter of ``monitor_core.sampling.new_meter``.
 
-    ``clock``: that gives the times of the samples; ``fitted_s``: the interval by it [s].
+    ``clock``: clock of the samples' times; ``fitted_s``: interval that this clock has fitted [s].
     """
     m = meter[0]
     spread, share = ("intervals", 0.5) if clock == "receipt" else ("delays", 1.0)
@@ -46,13 +47,13 @@ def stamps_of(meter: NDArray[np.void], clock: Clock, fitted_s: float | None = No
     if m["intervals_count"] < _ENOUGH_FOR_MEDIAN:
         return Stamps(clock, scatter_s, fitted_s)
     median_s = float(m["median_us"]) * 1e-6
-    # Measured by the fitted clock, unless the interval is too far off to be fitted.
+    # Use the interval of the fitted clock, unless the nominal interval is too far off for the fit to work.
     clear = fitted_s is None or _far_off(median_s, float(m["interval_us"]) * 1e-6, scatter_s)
     return Stamps(clock, scatter_s, median_s if clear else fitted_s)
 
 
 def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
-    """Recommendations for the configuration of an axis with that nominal interval [s], from its time stamps."""
+    """Recommendations for the configuration of an axis; ``interval_s``: its nominal interval [s]."""
     scatter_s, found_s = stamps.scatter_s, stamps.interval_s
     if stamps.clock == "receipt" and scatter_s is not None and scatter_s > _SCATTER * interval_s:
         yield sentence(
@@ -76,14 +77,14 @@ def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
 def _far_off(found_s: float, interval_s: float, scatter_s: float | None) -> bool:
     """Whether the median of the intervals differs significantly from the nominal one.
 
-    The median of a thousand intervals scatters by 1/25 of their standard deviation.
+    The median of a thousand intervals has a standard error of 1/25 of their standard deviation.
     """
     least_s = max(0.01 * interval_s, 0.2 * (scatter_s or 0.0))
     return abs(found_s - interval_s) > least_s
 
 
 def in_words(stamps: Stamps) -> tuple[str, str]:
-    """The scatter and the interval."""
+    """The jitter and the interval in words."""
     found_s = stamps.interval_s
     return _ms(stamps.scatter_s), "" if found_s is None else f"every {1e3 * found_s:.5g} ms"
 

@@ -1,4 +1,4 @@
-"""Rows of a damaged table that look harmless one by one: beside broken ones, or with a time that runs ahead."""
+"""Finds bad rows of a damaged table that look right one by one: next to broken rows, or with a time that runs ahead."""
 
 from bisect import bisect_left
 
@@ -7,23 +7,23 @@ import numpy as np
 from monitor_core.arrays import Bools, Floats, Ints
 
 _NEAR = 10
-"""Rows: farther from any broken one a row is not looked at; so many in a row need nothing to hold on to."""
+"""Rows farther than this from a broken row are accepted, and so are sequences longer than this without a step."""
 _FEWEST = 20
-"""Steps far from broken rows, to know how far a column steps."""
+"""Fewest steps far from broken rows from which the largest step of a column is known."""
 _MORE = 2.0
-"""Steps that a column may have made beside one in each row."""
+"""Extra largest steps that a column may make, besides one for each row."""
 
 
 def torn(values: Floats, broken: Bools) -> Bools:
-    """Rows (N,) that belong to the damage around ``broken`` ones, although each of their cells could be right.
+    """Mask of the rows (N,) that belong to the damage around ``broken`` rows, although each cell alone could be right.
 
-    A writer that has lost its place continues with cells that are shifted or read from elsewhere, many of which look
-    like measurements.  So rows next to broken ones are accepted only if they continue the sound ones across the damage:
-    no column moves farther than it does elsewhere in as many rows.
+    A faulty writer continues with shifted cells or with cells from elsewhere, and many of these look like measurements.
+    So rows next to broken rows are accepted only if they continue the good rows across the damage: no column moves
+    farther than it does elsewhere in as many rows.
 
     Args:
-        values: of all columns but the time (N, C); NaN: missing, without information.
-        broken: (N,).
+        values: all columns but the time (N, C); NaN: missing.
+        broken: mask of the broken rows (N,).
     """
     largest = _largest_steps(values, ~_near(broken))
     starts = np.flatnonzero(np.append(True, _apart(values, broken, largest)))
@@ -47,7 +47,7 @@ def _near(broken: Bools) -> Bools:
 
 
 def _largest_steps(values: Floats, quiet: Bools) -> Floats:
-    """Largest step of each column (C,) from one row to the next; infinite if nothing is known."""
+    """Largest step of each column (C,) from one row to the next; infinite if not known."""
     pairs = quiet[1:] & quiet[:-1]
     if np.count_nonzero(pairs) < _FEWEST:
         return np.full(values.shape[1], np.inf)
@@ -55,7 +55,7 @@ def _largest_steps(values: Floats, quiet: Bools) -> Floats:
 
 
 def _apart(values: Floats, broken: Bools, largest: Floats) -> Bools:
-    """Whether each row but the first does not follow the one before it (N - 1,)."""
+    """Mask of the rows that do not continue the row before (N - 1,), without the first row."""
     far = (abs(np.diff(values, axis=0)) > (1 + _MORE) * largest).any(axis=1)
     return np.asarray(broken[1:] | broken[:-1] | far, np.bool_)
 
@@ -66,10 +66,10 @@ def _continue(values: Floats, i: int, k: int, largest: Floats) -> bool:
 
 
 def ahead(times: Floats, usable: Bools) -> Bools:
-    """Rows (N,) whose time is later than that of rows after them, where the later rows are right.
+    """Mask of the rows (N,) whose time is wrong, as it is later than that of right rows after them.
 
-    Of the ``usable`` rows the largest number with increasing times is accepted.  A single row ahead of them would
-    otherwise make all of them late.
+    The largest subset of the ``usable`` rows with increasing times is accepted.  Otherwise a single row with a too late
+    time would make all rows after it count as late.
     """
     out = np.zeros(len(times), np.bool_)
     at = np.flatnonzero(usable)
@@ -77,7 +77,7 @@ def ahead(times: Floats, usable: Bools) -> Bools:
     in_turn = np.count_nonzero(np.diff(np.maximum.accumulate(t)) > 0) + 1 if len(t) else 0
     if in_turn == len(t) or len(kept := _longest_rise(t)) <= in_turn:
         return out
-    following = np.searchsorted(kept, np.arange(len(t)))  # the row itself, if it is kept
+    following = np.searchsorted(kept, np.arange(len(t)))  # the next kept row, or the row itself if it is kept
     next_time = np.append(t[kept], np.inf)[following]
     out[at] = t > next_time
     return out
@@ -86,7 +86,7 @@ def ahead(times: Floats, usable: Bools) -> Bools:
 def _longest_rise(values: Floats) -> Ints:
     """Indices of the longest strictly increasing subsequence (K,).
 
-    C. Schensted, Canadian J. Math. 13 (1961): for each length the smallest value that a subsequence can end with.
+    C. Schensted, Canadian J. Math. 13 (1961): keep, for each length, the smallest last value of a subsequence.
     """
     ends, where, before = list[float](), list[int](), list[int]()
     for k, value in enumerate(values.tolist()):

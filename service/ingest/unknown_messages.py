@@ -1,4 +1,4 @@
-"""What a bus sends that nothing describes: the numbers in its messages, and which of them are torque and motion."""
+"""Finds the numbers in the messages of an undescribed bus, and which of them are torque and motion."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -13,43 +13,44 @@ from service.ingest.live_roles import roles_on_bus
 from service.ingest.signal_roles import AxisRoles
 
 _FEWEST_VALUES, _CHANGES = 16, 0.2
-"""Fewest different numbers of an axis that moves, and the least share of the frames with another one than before"""
+"""A number may be torque or motion if it has at least this many different values, and changes in more than this share
+of the frames"""
 
 
 _LETTERS = "abcdefgh"
 
 
 class UnknownMessage(NamedTuple):
-    """The frames of one id."""
+    """The frames with one identifier."""
 
     key: FrameKey
     rate: float
-    """Frames per second, in the middle half of them"""
+    """Frames per second, measured over the middle half of the frames"""
     length: int
-    """Bytes, of most of its frames"""
+    """Length of most frames in bytes"""
     fields: tuple[Field, ...] = ()
-    """The numbers in it; none where too few frames came, or where a byte chooses what they mean"""
+    """The numbers in the message; none if too few frames were received, or if the message is multiplexed"""
     bits: tuple[Bits, ...] = ()
-    """Its counters, and its numbers that move, as the table of a configuration has them"""
+    """The counters and the changing numbers, as a configuration describes them"""
     pages: int = 0
-    """Values of that byte, the ``multiplexer``; 0: there is none"""
+    """Number of values of the ``multiplexer`` byte; 0: the message is not multiplexed"""
     multiplexer: int | None = None
 
     @property
     def name(self) -> str:
-        """Of the message in the proposed configuration."""
+        """Name of the message in the proposed configuration."""
         return f"x{self.key.can_id:x}"
 
 
 class Discovered(NamedTuple):
-    """What was found on a bus that nothing describes."""
+    """The messages and axes found on an undescribed bus."""
 
     messages: tuple[UnknownMessage, ...]
     axes: tuple[AxisRoles, ...]
 
 
 def discover_axes(frames: FrameBlock) -> Discovered:
-    """Look at all frames of a bus, in the order of their receipt."""
+    """Find the axes on an undescribed bus, from all its frames in order of receipt."""
     frames = frames.in_order()
     ids, places, counts = np.unique(frames.ids, return_inverse=True, return_counts=True)
     order = np.argsort(places, kind="stable")
@@ -76,7 +77,7 @@ def _message(frames: FrameBlock) -> UnknownMessage:
 
 
 def _moves(values: Floats) -> bool:
-    """Whether a number may be torque or motion of an axis that moves: no setting, no noise of an idle drive."""
+    """Whether a number may be torque or motion of a moving axis, rather than a setting or noise of an idle drive."""
     return np.unique(values).size >= _FEWEST_VALUES and float(np.mean(np.diff(values) != 0)) > _CHANGES
 
 
@@ -88,7 +89,10 @@ def _rate(frames: FrameBlock) -> float:
 
 
 def _bits(field: Field) -> Bits:
-    """The name has letters for the first bit: a digit would be taken for the number of an axis, an i for a current."""
+    """The field as a configuration describes it.
+
+    Its name has letters for the first bit: a digit would be taken for an axis number, and an "i" for a current.
+    """
     what = "counter" if field.kind == "counter" else "value"
     kind: Kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
     low = 0 if field.part is None else field.part.low_bit

@@ -1,8 +1,8 @@
 """Unwraps an angle that wraps after each turn, or after 2^16 counts.
 
-The next angle is extrapolated from the last two; of all angles that the signal may stand for, a period apart, the
-nearest one is taken.  Where the extrapolation lies nearly in the middle between two, the sample is refused instead of
-guessed: a wrong turn would be a jump that never happened.
+The next angle is extrapolated from the last two.  Of all angles that the signal can mean (a period apart), the nearest
+is taken.  If the extrapolation lies near the middle between two of them, the sample is refused, as a wrong choice would
+add a jump that never happened.
 """
 
 from typing import NamedTuple
@@ -14,11 +14,11 @@ from monitor_core.samples import SampleBlock
 from service.config.schema import AxisConfig
 
 AMBIGUOUS = "ambiguous"
-"""Reason of samples that are refused: they are half a period away from where they were expected."""
+"""Drop reason of samples about half a period away from the expected angle."""
 SURE = 0.4
-"""Part of a period: further away than this from where it was expected, an angle could be one of two."""
+"""An angle farther than this part of a period from the expected one is ambiguous."""
 _GAP = 10
-"""Intervals of the samples; the default of ``max_gap_s``"""
+"""Longest gap in sample intervals; the default of ``max_gap_s``"""
 
 
 class Motion(NamedTuple):
@@ -30,9 +30,9 @@ class Motion(NamedTuple):
 
 
 class Turns:
-    """Continuous angles of one axis from those of its signal, of that period [rad], sample by sample.
+    """Makes continuous angles of one axis from a signal with this period [rad], sample by sample.
 
-    After a gap, a longer time than ``gap_us``, they start from those of the signal again, as the predictor does.
+    After a gap longer than ``gap_us``, the angle starts again at the value of the signal, as the predictor does.
     """
 
     def __init__(self, period: float, gap_us: int) -> None:
@@ -61,7 +61,7 @@ class Turns:
         if last is None or abs(t_us - last.t_us) > self._gap_us:
             self._last = Motion(t_us, value, 0.0)
             return value
-        if t_us <= last.t_us:  # the monitor refuses it, and counts it
+        if t_us <= last.t_us:  # the monitor will refuse and count this sample
             return value
         expected = last.angle + last.speed * (t_us - last.t_us)
         unwrapped = value + round((expected - value) / self._period) * self._period
@@ -72,7 +72,7 @@ class Turns:
 
 
 def continuous(t: Floats, angle: Floats, period: float | None) -> Floats:
-    """Continuous angles (N,) at increasing times (N,) [s], in the unit of the signal; NaN: could be one of two."""
+    """Continuous angles (N,) at increasing times (N,) [s], in the unit of the signal; NaN: ambiguous."""
     good = np.isfinite(angle)
     if period is None or np.count_nonzero(good) < 2:
         return angle
@@ -84,7 +84,7 @@ def continuous(t: Floats, angle: Floats, period: float | None) -> Floats:
 
 
 def turns_of(config: AxisConfig) -> Turns | None:
-    """The unwrapping of the angle of an axis; None: it does not wrap."""
+    """The unwrapping of the angle of an axis; None: the angle does not wrap."""
     if config.angle is None or config.angle.wrap_period is None:
         return None
     period = abs(config.angle.factor) * config.angle.wrap_period

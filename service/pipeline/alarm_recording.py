@@ -1,4 +1,4 @@
-"""Alarms on their way to the journal: what the disk refuses is shown at once, as not yet recorded."""
+"""Writes alarms to the journal.  An alarm that the disk refuses is shown at once, as not yet recorded."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
@@ -35,7 +35,7 @@ class AxisAlarm(NamedTuple):
 
     @property
     def key(self) -> tuple[str, AlarmKey]:
-        """Of the alarm, whatever becomes of it."""
+        """Identity of the alarm; it does not change with the alarm's state."""
         return self.axis_id, self.alarm.key
 
 
@@ -48,7 +48,7 @@ class Quantity(NamedTuple):
 
 def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Quantity]:
     """Units and nominal values of all causes that an alarm may name."""
-    found = {
+    known = {
         (axis_id, p.name): Quantity(p.unit, float(nominal))
         for axis_id, monitor in monitors.items()
         for p, nominal in zip(monitor.model.parameters, monitor.model.theta0, strict=True)
@@ -57,19 +57,19 @@ def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Qua
         if monitor.multimodel is not None:
             for cause in monitor.multimodel.causes:
                 nominal, unit, _ = monitor.multimodel.quantity(cause)
-                found.setdefault((axis_id, cause), Quantity(unit, nominal))
-    return found
+                known.setdefault((axis_id, cause), Quantity(unit, nominal))
+    return known
 
 
 def alarm_groups(axes: Iterable[NamedAxis]) -> dict[str, str]:
-    """The groups of axes whose alarms may have a first one."""
+    """The group of each axis.  In a group, the alarm that was raised first is marked as the first."""
     return {axis.id: axis.config.alarms.group or axis.robot for axis in axes}
 
 
 def alarm_rules(
     axes: Iterable[NamedAxis], causes: Iterable[tuple[str, str]]
 ) -> dict[tuple[str, str], AlarmRules]:
-    """What the configuration says of the alarms of these axes and causes."""
+    """The configured alarm rules by axis and cause."""
     configured = {axis.id: axis.config for axis in axes}
     return {(i, cause): configured[i].alarms.rules(cause, configured[i].memory_s) for i, cause in causes}
 
@@ -78,7 +78,7 @@ _PLAIN = AlarmRules()
 
 
 def as_recorded(entry: Entry, alarm_id: int = 0, recorded: bool = True) -> RecordedAlarm:
-    """An alarm as the journal will have it; 0: its id is not known."""
+    """The row that the journal will hold for an alarm; ``alarm_id`` 0: the id is not known yet."""
     ended_us, note = entry.alarm.ended_us, entry.acknowledged
     courses = [(True, entry.alarm.raised_us), *([] if ended_us is None else [(False, ended_us)])]
     life = [AlarmLife(), *(t.after for t, _ in lived(AlarmLife(), courses, entry.rules, note))][-1]
@@ -98,18 +98,19 @@ def as_recorded(entry: Entry, alarm_id: int = 0, recorded: bool = True) -> Recor
 
 
 class AlarmsSnapshot(NamedTuple):
-    """Life cycle of the alarms at one moment, for API, metrics and page."""
+    """States of the alarms at one moment, for API, metrics and page."""
 
     standing: tuple[RecordedAlarm, ...] = ()
-    """Those in the journal that are active or hidden"""
+    """Recorded alarms that are active or hidden"""
     unrecorded: tuple[RecordedAlarm, ...] = ()
-    """Those that the journal does not have yet, oldest first; their ids are what they will be there, 0: not known"""
+    """Alarms that are not in the journal yet, oldest first, with the ids that the journal will give them (0: not
+    known)"""
     waiting: int = 0
-    """Number of alarms of which the journal does not have all yet"""
+    """Number of alarms with changes that are not in the journal yet"""
     states: tuple[StateCount, ...] = ()
     """Number of recorded alarms by state and priority"""
     removed: Mapping[str, Note] = MappingProxyType({})
-    """Axes that persons have taken out of service"""
+    """Axes that a person has taken out of service, and that person's note"""
 
 
 NO_ALARMS = AlarmsSnapshot()
@@ -117,30 +118,31 @@ NO_ALARMS = AlarmsSnapshot()
 
 @dataclass(slots=True)
 class _Waiting:
-    """A change that the journal does not have yet."""
+    """A change of an alarm that is not in the journal yet."""
 
     change: AxisAlarm
     refused: bool = False
-    """The journal has refused it, which was logged"""
-    promised: int = 0
-    """The id that a new alarm will have there; 0: not known"""
+    """Writing it has failed at least once, and that was logged"""
+    reserved_id: int = 0
+    """The id that a new alarm will have in the journal; 0: not known"""
     acknowledged: Note | None = None
-    """By whom meanwhile"""
+    """Who has acknowledged the alarm before it was recorded; None: nobody"""
 
 
 class Alarms:
-    """Writes changes to the journal, knows which alarms are open, and ends shelves when their time is over.
+    """Writes alarm changes to the journal, knows which alarms are open, and ends shelving when its time is over.
 
-    A change that cannot be written waits and is tried again without limit.  Changes wait in the order of their events;
-    of each alarm only the last change waits, so their number is bounded by the number of alarms.  An alarm that the
-    journal does not have is open all the same; an end, or another name, counts only when it is recorded.
+    A change that cannot be written waits, and writing is retried without limit.  Changes wait in the order in which
+    they happened.  Only the latest change of each alarm waits, so the number of alarms bounds the queue.  A new alarm
+    counts as open before it is recorded.  The end of an alarm, or a new cause for it, counts only once it is recorded.
 
     Args:
         journal: where alarms are kept.
-        quantities: by axis and parameter.
-        clock: seconds, for the time between two tries.
-        rules: what the configuration says of alarms, by axis and parameter.
-        wall: the clock of the samples; after it was set, an alarm ends so long after it was raised as it has lasted.
+        quantities: unit and nominal value by axis and cause.
+        clock: monotonic clock [s], for the time between two tries.
+        rules: configured alarm rules by axis and cause.
+        wall: the clock of the samples.  If it is set while an alarm is open, the recorded duration of the alarm is
+            still right.
     """
 
     def __init__(
@@ -154,18 +156,18 @@ class Alarms:
         self._journal, self._quantities, self._clock = journal, dict(quantities), clock
         self._rules, self._wall = dict(rules or {}), wall or WallClock()
         self._set_by_us: dict[tuple[str, AlarmKey], int] = {}
-        """How far the clock had been set when an alarm was raised, of those that are open"""
+        """For each open alarm: the sum of all clock steps [us] at the time when it was raised"""
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
         self._waiting: dict[tuple[str, AlarmKey], _Waiting] = {}
-        self._next_try = self._next_look = -RETRY_S
+        self._next_try = self._next_read = -RETRY_S
         self._revision = -1
         self._recorded = NO_ALARMS
         self.problem: str | None = None
-        """Why alarms wait, for the operator; None while none wait."""
+        """Message to the operator: why alarms are not recorded yet; None: all are recorded."""
 
     @property
     def clock_message(self) -> str | None:
-        """That the clock was set, for the operator."""
+        """Message to the operator that the clock was set; None: it was not."""
         return self._wall.message
 
     def adopt(self, open_alarms: Iterable[AxisAlarm]) -> None:
@@ -173,7 +175,7 @@ class Alarms:
         self._open |= {change.key: change for change in open_alarms}
 
     def waits_for_journal(self, axis_id: str) -> bool:
-        """Whether the journal does not have all of the alarms of an axis yet, after a try to write them."""
+        """Try to write all changes; returns whether some alarms of the axis are still not in the journal."""
         self.record(())
         return any(key[0] == axis_id for key in self._waiting)
 
@@ -183,7 +185,10 @@ class Alarms:
         quantities: Mapping[tuple[str, str], Quantity],
         rules: Mapping[tuple[str, str], AlarmRules],
     ) -> None:
-        """These axes have other nominal values from now on, and no open alarm in the journal; or they are gone."""
+        """Replace the quantities and rules of these axes, and forget their alarms.
+
+        They have new nominal values and no open alarm in the journal, or they are no longer configured.
+        """
         self._open = {key: change for key, change in self._open.items() if key[0] not in axis_ids}
         self._waiting = {key: waiting for key, waiting in self._waiting.items() if key[0] not in axis_ids}
         known = {key: q for key, q in self._quantities.items() if key[0] not in axis_ids}
@@ -191,62 +196,65 @@ class Alarms:
         self._rules = {key: own for key, own in self._rules.items() if key[0] not in axis_ids} | {**rules}
 
     def rules_of(self, axis_id: str) -> dict[str, AlarmRules]:
-        """What the configuration says of the alarms of an axis, by their causes."""
+        """The configured alarm rules of an axis, by cause."""
         return {cause: rules for (axis, cause), rules in self._rules.items() if axis == axis_id}
 
     def open(self, axis_id: str) -> tuple[Alarm, ...]:
-        """The open alarms of an axis: those of the journal, and those that it does not have yet."""
+        """The open alarms of an axis, recorded or not."""
         changes = [*self._open.values(), *(waiting.change for waiting in self._unrecorded())]
-        new = [change for change in changes if change.axis_id == axis_id]
-        return tuple(change.alarm for change in new if change.alarm.ended_us is None)
+        own = [change for change in changes if change.axis_id == axis_id]
+        return tuple(change.alarm for change in own if change.alarm.ended_us is None)
 
     def record(self, changes: Iterable[AxisAlarm]) -> None:
-        """Add changes, and write all waiting ones, unless the last try has failed a moment ago."""
+        """Add changes and write all that wait, unless the last try failed less than ``RETRY_S`` ago."""
         for change in changes:
-            lasting = self._lasting(change)
-            self._waiting.setdefault(change.key, _Waiting(lasting)).change = lasting
+            corrected = self._with_true_duration(change)
+            self._waiting.setdefault(change.key, _Waiting(corrected)).change = corrected
         if self._waiting and self._clock() >= self._next_try:
             self._write()
 
     def snapshot(self, now_us: int) -> AlarmsSnapshot:
-        """The life cycle of all alarms now; what persons have done since the last time is in it.
+        """The states of all alarms now, with everything that persons have done up to now.
 
         Args:
-            now_us: the time now; shelves that are over then end.
+            now_us: the present time; shelving and off-delays that are over by then are ended.
         """
         over = any(self._is_over(alarm, now_us) for alarm in self._recorded.standing)
-        if self._clock() >= self._next_look and (over or self._revision != self._journal.revision):
-            self._look(now_us, over)
+        if self._clock() >= self._next_read and (over or self._revision != self._journal.revision):
+            self._read_states(now_us, over)
         unrecorded = tuple(map(self._shown_alarm, self._unrecorded()))
         return self._recorded._replace(unrecorded=unrecorded, waiting=len(self._waiting))
 
     def acknowledge(self, alarm_id: int, note: Note) -> RecordedAlarm | None:
-        """A person has acknowledged an alarm that the journal does not have yet: it will have both.
+        """Acknowledge an alarm that is not recorded yet; the journal will get the alarm and the acknowledgement.
 
-        Returns the alarm then; None: there is no such alarm.
+        Returns the acknowledged alarm; None: no unrecorded alarm has this id.
 
         Raises:
-            AlarmTransitionError: that is not possible in its present state.
+            AlarmTransitionError: an alarm in this state cannot be acknowledged.
         """
         for waiting in self._unrecorded():
-            if waiting.promised == alarm_id:
+            if waiting.reserved_id == alarm_id:
                 transition(self._shown_alarm(waiting).life, AlarmEvent.ACKNOWLEDGE)
                 waiting.acknowledged = note
                 return self._shown_alarm(waiting)
         return None
 
     def removed(self, axis_id: str) -> Note | None:
-        """Since when a person has taken an axis out of service, who and why; None: nobody has."""
+        """Who has taken an axis out of service, when and why; None: nobody has."""
         return self._recorded.removed.get(axis_id)
 
     def _is_over(self, alarm: RecordedAlarm, now_us: int) -> bool:
-        """Whether its shelf or its off-delay is over, which the journal does not have yet."""
+        """Whether shelving or the off-delay of an alarm is over, but the journal does not know that yet."""
         rules = self._rules.get((alarm.axis, alarm.parameter), _PLAIN)
         at_us = returns_us(alarm.life, alarm.ended_us, rules)
         return alarm.life.at(now_us) != alarm.life or (at_us is not None and at_us <= now_us)
 
-    def _look(self, now_us: int, over: bool) -> None:
-        """Read the states in the journal, after the end of what is over; a failure is tried again later."""
+    def _read_states(self, now_us: int, over: bool) -> None:
+        """Read the alarm states from the journal; a failure is retried later.
+
+        ``over``: some shelving or off-delay is over, so the journal ends it first.
+        """
         try:
             if over:
                 self._journal.end_shelves(now_us)
@@ -254,12 +262,12 @@ class Alarms:
             standing, states = self._journal.standing(), self._journal.state_counts()
             removed = self._journal.services.removed()
         except StoreError as error:
-            if self._next_look < 0:
+            if self._next_read < 0:
                 log.error("the states of the alarms are not up to date", reason=str(error))
-            self._next_look = self._clock() + RETRY_S
+            self._next_read = self._clock() + RETRY_S
             return
         self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states), removed=removed)
-        self._revision, self._next_look = revision, -RETRY_S
+        self._revision, self._next_read = revision, -RETRY_S
 
     def _unrecorded(self) -> list[_Waiting]:
         return [waiting for key, waiting in self._waiting.items() if key not in self._open]
@@ -274,7 +282,7 @@ class Alarms:
                 log.error("alarms cannot be recorded", reason=str(error), alarms=f"alarm of {_names(new)}")
                 for waiting in new:
                     waiting.refused = True
-            self._promise()
+            self._reserve_ids()
             self.problem = sentence(
                 "alarm not recorded",
                 "alarm of {alarms}: cannot be recorded yet, is tried again: {why}",
@@ -285,20 +293,22 @@ class Alarms:
         self._waiting.clear()
         self.problem = None
         for waiting in every:
-            self._show(waiting.change)
+            self._apply(waiting.change)
 
-    def _promise(self) -> None:
-        """Give the alarms that the journal does not have yet the ids that they will have there."""
-        new = [waiting for waiting in self._unrecorded() if not waiting.promised]
+    def _reserve_ids(self) -> None:
+        """Give unrecorded alarms the ids that they will have in the journal."""
+        new = [waiting for waiting in self._unrecorded() if not waiting.reserved_id]
         try:
-            last = max([self._journal.last_id(), *(waiting.promised for waiting in self._waiting.values())])
+            last = max(
+                [self._journal.last_id(), *(waiting.reserved_id for waiting in self._waiting.values())]
+            )
         except StoreError:
             return
         for number, waiting in enumerate(new, last + 1):
-            waiting.promised = number
+            waiting.reserved_id = number
 
-    def _show(self, change: AxisAlarm) -> None:
-        """Show the alarm as it is in the journal, and log the change."""
+    def _apply(self, change: AxisAlarm) -> None:
+        """Update the open alarms with a recorded change, and log it."""
         key, alarm = change.key, change.alarm
         before = self._open.pop(key, None)
         if alarm.ended_us is not None:
@@ -307,13 +317,13 @@ class Alarms:
             return
         self._open[key] = change
         if before is None:
-            again = alarm.reopened_us is not None
-            log.warning("alarm reopened" if again else "alarm raised", **self._facts(change))
+            reopened = alarm.reopened_us is not None
+            log.warning("alarm reopened" if reopened else "alarm raised", **self._facts(change))
         elif _name(before.alarm) != _name(alarm):
             log.warning("alarm named", **self._facts(change))
 
-    def _lasting(self, change: AxisAlarm) -> AxisAlarm:
-        """The change, its times by the clock as it was when the alarm was raised."""
+    def _with_true_duration(self, change: AxisAlarm) -> AxisAlarm:
+        """The change with its times on the clock as it ran when the alarm was raised, before it was set."""
         adopted = change.key in self._open
         set_by = self._wall.set_by_us
         step = set_by - self._set_by_us.setdefault(change.key, 0 if adopted else set_by)
@@ -327,14 +337,14 @@ class Alarms:
         axis_id, alarm = waiting.change
         unit, nominal = self._quantities[axis_id, alarm.parameter]
         rules = self._rules.get((axis_id, alarm.parameter), _PLAIN)
-        return Entry(axis_id, unit, nominal, alarm, rules, waiting.promised, waiting.acknowledged)
+        return Entry(axis_id, unit, nominal, alarm, rules, waiting.reserved_id, waiting.acknowledged)
 
     def _shown_alarm(self, waiting: _Waiting) -> RecordedAlarm:
-        """The alarm as the journal will have it: it knows which axes persons have taken out of service."""
+        """The row that the journal will hold; it also says whether a person has taken the axis out of service."""
         entry = self._entry(waiting)
         if entry.axis in self._recorded.removed:
             entry = entry._replace(rules=entry.rules._replace(out_of_service=True))
-        return as_recorded(entry, entry.promised, recorded=False)
+        return as_recorded(entry, entry.reserved_id, recorded=False)
 
     def _facts(self, change: AxisAlarm) -> dict[str, object]:
         e, quantity = change.alarm, self._quantities[change.axis_id, change.alarm.parameter]
@@ -358,7 +368,7 @@ def _name(e: Alarm) -> tuple[str, ...]:
 
 
 def _onset(e: Alarm) -> dict[str, str]:
-    """The onset with the ends of its interval, as far as they are known."""
+    """The onset and the ends of its interval, those that are known."""
     times = {"best": e.onset_us, "low": e.onset_low_us, "high": e.onset_high_us}
     return {name: iso(t_us) for name, t_us in times.items() if t_us is not None}
 

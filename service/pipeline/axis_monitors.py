@@ -1,4 +1,4 @@
-"""Monitors of all configured axes: samples by axis in, changed alarms out; and from the frames of all buses to them."""
+"""Monitors of all axes: from samples to changed alarms, and from the frames of all buses to samples."""
 
 from __future__ import annotations
 
@@ -21,11 +21,12 @@ Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""
 
 Observer = Callable[[str, SampleBlock, AxisTrace], None]
-"""Gets the samples of each axis, and what was computed at each of them."""
+"""Called for each axis with its samples and with what the kernel computed at each of them."""
 
 
 _BLOCKS_AT_ONCE = 8
-"""For a multi-model detector; after the start those of some seconds may wait for the compiler."""
+"""Most blocks that a multi-model detector takes in one call.  After the start, blocks of some seconds may have waited
+for the compiler."""
 
 
 class AxisMonitors:
@@ -50,7 +51,7 @@ class AxisMonitors:
         self.trends = Trends(axes, models, keys)
         """The long-term trends of all axes"""
         self._deferred: dict[str, list[SampleBlock]] | None = None
-        """Samples that wait for the multi-model detectors, by axis; None: they take them at once"""
+        """Samples that wait for the multi-model detectors, by axis; None: the detectors take samples at once"""
 
     @property
     def by_id(self) -> Mapping[str, AxisMonitor]:
@@ -60,19 +61,19 @@ class AxisMonitors:
     def update(self, samples: Samples, observer: Observer | None = None) -> list[AxisAlarm]:
         """Let every axis take its samples; returns the alarms that changed, axis by axis."""
         rest: Samples = {a: self.axes[a].unwrapped(block) for a, block in samples.items()}
-        changed, begun = list[AxisAlarm](), False
-        while rest or not begun:
+        changed, first = list[AxisAlarm](), True
+        while rest or first:  # at least once: without samples, this compiles the kernel
             parts = {a: axis.part(rest[a]) for a, axis in self.axes.items() if a in rest}
             changed += self._update({a: part for a, (part, _) in parts.items()}, observer)
-            rest, begun = {a: more for a, (_, more) in parts.items() if more is not None}, True
+            rest, first = {a: more for a, (_, more) in parts.items() if more is not None}, False
         return changed
 
     def _update(self, samples: Samples, observer: Observer | None) -> list[AxisAlarm]:
         ids = list(self.axes)
         blocks = {a: samples[i] for a, i in enumerate(ids) if i in samples}
         changed: list[AxisAlarm] = []
-        together = self._deferred is None
-        for a, update in self._fleet.update(blocks, traced=observer is not None, multimodel=together).items():
+        at_once = self._deferred is None
+        for a, update in self._fleet.update(blocks, traced=observer is not None, multimodel=at_once).items():
             axis_id, axis = ids[a], self.axes[ids[a]]
             if self._deferred is not None and axis.monitor.multimodel is not None:
                 self._deferred.setdefault(axis_id, []).append(axis.monitor.judged(blocks[a]))
@@ -84,32 +85,32 @@ class AxisMonitors:
         return changed
 
     def defer_multimodel(self) -> None:
-        """Let the samples wait for the multi-model detectors from now on, each time until ``update_multimodel``."""
+        """From now on, samples for the multi-model detectors wait until ``update_multimodel`` is called."""
         self._deferred = {}
 
     def update_multimodel(self) -> list[AxisAlarm]:
-        """Let the multi-model detectors take the samples that waited, in order; returns the alarms that changed."""
+        """Pass the waiting samples to the multi-model detectors, in order; returns the alarms that changed."""
         deferred, self._deferred = self._deferred or {}, {}
         return [
             AxisAlarm(axis_id, change.alarm)
             for axis_id, blocks in deferred.items()
-            for _, alike in groupby(enumerate(blocks), _alike)
+            for _, group in groupby(enumerate(blocks), _joinable)
             for change in self.axes[axis_id].monitor.update_multimodel(
-                concatenate([block for _, block in alike])
+                concatenate([block for _, block in group])
             )
         ]
 
-    def change(self, axis_ids: Sequence[str], made: AxisMonitors) -> None:
-        """Monitor these axes from now on: those of ``made`` by its monitors, the others go on as they are.
+    def change(self, axis_ids: Sequence[str], new: AxisMonitors) -> None:
+        """Monitor exactly these axes from now on.  Axes in ``new`` get its monitors; the others keep theirs.
 
-        ``made`` must not be used afterwards.
+        ``new`` must not be used afterwards.
         """
         if self._deferred is not None:
-            kept = set(axis_ids) - made.axes.keys()
+            kept = set(axis_ids) - new.axes.keys()
             self._deferred = {a: blocks for a, blocks in self._deferred.items() if a in kept}
-        self.axes = {a: made.axes.get(a) or self.axes[a] for a in axis_ids}
+        self.axes = {a: new.axes.get(a) or self.axes[a] for a in axis_ids}
         self._fleet = Fleet.of_monitors([axis.monitor for axis in self.axes.values()])
-        self.trends.change(axis_ids, made.trends)
+        self.trends.change(axis_ids, new.trends)
 
     @property
     def deferred_samples(self) -> int:
@@ -117,14 +118,16 @@ class AxisMonitors:
         return sum(block.size for blocks in (self._deferred or {}).values() for block in blocks)
 
     @property
-    def begun_again(self) -> tuple[str, ...]:
-        """Messages about learning windows that run, of which nothing could be restored."""
+    def restarted_windows(self) -> tuple[str, ...]:
+        """Messages about running learning windows that had to start again, as their state could not be restored."""
         running = (axis.epoch.learning for axis in self.axes.values())
-        return tuple(learning.again for learning in running if learning is not None and learning.again)
+        return tuple(
+            learning.restarted for learning in running if learning is not None and learning.restarted
+        )
 
     @property
     def batch_sizes(self) -> list[int]:
-        """How many axes share each batch."""
+        """Number of axes in each batch."""
         return self._fleet.batch_sizes
 
     @property
@@ -142,12 +145,13 @@ class AxisMonitors:
             detector.bank.run(concatenate([]))
 
 
-def _alike(at: tuple[int, SampleBlock]) -> tuple[object, ...]:
-    """What numbered blocks share that can be taken at once: their arrays, and not too long a time.
+def _joinable(numbered: tuple[int, SampleBlock]) -> tuple[object, ...]:
+    """Key for ``groupby``: blocks with the same key may be joined into one.
 
-    An alarm that is raised and ends within one block would only be seen to end.
+    They have the same optional arrays.  A joined block is at most ``_BLOCKS_AT_ONCE`` long: of an alarm that is raised
+    and ends within one block, only the end would be reported.
     """
-    number, block = at
+    number, block = numbered
     return number // _BLOCKS_AT_ONCE, *(values is None for values in block)
 
 
@@ -155,9 +159,9 @@ def _alike(at: tuple[int, SampleBlock]) -> tuple[object, ...]:
 
 
 class FramePipeline:
-    """Ingest of every bus and the monitors of every axis.
+    """From the frames of all buses to changed alarms: ingest of every bus, monitors of every axis.
 
-    ``axes``: those of the configuration with the nominal values of their epochs, where these differ.
+    ``axes``: the configured axes with the nominal values of their epochs; None: all have those of the configuration.
 
     Raises:
         AxisError: an axis cannot be monitored as configured.
@@ -168,7 +172,7 @@ class FramePipeline:
         self.monitors = AxisMonitors(config.axes if axes is None else axes)
         self.ingests = {bus.name: Ingest(config, bus.name) for bus in config.bus}
         self.live = LiveSignals()
-        """What is shown of the last seconds"""
+        """Samples and predictions of the last seconds, for the page"""
         self._samples: dict[str, list[SampleBlock]] = {}
 
     def take(self, bus: str, frames: FrameBlock) -> None:
@@ -184,17 +188,20 @@ class FramePipeline:
         return self.monitors.update(samples, self.live.observer())
 
     def flush(self) -> None:
-        """End of the frames: values without a partner are counted; the last samples wait for ``update``."""
+        """End the input: values without a partner are counted as dropped; the last samples wait for ``update``."""
         for ingest in self.ingests.values():
             self._keep(ingest.flush())
 
     def change_buses(self, names: Sequence[str], new: Mapping[str, Ingest]) -> None:
-        """Take frames of these buses from now on: those of ``new`` by it, of which no frame is left to be taken."""
+        """Take frames of exactly these buses from now on.
+
+        Buses in ``new`` get a new ingest.  All frames that were received for the former one must have been taken.
+        """
         for name, ingest in self.ingests.items():
             if name in new or name not in names:
                 self._keep(ingest.flush())
         self.ingests = {name: new.get(name) or self.ingests[name] for name in names}
 
     def _keep(self, samples: Samples) -> None:
-        for axis_id, found in samples.items():
-            self._samples.setdefault(axis_id, []).append(found)
+        for axis_id, block in samples.items():
+            self._samples.setdefault(axis_id, []).append(block)

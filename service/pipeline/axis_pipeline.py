@@ -1,4 +1,4 @@
-"""One axis: its monitor, and what its samples pass before that."""
+"""One axis: its monitor, and the steps that its samples pass before the monitor."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -13,51 +13,55 @@ from service.pipeline.epoch_progress import EpochProgress
 
 
 class Heat(NamedTuple):
-    """How warm an axis is, as the friction power that would keep it so, and its standard deviation [W]."""
+    """Warm-up state of an axis: the friction power that would hold its temperature, and the standard deviation [W]."""
 
     heat_w: float
     sd_w: float
     known: bool
-    """Well enough to test its friction"""
+    """Whether it is known well enough to test the friction"""
 
 
 class AxisPipeline:
-    """An axis, from its samples as they come to those that its monitor takes."""
+    """An axis, from its received samples to the samples that its monitor takes."""
 
     def __init__(self, axis: NamedAxis, monitor: AxisMonitor) -> None:
         self.config, self.monitor, model = axis, monitor, monitor.model
         self.nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
-        """All values of the model, by name, with their units"""
+        """All nominal values of the model and their units, by name"""
         self.causes = tuple(dict.fromkeys((*(p.name for p in model.parameters), *monitor.causes)))
         """Every cause that an alarm may name: the monitored parameters, then others"""
         self.epoch = EpochProgress(axis.epoch, axis.configured)
-        """Which nominal values are in force, and what is under way"""
-        conditions, found = conditions_of(axis), axis.config.model.thresholds_file
+        """The epoch in force, and a learning or verification that is under way"""
+        conditions, thresholds = conditions_of(axis), axis.config.model.thresholds_file
         self.operating = Operating(model, conditions) if conditions else None
         """Its operating conditions; None: it has none"""
         thermal = None if self.operating is None else self.operating.thermal
         self._warm_up = None if self.operating is None or thermal is None else WarmUp(self.operating, monitor)
         self._calibrated: CalibratedRange | None = None
-        if found is not None and found.range:
+        if thresholds is not None and thresholds.range:
             tracker = ConditionTracker(axis.config.output, monitor.settings, conditions.columns)
-            known = tuple(Range(r.condition, r.low, r.high) for r in found.range)
-            self._calibrated = CalibratedRange(known, tracker)
+            ranges = tuple(Range(r.condition, r.low, r.high) for r in thresholds.range)
+            self._calibrated = CalibratedRange(ranges, tracker)
         self._outside = axis.config.detector.outside_calibration
         self._turns = turns_of(axis.config)
         self._resumed = False
 
     def unwrapped(self, block: SampleBlock) -> SampleBlock:
-        """The samples with a continuous angle, where it wraps after each turn."""
+        """The samples with a continuous angle, if the measured angle wraps after each turn."""
         if self._turns is None:
             return block
-        if not self._resumed:  # a saved state has been restored by now
+        if not self._resumed:  # at the first samples, a saved state has already been restored
             self._resumed = True
             if (motion := _motion(self.monitor)) is not None:
                 self._turns.resume(motion)
         return self._turns.unwrapped(block)
 
     def part(self, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
-        """The first samples, with the nominal values and the gate that their conditions require; and the others."""
+        """Prepare the first samples for the monitor; returns them, and the rest of the block or None.
+
+        They get the nominal values and the gate that their operating conditions require.  With a thermal model the
+        monitor must take them before the next part is prepared.
+        """
         more: SampleBlock | None = None
         if self._warm_up is not None:
             block, more = self._warm_up.part(block)
@@ -72,12 +76,12 @@ class AxisPipeline:
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Samples that were refused before its monitor, by reason."""
+        """Number of samples refused before they reached the monitor, by reason."""
         return {} if self._turns is None else {AMBIGUOUS: self._turns.refused}
 
     @property
     def heat(self) -> Heat | None:
-        """How warm the axis is; None: it has no thermal model."""
+        """The warm-up state; None: the axis has no thermal model."""
         thermal = None if self.operating is None else self.operating.thermal
         return None if thermal is None else Heat(thermal.heat, thermal.sd, thermal.known)
 
@@ -92,13 +96,13 @@ class AxisPipeline:
 
     @property
     def gated_by(self) -> str:
-        """The operating condition by which the last sample was not used; empty: it was used."""
+        """The operating condition that kept the last sample from being used; empty: it was used."""
         reason = "" if self.operating is None else self.operating.reason
         return reason or (joined(self.outside_calibration) if self._outside == "wait" else "")
 
 
 def _motion(monitor: AxisMonitor) -> Motion | None:
-    """Motion of the predictor of an axis at its last sample; None: there was none."""
+    """Predicted motion of an axis at its last sample; None: there was no sample."""
     state, lane = monitor.batch.state, monitor.lane
     if state.t[lane] == NEVER:
         return None

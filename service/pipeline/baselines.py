@@ -1,8 +1,9 @@
-"""Re-baseline of single axes while the daemon runs: new nominal values, taken over between two blocks of samples.
+"""New nominal values (a new epoch) for single axes while the daemon runs.
 
-What takes time (reading files, cross-checks, making the monitor) is done by the thread that asks.  The worker's thread
-only writes the epoch, in one transaction with the end of the former one and of its alarms, and then exchanges the
-monitor.  A process that is killed between the two finds the new epoch when it starts again.
+The thread that makes the request does what takes time: reading files, cross-checks, making the monitor.  Between two
+blocks of samples, the worker's thread writes the epoch and then replaces the monitor.  One transaction writes the new
+epoch and ends the former epoch and its alarms.  If the process is killed between the two steps, the next start finds
+the new epoch.
 """
 
 import threading
@@ -35,20 +36,20 @@ from service.store.database import StoreError
 from service.store.epochs import CANCELLED, RECONFIGURED, Epoch, EpochPlan, Epochs, EpochValue
 
 LOOK_S = 1.0
-"""Time between two looks at the windows that are under way."""
+"""Time between two checks of the running learning and verification windows."""
 ANSWER_S = 20.0
-"""Longest wait for the worker: it answers between two blocks, a tenth of a second apart."""
+"""Longest wait for the worker, which acts between two blocks (about every 0.1 s)."""
 
 log = structlog.get_logger(__name__)
 T = TypeVar("T")
 
 
 class BaselineError(Exception):
-    """The request cannot be fulfilled as it is; the text says why."""
+    """The request cannot be fulfilled; the text says why."""
 
 
 class BaselineConflictError(BaselineError):
-    """It is not possible now; the text says what would be right."""
+    """The request cannot be fulfilled at present; the text says what to do first."""
 
 
 class BaselineUnavailableError(BaselineError):
@@ -80,7 +81,7 @@ _REASONS = {
 
 
 def reason_of(stored: str) -> str:
-    """A reason that an epoch or one of its values has in the store, as the sentence that it is, where it is one."""
+    """Turn a stored reason back into its translatable sentence; any other text is returned as it is."""
     why, colon, names = stored.partition(": ")
     if why not in _REASONS:
         return stored
@@ -92,13 +93,13 @@ def reason_of(stored: str) -> str:
 
 
 class Baselines:
-    """New epochs of axes, at the request of persons and when windows are over; may be used from any thread.
+    """Starts new epochs of axes: at a person's request and when a learning window is over.  For use by any thread.
 
     Args:
         configured: axes as configured.
-        in_force: axes as they are monitored.
-        worker: has the monitors, and exchanges them.
-        epochs: where they are kept.
+        in_force: axes with the nominal values that are in force.
+        worker: owns the monitors and replaces them.
+        epochs: the store of the epochs.
         now_us: wall clock.
     """
 
@@ -122,7 +123,7 @@ class Baselines:
         return self._worker.pipeline.monitors
 
     def start(self) -> None:
-        """Look after the windows from now on."""
+        """Start the thread that checks the windows."""
         self._thread.start()
 
     def stop(self) -> None:
@@ -133,16 +134,16 @@ class Baselines:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """No epoch begins or ends meanwhile."""
+        """Lock the epochs: none begins or ends inside the ``with`` block."""
         with self._lock:
             yield
 
     def in_force(self, axis_id: str) -> NamedAxis:
-        """An axis with the values that are in force."""
+        """An axis with the nominal values that are in force."""
         return self._in_force[axis_id]
 
     def configure(self, configured: Sequence[NamedAxis], in_force: Sequence[NamedAxis]) -> None:
-        """The axes are others from now on; while it is ``held``."""
+        """Replace the axes; to be called inside ``held``."""
         self._configured = {axis.id: axis for axis in configured}
         self._in_force = {axis.id: axis for axis in in_force}
 
@@ -151,17 +152,17 @@ class Baselines:
 
         Args:
             axis_id: a configured axis.
-            length_s: its operating time [s].
-            verify_s: operating time for which the new values are then verified [s]; 0: not at all.
-            note: who asks, when and why.
+            length_s: operating time of the window [s].
+            verify_s: operating time of the verification that follows [s]; 0: none.
+            note: who makes the request, when and why.
 
         Raises:
-            BaselineError: it is too short.
-            BaselineConflictError: one runs already.
+            BaselineError: the window is too short.
+            BaselineConflictError: a learning window runs already.
             StoreError: the epoch cannot be written.
         """
         with self._lock:
-            axis = self._ready(axis_id)
+            axis = self._without_window(axis_id)
             model = monitored_model(axis)
             settings = axis_settings(axis, model)
             least_s = PARTS * settings.naming_samples * settings.interval_s
@@ -195,36 +196,36 @@ class Baselines:
     def use_files(
         self, axis_id: str, nominal: str, thresholds: str | None, verify_s: float, note: Note
     ) -> Epoch:
-        """Take over the texts of nominal.toml and thresholds.toml; other arguments as of ``learn``.
+        """Start an epoch with the contents of nominal.toml and thresholds.toml; other arguments as in ``learn``.
 
         Raises:
-            BaselineError: they do not fit the axis.
+            BaselineError: the files do not fit the axis.
             BaselineConflictError: a learning window runs.
             StoreError: the epoch cannot be written.
         """
         with self._lock:
-            self._ready(axis_id)
+            self._without_window(axis_id)
             try:
                 content = from_files(self._configured[axis_id], nominal, thresholds)
             except EpochValuesError as error:
                 raise BaselineError(error.args[0]) from None
             plan = EpochPlan(axis_id, "files", content, self._fingerprint(axis_id), (), None, verify_s)
-            return self._take_over(plan, self.epochs.next_number(axis_id), note)
+            return self._begin_epoch(plan, self.epochs.next_number(axis_id), note)
 
     def restore(self, axis_id: str, number: int, verify_s: float, note: Note) -> Epoch:
-        """Take over the values of a former epoch, as a new one; other arguments as of ``learn``.
+        """Start a new epoch with the values of a former one; other arguments as in ``learn``.
 
         Raises:
-            UnknownEpochError: there is no such epoch.
-            BaselineError: it does not fit the axis any more.
-            BaselineConflictError: it is in force, or never was; or a learning window runs.
+            UnknownEpochError: the axis has no epoch of this number.
+            BaselineError: the former epoch does not fit the axis any more.
+            BaselineConflictError: the former epoch is in force, or never was; or a learning window runs.
             StoreError: the epoch cannot be written.
         """
         with self._lock:
             known = {epoch.number: epoch for epoch in self.epochs.of_axis(axis_id)}
             if number not in known:
                 raise UnknownEpochError(axis_id, number, sorted(known))
-            self._ready(axis_id)
+            self._without_window(axis_id)
             former = known[number]
             if former.in_force:
                 words = "epoch {number} of {axis} is in force"
@@ -242,14 +243,14 @@ class Baselines:
                 )
             fingerprint = self._fingerprint(axis_id)
             plan = EpochPlan(axis_id, "restored", former.content, fingerprint, (), None, verify_s, number)
-            return self._take_over(plan, max(known) + 1, note)
+            return self._begin_epoch(plan, max(known) + 1, note)
 
     def cancel(self, axis_id: str, note: Note) -> Epoch:
         """End a learning window without new values.
 
         Raises:
-            BaselineConflictError: none runs.
-            StoreError: that cannot be written.
+            BaselineConflictError: no learning window runs.
+            StoreError: the epoch cannot be written.
         """
         with self._lock:
             return self._cancel(axis_id, note)
@@ -268,27 +269,27 @@ class Baselines:
             )
         return epoch
 
-    def look(self) -> None:
-        """Take over what has been learned, and end verifications that are over.
+    def finish_windows(self) -> None:
+        """Put learned values in force and end verifications, for all windows that are complete.
 
         Raises:
-            StoreError: an epoch cannot be written; it is tried again at the next look.
+            StoreError: an epoch cannot be written; the next call tries again.
         """
         for axis in self._worker.snapshot.axes:
             if axis.epoch.complete:
                 with self._lock:
                     if axis.epoch.state == "learning":
-                        self._finish(axis.id)
+                        self._finish_learning(axis.id)
                     elif not any(alarm.kind != "forecast" for alarm in axis.open_alarms):
-                        self._verified(axis)
+                        self._finish_verification(axis)
 
-    def _finish(self, axis_id: str) -> None:
+    def _finish_learning(self, axis_id: str) -> None:
         learning = self._monitors.axes[axis_id].epoch.learning
         if learning is None or not learning.window.complete:
             return  # it was cancelled meanwhile
-        # A window that is complete does not change any more, so that it can be read here.
-        mine = next(e for e in self.epochs.of_axis(axis_id) if e.number == learning.number)
-        note = Note(self._now_us(), SERVICE, mine.comment, mine.work_order)
+        # A complete window does not change any more, so this thread may read it.
+        planned = next(e for e in self.epochs.of_axis(axis_id) if e.number == learning.number)
+        note = Note(self._now_us(), SERVICE, planned.comment, planned.work_order)
         axis = self._in_force[axis_id]
         model = monitored_model(axis)
         try:
@@ -298,13 +299,15 @@ class Baselines:
             names = [name for name in model.monitored if name not in learned.kept]
             theta = dict(zip(model.monitored, learned.theta, strict=True))
             content = recentred(axis, {name: float(theta[name]) for name in names})
-            plan = EpochPlan(axis_id, "window", content, mine.fingerprint, (), mine.learn_s, mine.verify_s)
-            self._take_over(plan, learning.number, note, learned)
+            plan = EpochPlan(
+                axis_id, "window", content, planned.fingerprint, (), planned.learn_s, planned.verify_s
+            )
+            self._begin_epoch(plan, learning.number, note, learned)
         except (WindowError, EpochValuesError) as error:
             log.warning("learning refused", axis=axis_id, epoch=learning.number, reason=str(error))
             self._cancel(axis_id, note, str(error))
 
-    def _verified(self, axis: AxisSnapshot) -> None:
+    def _finish_verification(self, axis: AxisSnapshot) -> None:
         def end() -> None:
             self.epochs.verified(axis.id, axis.epoch.number, Note(self._now_us(), SERVICE))
             epoch = self._monitors.axes[axis.id].epoch
@@ -314,7 +317,7 @@ class Baselines:
         self.between_blocks(end)
         log.info("verified", axis=axis.id, epoch=axis.epoch.number)
 
-    def _take_over(self, plan: EpochPlan, number: int, note: Note, learned: Learned | None = None) -> Epoch:
+    def _begin_epoch(self, plan: EpochPlan, number: int, note: Note, learned: Learned | None = None) -> Epoch:
         axis_id = plan.axis
         try:
             axis = with_epoch(self._configured[axis_id], plan.content, number)
@@ -322,27 +325,27 @@ class Baselines:
             raise BaselineError(str(error)) from None
         before = self._in_force[axis_id]
         plan = plan._replace(nominal=_with_learned(nominal_values(axis, before), learned))
-        made = AxisMonitors([axis])
-        made.compile()
-        made.compile_multimodel()
+        new = AxisMonitors([axis])
+        new.compile()
+        new.compile_multimodel()
         if plan.verify_s:
-            made.axes[axis_id].epoch.verify_s = plan.verify_s
+            new.axes[axis_id].epoch.verify_s = plan.verify_s
         axes = [axis if other.id == axis_id else other for other in self._in_force.values()]
 
-        def exchange() -> Epoch:
+        def begin_epoch() -> Epoch:
             if self._worker.alarms.waits_for_journal(axis_id):
                 words = "{axis}: alarms are not recorded yet; try again when they are"
                 raise BaselineConflictError(sentence("alarms first", words, axis=axis_id))
             epoch = self.epochs.take_over(plan, note, self._worker.alarms.rules_of(axis_id))
-            self._worker.change(axes, made)
+            self._worker.change(axes, new)
             return epoch
 
-        epoch = self.between_blocks(exchange)
+        epoch = self.between_blocks(begin_epoch)
         self._in_force[axis_id] = axis
         log.info("epoch", axis=axis_id, epoch=number, source=plan.source, who=note.who)
         return epoch
 
-    def _ready(self, axis_id: str) -> NamedAxis:
+    def _without_window(self, axis_id: str) -> NamedAxis:
         if any(epoch.state == "learning" for epoch in self.epochs.of_axis(axis_id)):
             words = "a learning window of {axis} runs: wait for its end, or cancel it first"
             raise BaselineConflictError(sentence("window runs", words, axis=axis_id))
@@ -352,10 +355,10 @@ class Baselines:
         return fingerprint_of(self._configured[axis_id])
 
     def between_blocks(self, action: Callable[[], T]) -> T:
-        """Have an action done by the worker, and wait for its result.
+        """Let the worker run an action between two blocks, and wait for its result.
 
         Raises:
-            BaselineUnavailableError: it does not answer.
+            BaselineUnavailableError: the worker does not answer.
         """
         done = self._worker.between_blocks(action)
         try:
@@ -363,7 +366,7 @@ class Baselines:
         except CancelledError:
             pass
         except TimeoutError:
-            if not done.cancel():  # it has just begun
+            if not done.cancel():  # the action has just started
                 return done.result()
         words = "the worker does not answer: the daemon starts or stops; try again"
         raise BaselineUnavailableError(sentence("worker silent", words))
@@ -371,13 +374,13 @@ class Baselines:
     def _run(self) -> None:
         while not self._stop.wait(LOOK_S):
             try:
-                self.look()
+                self.finish_windows()
             except (StoreError, BaselineError) as error:
-                log.warning("epochs are not up to date; it is tried again", reason=str(error))
+                log.warning("epochs are not up to date; retrying", reason=str(error))
 
 
 def _with_learned(nominal: tuple[EpochValue, ...], learned: Learned | None) -> tuple[EpochValue, ...]:
-    """The nominal values with what the window says of them."""
+    """The nominal values with their standard deviations from a learning window, or why a value was kept."""
     if learned is None:
         return nominal
     return tuple(

@@ -1,4 +1,4 @@
-"""The readers of all buses, of which another configuration exchanges some, and what the worker takes of each."""
+"""The readers of all buses, and how the worker takes frames from them.  A new configuration can replace some."""
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -21,14 +21,14 @@ class Reader(Protocol):
     """Interface of service.can.bus_reader.CanReader as the worker uses it."""
 
     def take(self, most: int = 4096) -> FrameBlock:
-        """About that many of the waiting frames, oldest first."""
+        """Take about ``most`` of the waiting frames, oldest first."""
 
     def stats(self) -> BusSnapshot:
         """State and counters."""
 
 
 class BusIntake:
-    """One bus: its frames, and its state, which is shown and logged."""
+    """One bus as the worker uses it: takes and records its frames, reports and logs its state."""
 
     def __init__(self, name: str, reader: Reader, ingest: Ingest, recording: Recording) -> None:
         self.name = name
@@ -36,24 +36,24 @@ class BusIntake:
         self._state = "up"
 
     def take(self, most: int) -> FrameBlock:
-        """The waiting frames, recorded."""
+        """Take waiting frames, and record them."""
         frames = self._reader.take(most)
         if frames:
             self._recording.write(self.name, frames)
         return frames
 
     def snapshot(self) -> BusSnapshot:
-        """State of the bus now; a change is logged."""
+        """The present state of the bus; a change is logged."""
         stats = self._reader.stats()
         if stats.state != self._state:
             self._state = stats.state
-            say = log.info if stats.up or stats.state == "closed" else log.error
-            say("bus", bus=self.name, state=stats.state)
+            write = log.info if stats.up or stats.state == "closed" else log.error
+            write("bus", bus=self.name, state=stats.state)
         return replace(stats, name=self.name, dropped={**stats.dropped, **self._ingest.dropped})
 
 
 class BusReaders:
-    """The readers of a configuration, opened; used by one thread at a time.
+    """The open readers of all configured buses; used by one thread at a time.
 
     Raises:
         BusError: a bus cannot be opened.
@@ -65,7 +65,7 @@ class BusReaders:
         self._readers = self._opened(config, ingests)
 
     def intakes(self, ingests: Mapping[str, Ingest], recording: Recording) -> list[BusIntake]:
-        """What the worker takes of them, recorded, also after an exchange."""
+        """The intakes for the worker.  They record to ``recording``, as do those that ``replaced`` makes later."""
         self._recording = recording
         return list(self._intakes(self._readers, ingests).values())
 
@@ -76,15 +76,15 @@ class BusReaders:
             reader.start(arrived)
 
     def turns(self) -> dict[str, int]:
-        """How often their loops have turned; from any thread."""
+        """Number of loops of each reader thread, to see that it is alive; from any thread."""
         return {f"reader {name}": reader.turns for name, reader in self._readers.items()}
 
     @contextmanager
-    def exchanged(self, new: Config, ingests: Mapping[str, Ingest]) -> Iterator[Mapping[str, BusIntake]]:
-        """Read these buses of a configuration anew, the others of it as before, and none else.
+    def replaced(self, new: Config, ingests: Mapping[str, Ingest]) -> Iterator[Mapping[str, BusIntake]]:
+        """Read the buses of a new configuration: those in ``ingests`` with new readers, the others with the former.
 
-        The former readers are closed first: an adapter may be opened once.  Where that fails, or what is done
-        meanwhile, they go on.
+        Readers that are replaced or no longer configured are closed first, as an adapter can be opened only once.  If
+        a new reader cannot be opened, or the ``with`` block raises, all former readers are started again.
 
         Raises:
             BusError: a bus cannot be opened.
@@ -109,7 +109,7 @@ class BusReaders:
             raise
 
     def close(self) -> None:
-        """Close all; frames that wait can still be taken."""
+        """Close all readers; frames that wait can still be taken."""
         for reader in self._readers.values():
             reader.close()
 

@@ -1,4 +1,4 @@
-"""Checkpoints of all monitors, at an interval and at the end; and the restart from them."""
+"""Saves the states of all monitors at intervals and at the end, and restores them at the start."""
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import partial
@@ -26,34 +26,34 @@ from service.store.journal import Journal
 log = structlog.get_logger(__name__)
 
 THERMAL_SCHEMA = "thermal schema=1"
-"""Beginning of the key of a saved warm-up state; the rest is its thermal model, without how it starts and
-what it lacks."""
+"""Start of the key of a saved warm-up state.  The rest of the key is the thermal model, without its initial state and
+its missing parameters."""
 
 MOST_REOPENED = 20
-"""Number of alarms that have ended last which the monitor of an axis gets back, as they may be reopened"""
+"""Number of the latest ended alarms that the monitor of an axis gets at the start, as it may reopen them"""
 
 Part = Literal["estimates", "multimodel", "thermal", "learning", "history"]
 FIRST = EpochProgress(1)
-"""Of an axis that has always had the nominal values of its configuration"""
+"""Epoch of an axis that has always had the nominal values of its configuration"""
 
 
 class SavedState(NamedTuple):
-    """A state of an axis that is saved separately: its name and key, its arrays, and what restores it."""
+    """One separately saved state of an axis: its name and key, and how to save and restore it."""
 
     part: Part
     name: str
     key: str
     arrays: Callable[[], Arrays | None]
-    """None: there is none yet"""
+    """Returns the arrays to save; None: there is no state yet"""
     restore: Callable[[Arrays], None]
 
 
 def states_of(
     axis_id: str, monitor: AxisMonitor, operating: Operating | None = None, epoch: EpochProgress = FIRST
 ) -> Iterator[SavedState]:
-    """The states of a monitor: estimates, evidence of its multi-model detector, a learning window; how warm it is.
+    """The saved states of an axis: estimates, evidence of the multi-model detector, learning window, warm-up state.
 
-    All but the heat belong to the epoch.
+    All but the warm-up state belong to one epoch and have it in their keys.
     """
     key = epoch.key(monitor.key)
     yield SavedState("estimates", axis_id, key, monitor.to_arrays, monitor.from_arrays)
@@ -79,11 +79,11 @@ def states_of(
 
 
 class Checkpointer:
-    """Saves all monitors together, so that the saved states belong to one time.
+    """Saves the states of all monitors in one transaction, so that they belong to the same time.
 
     Args:
         checkpoints: the store.
-        monitors: of all axes, with their long-term trends.
+        monitors: the monitors of all axes, with their long-term trends.
         interval_s: time between two checkpoints [s].
         now_us: wall clock.
     """
@@ -99,12 +99,12 @@ class Checkpointer:
         self._now_us = now_us
         self._due = monotonic() + interval_s
         self.saved_us: int | None = None
-        """When the last one was saved, also by the daemon before; None: not yet"""
+        """Time of the last checkpoint, which may be from an earlier run [us]; None: there is none"""
         self.problem: str | None = None
-        """Why the last try failed, for the operator; None when it did not."""
+        """Message to the operator: why the last checkpoint failed; None: it did not fail."""
 
     def save_soon(self) -> None:
-        """Let the next checkpoint be due now: monitors have been replaced."""
+        """Make the next checkpoint due now, as monitors have been replaced."""
         self._due = monotonic()
 
     def save_if_due(self) -> None:
@@ -121,7 +121,7 @@ class Checkpointer:
             self.checkpoints.save(states, now_us)
         except StoreError as error:
             if self.problem is None:
-                log.error("checkpoint failed; it is tried again", reason=str(error))
+                log.error("checkpoint failed; retrying", reason=str(error))
             self.problem = sentence(
                 "not saved", "the state of the monitors cannot be saved: {why}", why=error
             )
@@ -158,14 +158,15 @@ class Loss(NamedTuple):
     part: Part
     reason: str
     parameter: str = ""
-    """Of a history; empty: the entries that were being gathered, of all parameters"""
+    """The parameter of a lost history; empty: the open entries of all parameters"""
 
 
 class Restored(NamedTuple):
-    """What was restored.
+    """Result of a restore.
 
-    ``open`` are the alarms that are open in the journal, ``changes`` what it does not have yet: alarms of the
-    checkpoint, ends of forecasts whose limit is gone.  ``messages`` tell the operator what was lost.
+    ``open``: alarms that are open in the journal.  ``changes``: changes that the journal does not have yet, namely
+    alarms from the checkpoint, and ends of forecast alarms whose limit is no longer configured.  ``messages``: what was
+    lost, for the operator.
     """
 
     checkpoint_us: int | None
@@ -175,27 +176,27 @@ class Restored(NamedTuple):
 
 
 class _Loader:
-    """Loads checkpoints; those that cannot be used are quarantined, and are ``losses``."""
+    """Loads checkpoints.  One that cannot be used is quarantined and added to ``losses``."""
 
     def __init__(self, checkpoints: Checkpoints, now_us: int) -> None:
         self._checkpoints, self._now_us = checkpoints, now_us
         self.losses: list[Loss] = []
 
-    def load(self, at: Loss, name: str, key: str) -> Checkpoint | None:
+    def load(self, loss: Loss, name: str, key: str) -> Checkpoint | None:
         found = self._checkpoints.load(name, key, self._now_us)
         if isinstance(found, QuarantinedCheckpoint):
-            self.losses.append(at._replace(reason=found.reason))
+            self.losses.append(loss._replace(reason=found.reason))
             return None
         return found
 
-    def use(self, at: Loss, name: str, restore: Callable[[Arrays], None], arrays: Arrays) -> bool:
-        """Restore the state; whether it fits."""
+    def use(self, loss: Loss, name: str, restore: Callable[[Arrays], None], arrays: Arrays) -> bool:
+        """Restore a state; returns whether the arrays fit it."""
         try:
             restore(dict(arrays))
         except (KeyError, ValueError) as error:
             reason = sentence("version", "it does not fit this version ({why})", why=error)
             self._checkpoints.quarantine(name, reason, self._now_us)
-            self.losses.append(at._replace(reason=reason))
+            self.losses.append(loss._replace(reason=reason))
             return False
         return True
 
@@ -207,12 +208,12 @@ def restore(
     now_us: int,
     configured: Collection[str] | None = None,
 ) -> Restored:
-    """Bring the monitors and their trends to the state of the last run.
+    """Restore the monitors and their trends to the state of the last run.
 
-    ``configured``: all axes, where the monitors are only those of some.
+    ``configured``: ids of all configured axes, if ``monitors`` has only some of them.
 
-    The journal decides which alarms are open and which have ended, as it may be newer than the checkpoint.  Only an
-    alarm that the journal has never seen, as its file was damaged and created again, is taken from the checkpoint.
+    The journal decides which alarms are open and which have ended, as it may be newer than the checkpoint.  An alarm is
+    taken from the checkpoint only if the journal has never seen it: the journal's file was damaged and created again.
 
     Raises:
         StoreError: a file cannot be read or written.
@@ -224,14 +225,16 @@ def restore(
     for axis_id, axis in monitors.axes.items():
         monitor = axis.monitor
         for state in states_of(axis_id, monitor, axis.operating, axis.epoch):
-            at = Loss(axis_id, state.part, "")
-            found = loader.load(at, state.name, state.key)
-            if found is not None and loader.use(at, state.name, state.restore, found.arrays):
+            loss = Loss(axis_id, state.part, "")
+            found = loader.load(loss, state.name, state.key)
+            if found is not None and loader.use(loss, state.name, state.restore, found.arrays):
                 times.append(found.at_us)
         messages += _close_unmonitored(axis_id, monitor.causes, journal, now_us)
         recorded = journal.open_alarms(axis_id)
         opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
-        own = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
+        own = [
+            alarm for alarm in recorded if alarm.kind != "forecast"
+        ]  # forecast alarms belong to the trends
         changes += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, own, journal)]
     for axis_id in sorted({a.axis for a in journal.standing()}.difference(configured or monitors.by_id)):
         messages += _close_unmonitored(axis_id, (), journal, now_us)
@@ -242,39 +245,43 @@ def restore(
 
 
 def _restore_trends(trends: Trends, loader: _Loader) -> None:
-    """A history that is damaged, or was made with other nominal values, is counted, and starts again."""
+    """Restore the histories.  One that is damaged, or has other nominal values, is counted as lost and starts empty."""
     for axis_id, (names, monitor, key) in trends.axes.items():
         each = [(Loss(axis_id, "history", "", name), completed_id(axis_id, name)) for name in names]
-        completed = [loader.load(at, name, key) for at, name in each]
-        gathered = loader.load(Loss(axis_id, "history", ""), gathered_id(axis_id), key)
-        opened = {} if gathered is None else gathered.arrays
-        for (at, name), history, found in zip(each, monitor.histories, completed, strict=True):
+        completed = [loader.load(loss, name, key) for loss, name in each]
+        open_state = loader.load(Loss(axis_id, "history", ""), gathered_id(axis_id), key)
+        open_entries = {} if open_state is None else open_state.arrays
+        for (loss, name), history, found in zip(each, monitor.histories, completed, strict=True):
             nothing: Arrays = {"entries": history.closed_to_array()}
-            resume = partial(_restore_history, history, np.asarray(opened.get(at.parameter, ()), float))
-            loader.use(at, name, resume, nothing if found is None else found.arrays)
+            resume = partial(
+                _restore_history, history, np.asarray(open_entries.get(loss.parameter, ()), float)
+            )
+            loader.use(loss, name, resume, nothing if found is None else found.arrays)
     trends.resume(loss.axis_id for loss in loader.losses if loss.part == "history")
 
 
-def _restore_history(history: SlowHistory, gathered: Floats, arrays: Arrays) -> None:
-    history.restore(np.asarray(arrays["entries"], float), gathered)
+def _restore_history(history: SlowHistory, open_entries: Floats, arrays: Arrays) -> None:
+    history.restore(np.asarray(arrays["entries"], float), open_entries)
 
 
 # --- open alarms ----------------------------------------------------------------------------------------
 
 
 def _close_unmonitored(axis_id: str, causes: Collection[str], journal: Journal, now_us: int) -> list[str]:
-    """End the alarms that nothing would ever end: of other causes, or of an axis that is no longer configured."""
+    """End alarms of causes or axes that are no longer monitored, as no detector would ever end them."""
     ended = journal.close_unmonitored(axis_id, causes, now_us)
     words = "{axis}: the alarm of {name} was ended: that is no longer monitored"
     return [sentence("unmonitored", words, axis=axis_id, name=a.parameter) for a in ended]
 
 
 def _adopt(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journal: Journal) -> list[Alarm]:
-    """Let the monitor have the open alarms of the journal; returns those that the journal has never seen."""
-    now = {alarm.key: alarm for alarm in recorded}
+    """Pass the journal's open alarms to the monitor; returns alarms of the monitor that the journal has never seen."""
+    in_journal = {alarm.key: alarm for alarm in recorded}
     ended = [a for a in journal.ended_alarms(axis_id, MOST_REOPENED) if a.parameter in monitor.causes]
-    unknown = [a for a in monitor.open_alarms if a.key not in now and not _is_known(axis_id, a, journal)]
-    monitor.adopt([*now.values(), *unknown], ended)
+    unknown = [
+        a for a in monitor.open_alarms if a.key not in in_journal and not _is_known(axis_id, a, journal)
+    ]
+    monitor.adopt([*in_journal.values(), *unknown], ended)
     return unknown
 
 
@@ -287,7 +294,7 @@ def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
 
 
 def loss_messages(losses: Iterable[Loss]) -> Iterator[str]:
-    """One message for each axis: why its checkpoint is not used, and what restarts because of that."""
+    """One message for each axis: why its checkpoint is not used, and what restarts as a result."""
     by_axis: dict[str, list[Loss]] = {}
     for loss in losses:
         by_axis.setdefault(loss.axis_id, []).append(loss)
@@ -309,7 +316,7 @@ def loss_messages(losses: Iterable[Loss]) -> Iterator[str]:
 
 
 def _parts(losses: list[Loss]) -> str:
-    """The estimates, the evidence of .. and the long-term history of kT and fm."""
+    """The list of lost parts in words, e.g. "the estimates, and the long-term history of kT and fm"."""
     found = list[str]()
     for part, name in PART_NAMES.items():
         of_part = [loss for loss in losses if loss.part == part]

@@ -1,4 +1,4 @@
-"""The epoch of an axis: which nominal values are in force, and what is under way: learning new ones, verifying them."""
+"""The epoch of an axis: which nominal values are in force, and whether new ones are being learned or verified."""
 
 from collections.abc import Iterable
 from typing import Literal, NamedTuple
@@ -14,16 +14,16 @@ class AxisEpoch(NamedTuple):
     """The epoch of an axis at one moment, for API, metrics and page."""
 
     number: int = 1
-    """Of the epoch that is in force"""
+    """Number of the epoch in force"""
     state: EpochPhase = "current"
     done_s: float | None = None
-    """Operating time of the window that is under way [s]; None: none is"""
+    """Operating time so far of the learning or verification window [s]; None: no window runs"""
     length_s: float | None = None
-    """Operating time that it needs [s]"""
+    """Operating time that the window needs [s]"""
 
     @property
     def complete(self) -> bool:
-        """Whether the window that is under way is over."""
+        """Whether the window has all the operating time that it needs."""
         return (
             self.done_s is not None
             and self.length_s is not None
@@ -32,7 +32,7 @@ class AxisEpoch(NamedTuple):
 
     @property
     def words(self) -> str:
-        """What is under way, for people; empty: nothing is."""
+        """Progress of the window in words; empty: no window runs."""
         if self.done_s is None or self.length_s is None:
             return ""
         done = duration(min(self.done_s, self.length_s)) if self.done_s else "nothing yet"
@@ -43,33 +43,33 @@ FIRST_EPOCH = AxisEpoch()
 
 
 class Learning(NamedTuple):
-    """A learning window, and the number of the epoch that it is for."""
+    """A learning window, and the number of the epoch that will get its values."""
 
     number: int
     window: LearningWindow
-    again: str = ""
-    """Message that nothing of it could be restored; empty: that is not so"""
+    restarted: str = ""
+    """Message that the window had to start again, as its state could not be restored; empty: it did not have to"""
 
 
 class EpochProgress:
-    """What the worker knows of the epoch of an axis; used by its thread only.
+    """The epoch of an axis as the worker follows it; used by the worker's thread only.
 
     Args:
-        number: of the epoch that is in force.
-        configured: its values are those of the configuration.
+        number: number of the epoch in force.
+        configured: whether its nominal values are those of the configuration.
     """
 
     def __init__(self, number: int, configured: bool = True) -> None:
         self.number, self._configured = number, configured
         self.verify_s: float | None = None
-        """Operating time for which it is verified [s]; None: it has been"""
+        """Operating time for which the epoch is verified [s]; None: the verification is over"""
         self.learning: Learning | None = None
-        """The window that runs; None: none does"""
+        """The running learning window; None: none runs"""
 
     def key(self, key: str) -> str:
-        """The key of a saved state, with the epoch that it belongs to.
+        """The key of a saved state, extended by the epoch that the state belongs to.
 
-        Those with the values of the configuration have none: the key itself says whether these are the same.
+        An epoch with the configured values is not added: ``key`` already depends on these values.
         """
         return key if self._configured else f"epoch={self.number} {key}"
 
@@ -79,8 +79,8 @@ class EpochProgress:
             for reading in readings:
                 self.learning.window.take(reading)
 
-    def shown(self, status: AxisStatus) -> AxisEpoch:
-        """The epoch now.  It is verified for as long as any of its parameters has been tested since it began."""
+    def snapshot(self, status: AxisStatus) -> AxisEpoch:
+        """The epoch now.  The progress of a verification is the longest time for which a parameter has been tested."""
         if self.learning is not None:
             window = self.learning.window
             return AxisEpoch(self.number, "learning", window.done_s, window.length_s)

@@ -1,4 +1,4 @@
-"""Which epochs are in force when the daemon starts or reads its configuration again, and what goes on of them."""
+"""Finds the epochs in force when the daemon starts or reloads its configuration, and resumes their windows."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
@@ -16,16 +16,16 @@ from service.store.epochs import Configured, Epoch, Epochs, EpochValue
 from service.store.journal import Journal
 
 
-class AtStart(NamedTuple):
-    """Axes with the values of the epochs that are in force, these epochs, and what to tell the operator."""
+class EpochsInForce(NamedTuple):
+    """Axes with the nominal values of the epochs in force, these epochs by axis, and messages to the operator."""
 
     axes: tuple[NamedAxis, ...]
     epochs: Mapping[str, Epoch]
     messages: tuple[str, ...]
 
 
-def at_start(configured: Sequence[NamedAxis], epochs: Epochs, now_us: int) -> AtStart:
-    """The axes as they are to be monitored: as configured, or with the nominal values of a later epoch.
+def epochs_in_force(configured: Sequence[NamedAxis], epochs: Epochs, now_us: int) -> EpochsInForce:
+    """The axes as they are to be monitored: with the configured nominal values, or with those of a later epoch.
 
     Raises:
         StoreError: the epochs cannot be read or written.
@@ -70,7 +70,7 @@ def at_start(configured: Sequence[NamedAxis], epochs: Epochs, now_us: int) -> At
                     why=error,
                 )
             )
-    return AtStart(tuple(axes), found, tuple(messages))
+    return EpochsInForce(tuple(axes), found, tuple(messages))
 
 
 def _configured(axis: NamedAxis) -> Configured:
@@ -78,40 +78,40 @@ def _configured(axis: NamedAxis) -> Configured:
 
 
 def nominal_values(axis: NamedAxis, before: NamedAxis | None = None) -> tuple[EpochValue, ...]:
-    """The nominal values of an axis, beside those that it had before."""
+    """The nominal values of an axis, each with its former value, if ``before`` has one."""
     former = {} if before is None else {v.name: v.value for v in values_of(before)}
     return tuple(
         EpochValue(v.name, v.unit, v.value, former.get(v.name), v.standard_deviation) for v in values_of(axis)
     )
 
 
-def bring_back(
+def resume_monitors(
     monitors: AxisMonitors,
-    begun: AtStart,
+    in_force: EpochsInForce,
     checkpoints: Checkpoints,
     journal: Journal,
     now_us: int,
     configured: Collection[str] | None = None,
 ) -> Restored:
-    """Let the monitors of these axes go on where the last run has ended: ``restore``, and windows that were under way.
+    """Restore the monitors of these axes to the state of the last run, with their learning and verification windows.
 
     Raises:
         StoreError: a file cannot be read or written.
     """
-    _resume(monitors, journal.epochs, begun.epochs)
+    _resume_windows(monitors, journal.epochs, in_force.epochs)
     restored = restore(monitors, checkpoints, journal, now_us, configured)
-    journal.obey(alarm_rules(begun.axes, quantities(monitors.by_id)), now_us)
+    journal.obey(alarm_rules(in_force.axes, quantities(monitors.by_id)), now_us)
     for axis_id, axis in monitors.axes.items():
         epoch = axis.epoch
-        if epoch.learning is not None and not epoch.learning.window.done_s:  # nothing of it could be restored
+        if epoch.learning is not None and not epoch.learning.window.done_s:  # its state could not be restored
             words = "{axis}: the learning window of epoch {epoch} begins again"
-            again = sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
-            epoch.learning = epoch.learning._replace(again=again)
+            message = sentence("begins again", words, axis=axis_id, epoch=epoch.learning.number)
+            epoch.learning = epoch.learning._replace(restarted=message)
     return restored
 
 
-def _resume(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch]) -> None:
-    """Let windows that were under way go on, before their state is restored."""
+def _resume_windows(monitors: AxisMonitors, epochs: Epochs, in_force: Mapping[str, Epoch]) -> None:
+    """Set up the windows that were running; their state is restored afterwards."""
     for axis_id, epoch in in_force.items():
         if epoch.state == "verifying":
             monitors.axes[axis_id].epoch.verify_s = epoch.verify_s

@@ -1,4 +1,4 @@
-"""Long work in Python that keeps no other thread waiting."""
+"""Pauses in long Python work, so that other threads need not wait for the interpreter lock."""
 
 import time
 from collections.abc import Iterable, Iterator
@@ -10,11 +10,11 @@ _T = TypeVar("_T")
 
 
 def giving_way(parts: Iterable[_T]) -> Iterator[_T]:
-    """These parts of the work, with a pause in between as soon as they have taken five milliseconds.
+    """Iterate over parts of the work; after every 5 ms, sleep for a moment before the next part.
 
-    A thread that waits for the interpreter gets it after a switch interval, unless it is let go in between.  numpy,
-    sqlite and the kernel let it go for some microseconds, and take it back before the other has woken up, for each of
-    a thousand axes: the event loop waited for all of them, up to 0.1 s.
+    A waiting thread gets the interpreter lock after a switch interval (5 ms), but only if the lock is not released
+    meanwhile. numpy, sqlite and the kernel release it for some microseconds and take it again before the waiting thread
+    has woken up.  With a thousand axes, the event loop thus waited up to 0.1 s.
     """
     due_s = time.perf_counter() + _EVERY_S
     for part in parts:

@@ -1,6 +1,6 @@
-"""From the status of the axes to the history: points wait in memory, and a thread of its own writes them.
+"""Records the estimates of all axes to the history.  Points wait in memory, and a separate thread writes them.
 
-The worker only appends; a slow, full, locked or damaged disk costs it nothing.
+The worker only appends points, so a slow, full, locked or damaged disk does not delay it.
 """
 
 import math
@@ -18,16 +18,17 @@ from service.store.database import StoreError
 from service.store.history_store import HistoryStore, Point, Series
 
 POINTS_AT_ONCE = 6
-"""Of each parameter in a transaction: each writes a page of the file for each parameter and resolution."""
-LOOKS = 20
-"""For a point in each interval, as long as there are no estimates."""
+"""Points of each parameter in a transaction.  Each transaction writes a page of the file for each parameter and
+resolution, so few large ones cost less."""
+CHECKS_PER_INTERVAL = 20
+"""How often a point is looked for in an interval while there are no estimates."""
 LONGEST_WAIT_S = 600.0
-"""Until points are written."""
+"""Longest time before points are written."""
 RETRY_S = 10.0
 FRESH_S = 0.5
-"""For which a reader waits for what is written at its wish"""
+"""Longest time that a reader waits for the points that it has asked to be written"""
 MOST_WAITING = 200_000
-"""Points that wait while the disk does not take them, about 60 MB: of 18 parameters, one each 10 s, 30 hours."""
+"""Most points that wait while the disk refuses them, about 60 MB: 30 hours of 18 parameters with a point each 10 s."""
 OBSERVABILITY: Mapping[Observation, float] = {
     Observation.OBSERVED: 1.0,
     Observation.WEAK: 0.5,
@@ -36,13 +37,16 @@ OBSERVABILITY: Mapping[Observation, float] = {
 _LEARNING = (Status.WAITING, Status.SETTLING, Status.SEEDING, Status.INVALID)
 
 FULL = "memory full"
-"""Why points are dropped: too many wait"""
+"""Reason for dropped points: too many wait"""
 
 log = structlog.get_logger(__name__)
 
 
 class HistoryState(NamedTuple):
-    """How the history is being written; ``problem``: why points wait, for the operator; None: they do not."""
+    """State of the history writer.
+
+    ``problem``: message to the operator why points wait; None: none wait on a fault.
+    """
 
     waiting: int = 0
     dropped: Mapping[str, int] = {FULL: 0}
@@ -54,14 +58,14 @@ NO_HISTORY = HistoryState()
 
 
 class HistoryRecording:
-    """Takes a point of each parameter in each interval, and writes them.
+    """Records one point of each parameter in each interval.
 
     Args:
-        open_store: opens the file; called by the thread, again after it has failed.
+        open_store: opens the file; called by the writer's thread, and again after a failure.
         interval_s: time between two points of a parameter [s].
-        clock: for the time between two writes [s].
-        now_s: the wall clock, for what is too old [s since 1970].
-        most_waiting: points that may wait.
+        clock: monotonic clock, for the time between two writes [s].
+        now_s: wall clock, to tell which points are too old [s since 1970].
+        most_waiting: most points that wait; more drop the oldest.
     """
 
     def __init__(
@@ -76,12 +80,12 @@ class HistoryRecording:
         self._most_waiting = most_waiting
         self._slots: dict[str, int] = {}
         self._looked_us: dict[str, int] = {}
-        """Time of the sample at which a point was looked for last, by axis"""
+        """By axis: time of the sample at which a point was last looked for"""
         self._waiting = deque[Point]()
         self._lock = threading.Lock()
         self._dropped = Counter({FULL: 0})
         self._next_try = -math.inf
-        self._begun = -math.inf
+        self._write_began_s = -math.inf
         self._stop, self._wake, self._done = threading.Event(), threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="history", daemon=True)
         self.store: HistoryStore | None = None
@@ -92,19 +96,20 @@ class HistoryRecording:
     # --- the worker's side --------------------------------------------------------------------------------
 
     def is_due(self, axis_id: str, time_us: int | None) -> bool:
-        """Whether ``take`` may find a point of an axis, whose last sample is of that time.
+        """Whether to call ``take`` for an axis whose last sample has this time.
 
-        While there are no estimates it is looked for a few times in each interval.
+        While the axis has no estimates, this is so ``CHECKS_PER_INTERVAL`` times in each interval.
         """
         if time_us is None or self._slots.get(axis_id) == self._slot(time_us):
             return False
         looked_us = self._looked_us.get(axis_id)
-        return looked_us is None or abs(time_us - looked_us) >= self.interval_s * 1e6 / LOOKS
+        return looked_us is None or abs(time_us - looked_us) >= self.interval_s * 1e6 / CHECKS_PER_INTERVAL
 
     def take(self, axis_id: str, status: AxisStatus, paused: bool) -> None:
-        """Keep the status of an axis if a point is due: the first in each interval of the samples' time that has any.
+        """Keep a point of each parameter, unless this interval (of the samples' time) already has one.
 
-        Parameters without an estimate of now have none: no sample, learning, invalid, or the axis is ``paused``.
+        A parameter without a present estimate gets no point: no sample yet, settling, invalid, or the axis is
+            ``paused``.
         """
         if status.time_us is None:
             return
@@ -114,7 +119,7 @@ class HistoryRecording:
             return
         t = math.floor(slot * self.interval_s)
         found = [] if paused else [_point(axis_id, t, p) for p in status.parameters if _is_known(p)]
-        if not found:  # the estimates may begin within this interval
+        if not found:  # estimates may become available later in this interval
             return
         self._slots[axis_id] = slot
         with self._lock:
@@ -125,16 +130,16 @@ class HistoryRecording:
         return math.floor(time_us / (self.interval_s * 1e6))
 
     def state(self) -> HistoryState:
-        """How it is being written now."""
+        """The present state of the writer."""
         with self._lock:
             return HistoryState(len(self._waiting), dict(self._dropped), self._problem, self._messages)
 
     def start(self) -> None:
-        """Begin to write."""
+        """Start the writer's thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Write what waits, if the disk takes it now, and close the file."""
+        """Write the waiting points, if the disk takes them now, and close the file."""
         self._stop.set()
         self._wake.set()
         if self._thread.is_alive():
@@ -145,10 +150,10 @@ class HistoryRecording:
     # --- a reader's side ----------------------------------------------------------------------------------
 
     def freshen(self) -> None:
-        """Have what waits written now, but not more often than there are points; a slow disk is not waited for."""
+        """Let the waiting points be written now, at most once per interval; wait up to ``FRESH_S`` for a slow disk."""
         with self._lock:
-            young = self._clock() - self._begun < self.interval_s
-            if young or not self._waiting or not self._thread.is_alive():
+            recent = self._clock() - self._write_began_s < self.interval_s
+            if recent or not self._waiting or not self._thread.is_alive():
                 return
             done = self._done
         self._wake.set()
@@ -157,32 +162,32 @@ class HistoryRecording:
     # --- the writer's side --------------------------------------------------------------------------------
 
     def write(self) -> None:
-        """Write what waits, unless the last try has failed a moment ago."""
+        """Write the waiting points, unless the last try failed less than ``RETRY_S`` ago."""
         if self._clock() < self._next_try:
             return
         with self._lock:
-            self._begun = self._clock()
+            self._write_began_s = self._clock()
             found = list(self._waiting)
             self._waiting.clear()
         try:
-            store = self._opened()
+            store = self._open_store()
             store.add(found)
         except StoreError as error:
             with self._lock:
                 self._waiting.extendleft(reversed(found))
                 self._drop_oldest()
-            self._failed(error)
+            self._report(error)
             return
         self._end_problem()
         try:
             store.prune(self._now_s())
         except StoreError as error:
-            self._failed(error)
+            self._report(error)
 
     def _run(self) -> None:
         wait_s = min(LONGEST_WAIT_S, POINTS_AT_ONCE * self.interval_s)
         try:
-            self.write()  # opens the file: what it holds can be read before there are points
+            self.write()  # opens the file, so that it can be read before there are new points
             while not self._stop.is_set():
                 self._wake.wait(wait_s)
                 self._wake.clear()
@@ -198,7 +203,7 @@ class HistoryRecording:
             )
             log.critical("the history has failed; monitoring goes on", exc_info=True)
 
-    def _opened(self) -> HistoryStore:
+    def _open_store(self) -> HistoryStore:
         if self.store is None:
             self.store = self._open()
             self._messages += self.store.messages
@@ -206,15 +211,15 @@ class HistoryRecording:
                 log.warning("history", message=message)
         return self.store
 
-    def _failed(self, error: StoreError) -> None:
+    def _report(self, error: StoreError) -> None:
         self._next_try = self._clock() + RETRY_S
         if self._problem is None:
-            log.error("the history cannot be written; it is tried again", reason=str(error))
+            log.error("the history cannot be written; retrying", reason=str(error))
         self._problem = sentence(
             "history not written", "the history cannot be written yet, is tried again: {why}", why=error
         )
         if error.is_damage and self.store is not None:
-            damaged, self.store = self.store, None  # opened again, it is quarantined
+            damaged, self.store = self.store, None  # the next opening quarantines it
             damaged.close()
 
     def _end_problem(self) -> None:

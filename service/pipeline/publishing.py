@@ -1,7 +1,7 @@
-"""Publishing: the newest snapshot for everybody who looks, made as often as somebody does.
+"""Publishes snapshots of the whole daemon, more often while they are read.
 
-A snapshot costs as much as the samples of a block.  One that shows an alarm, a bus or a message that is new is made at
-once.
+Making a snapshot costs as much as processing a block of samples.  A new alarm, bus state or message leads to a new
+snapshot at once.
 """
 
 from bisect import bisect_left
@@ -19,11 +19,11 @@ from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
 
-LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
-"""Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise."""
+READ_S, UNREAD_S = 0.2, 1.0
+"""Age at which a snapshot is replaced [s], if it has been read and if it has not."""
 PAUSE_FACTOR = 10
-"""A snapshot that somebody looks at is replaced after so many times what it takes to make one (0.1 s for a thousand
-axes), at the latest after ``UNSEEN_S``."""
+"""A snapshot that has been read is replaced at the earliest after ``PAUSE_FACTOR`` times the time that it takes to make
+one (0.1 s for a thousand axes), and at the latest after ``UNREAD_S``."""
 
 BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
 
@@ -46,22 +46,22 @@ class ProcessingTime:
 
 
 class WorkerParts(NamedTuple):
-    """What the worker's thread uses, and nobody else but between two blocks."""
+    """The parts that the worker's thread uses; other threads use them only between two blocks."""
 
     pipeline: FramePipeline
-    """Decoding and monitors, restored"""
+    """Decoding and monitors, with their restored states"""
     alarms: Alarms
-    """The way to the journal"""
+    """Writes alarms to the journal"""
     history: HistoryRecording
-    """Gets the status of all axes"""
+    """Writes the estimates to the history"""
     recording: Recording
-    """Files that frames are recorded to"""
+    """Writes frames to files"""
     checkpointer: Checkpointer
-    """The way to the checkpoints"""
+    """Saves the states of the monitors"""
 
 
-class _News(NamedTuple):
-    """What may be new in a snapshot beside the status of the axes; it costs little."""
+class _Surroundings(NamedTuple):
+    """The part of a snapshot that is cheap to make: all but the axes."""
 
     now_us: int
     buses: tuple[BusSnapshot, ...]
@@ -69,40 +69,40 @@ class _News(NamedTuple):
     history: HistoryState
     messages: tuple[str, ...]
 
-    def differs(self, shown: Snapshot) -> bool:
-        """Whether people wait for something in it that the snapshot does not have."""
+    def is_urgent(self, shown: Snapshot) -> bool:
+        """Whether alarms, messages or bus states differ from the published snapshot."""
         states, shown_states = ([bus.state for bus in buses] for buses in (self.buses, shown.buses))
         return (self.alarms, self.messages, states) != (shown.alarms, shown.messages, shown_states)
 
 
 class Publisher:
-    """Makes the snapshots; the worker's thread publishes, any thread looks.
+    """Makes the snapshots.  The worker's thread publishes them, any thread reads them.
 
     Args:
-        parts: what the snapshots show.
+        parts: the sources of the snapshots.
         now_us: wall clock.
-        messages: for the operator, from the start.
+        messages: messages to the operator that stay in every snapshot.
     """
 
     def __init__(self, parts: WorkerParts, now_us: Callable[[], int], messages: Sequence[str]) -> None:
         self._parts, self._now_us, self._messages = parts, now_us, tuple(messages)
         self._started_us = now_us()
         self._views = dict[str, AxisView]()
-        self._looked_at = False
+        self._was_read = False
         self._published: Snapshot
         self._published_s = self._making_s = 0.0
         self.processing = ProcessingTime()
         self.prepare: Callable[[Snapshot], object] = lambda _: None
-        """Called with a snapshot before it is shown, unless the last one was replaced a moment ago"""
+        """Called with a snapshot before it is published, unless the last one was published a moment ago"""
 
     @property
     def snapshot(self) -> Snapshot:
-        """The newest snapshot, from any thread.  Whoever looks every second finds none that is older."""
-        self._looked_at = True
+        """The newest snapshot, from any thread.  A reader that polls every second gets none that is older than that."""
+        self._was_read = True
         return self._published
 
     def show_axes(self, axes: Sequence[NamedAxis], new: Iterable[str]) -> None:
-        """Show these axes from now on; ``new``: ids of those that have another monitor than before."""
+        """Include exactly these axes from now on; ``new``: ids of the axes whose monitor is new."""
         fresh, before = set(new), self._views
         self._views = {axis.id: self._view(axis) if axis.id in fresh else before[axis.id] for axis in axes}
 
@@ -110,28 +110,26 @@ class Publisher:
         return AxisView(axis, self._parts.pipeline, self._parts.alarms, self._parts.history)
 
     def take_points(self) -> None:
-        """Give the history a point of each axis for which one is due."""
+        """Give the history a point of each axis that is due for one."""
         for view in giving_way(self._views.values()):
             view.take_point()
 
     def publish(self, buses: Iterable[BusSnapshot], compiling: Iterable[str], at_once: bool) -> None:
-        """Replace the snapshot where it is old, or does not show what people wait for.
+        """Replace the snapshot if it is old or lacks urgent news.
 
         Args:
-            buses: as they are now.
-            compiling: which kernels are not ready, for the operator.
-            at_once: whether it is replaced in any case.
+            buses: present states of the buses.
+            compiling: messages about kernels that are not ready.
+            at_once: replace it in any case.
         """
         news = self._news(buses, compiling)
         age_s = perf_counter() - self._published_s
-        due_s = (
-            min(UNSEEN_S, max(LOOKED_AT_S, PAUSE_FACTOR * self._making_s)) if self._looked_at else UNSEEN_S
-        )
-        if at_once or age_s >= due_s or news.differs(self._published):
-            self._looked_at = False
-            self._replace(news, prepare=age_s >= UNSEEN_S / 2)
+        due_s = min(UNREAD_S, max(READ_S, PAUSE_FACTOR * self._making_s)) if self._was_read else UNREAD_S
+        if at_once or age_s >= due_s or news.is_urgent(self._published):
+            self._was_read = False
+            self._replace(news, prepare=age_s >= UNREAD_S / 2)
 
-    def _replace(self, news: _News, prepare: bool) -> None:
+    def _replace(self, news: _Surroundings, prepare: bool) -> None:
         start = perf_counter()
         new = self._snapshot(news)
         if prepare:
@@ -140,12 +138,12 @@ class Publisher:
         self._published_s = perf_counter()
         self._making_s = self._published_s - start
 
-    def _news(self, buses: Iterable[BusSnapshot], compiling: Iterable[str]) -> _News:
+    def _news(self, buses: Iterable[BusSnapshot], compiling: Iterable[str]) -> _Surroundings:
         now_us, history = self._now_us(), self._parts.history.state()
         messages = *compiling, *self._all_messages(history)
-        return _News(now_us, tuple(buses), self._parts.alarms.snapshot(now_us), history, messages)
+        return _Surroundings(now_us, tuple(buses), self._parts.alarms.snapshot(now_us), history, messages)
 
-    def _snapshot(self, news: _News) -> Snapshot:
+    def _snapshot(self, news: _Surroundings) -> Snapshot:
         axes = tuple(view.snapshot() for view in giving_way(self._views.values()))
         return Snapshot(
             taken_us=news.now_us,
@@ -164,4 +162,4 @@ class Publisher:
         alarms = parts.alarms.problem, parts.alarms.clock_message
         now = (*alarms, parts.checkpointer.problem, history.problem, *parts.recording.problems)
         problems = (problem for problem in now if problem)
-        return (*problems, *self._messages, *parts.pipeline.monitors.begun_again, *history.messages)
+        return (*problems, *self._messages, *parts.pipeline.monitors.restarted_windows, *history.messages)

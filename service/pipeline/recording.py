@@ -1,8 +1,8 @@
-"""Files of the raw frames: everything, on request of ``run --record``, and the minutes around each alarm.
+"""Records raw frames to files: all frames with ``run --record``, and the minutes around each alarm.
 
-The frames of the last minutes are kept in memory.  An alarm, or a request, begins an extract: once the time after it
-has passed, a thread writes the frames before and after to a candump log, or to a .blf file.  Replayed, it raises the
-alarm again.
+The frames of the last minutes are kept in memory.  An alarm starts an extract: when the time after the alarm has
+passed, a thread writes the frames before and after it to a candump log or a .blf file.  A replay of that file raises
+the same alarm again.  A person can also request an extract.
 """
 
 import os
@@ -25,15 +25,15 @@ from service.can.user_errors import RecordError
 from service.pipeline.alarm_recording import AxisAlarm
 
 MOST_RING_BYTES = 64_000_000
-"""Frames kept in memory: at 20 000 frames/s two minutes"""
+"""Memory of the kept frames: two minutes at 20 000 frames/s"""
 _SILENT_US = 5_000_000
-"""An extract does not wait longer for later frames, as where the bus has become silent."""
+"""Longest wait for frames after the end of an extract, as the bus may have become silent."""
 _RETRY_S = 5.0
 _FORMAT = "%Y%m%dT%H%M%SZ"
 _NAME = re.compile(r"frames-(\d{8}T\d{6}Z)-(\d{8}T\d{6}Z)\.(?:log|blf)")
 
 Frames = list[tuple[str, FrameBlock]]
-"""Blocks of one bus each, in the order of their receipt."""
+"""Blocks of frames with the name of their bus, in order of receipt."""
 
 log = structlog.get_logger(__name__)
 
@@ -53,27 +53,27 @@ class FrameRing:
 
     def add(self, bus: str, frames: FrameBlock) -> None:
         """Add the next frames of a bus, at least one."""
-        kept = FrameBlock(frames.records.copy())  # a part of a larger array would keep all of it
+        kept = FrameBlock(frames.records.copy())  # a view would keep the whole larger array in memory
         self._blocks.append((bus, kept))
         self._bytes += kept.records.nbytes
         newest = int(kept.t_us[-1])
-        # A distance, as a clock that was set back leaves times that are ahead.
+        # The absolute value, as frames from before a clock was set back have later times.
         while self._bytes > self._most_bytes or abs(newest - self._last_us(0)) > self._length_us:
             _, oldest = self._blocks.popleft()
             self._bytes -= oldest.records.nbytes
 
     @property
     def oldest_us(self) -> int | None:
-        """Time of the oldest frame; None without any."""
+        """Time of the oldest frame; None: there are no frames."""
         return int(self._blocks[0][1].t_us[0]) if self._blocks else None
 
     @property
     def newest_us(self) -> int | None:
-        """Time of the newest block; None without any."""
+        """Time of the newest frame; None: there are no frames."""
         return self._last_us(-1) if self._blocks else None
 
     def between(self, from_us: int, until_us: int) -> Frames:
-        """The frames of that time."""
+        """The frames from ``from_us`` to ``until_us``."""
         found = []
         for bus, frames in self._blocks:
             part = frames.select((frames.t_us >= from_us) & (frames.t_us <= until_us))
@@ -86,19 +86,19 @@ class FrameRing:
 
 
 class RecordingFolder:
-    """The folder of the extracts.  Names of files hold the time of their first and last frame.
+    """The folder of the extracts.  A file name contains the times of the first and the last frame.
 
     Args:
-        path: it is made when the first file is written.
-        most_bytes: the oldest files are removed, with their reports, where all take more.
-        blf_channels: the files are .blf, where buses have these numbers; None: candump logs, with their names.
+        path: the folder; made when the first file is written.
+        most_bytes: if all files take more, the oldest are removed with their reports.
+        blf_channels: write .blf files in which the buses have these channel numbers; None: write candump logs.
     """
 
     def __init__(self, path: Path, most_bytes: int, blf_channels: Mapping[str, int] | None = None) -> None:
         self.path, self._most_bytes, self._blf_channels = path, most_bytes, blf_channels
 
     def add_channels(self, numbers: Mapping[str, int]) -> None:
-        """These buses have these numbers; frames of the former ones may still be kept."""
+        """Add channel numbers of new buses; those of former buses stay, as their frames may still be in memory."""
         if self._blf_channels is not None:
             self._blf_channels = {**self._blf_channels, **numbers}
 
@@ -110,16 +110,19 @@ class RecordingFolder:
             return []
 
     def file(self, name: str) -> Path | None:
-        """The extract of that name, if there is one."""
+        """Path of the extract with this name; None: there is none."""
         path = self.path / name
         return path if _NAME.fullmatch(name) and path.is_file() else None
 
     def report(self, name: str, alarm_id: int) -> Path:
-        """Where the report of the replay of an extract is, for an alarm; it is removed with the extract."""
+        """Path of the replay report of an extract and an alarm; the report is removed with the extract."""
         return self.path / f"{Path(name).stem}-alarm{alarm_id}.html"
 
     def holding(self, t_us: int, files: Iterable[Path] | None = None) -> str | None:
-        """Name of the oldest extract with the frames of that time, among these files, or all; None: there is none."""
+        """Name of the oldest extract that covers the time; None: there is none.
+
+        ``files``: those to search; None: all.
+        """
         for file in self.files() if files is None else files:
             times = _NAME.fullmatch(file.name)
             if (
@@ -130,10 +133,10 @@ class RecordingFolder:
         return None
 
     def write(self, blocks: Frames) -> Path:
-        """Write an extract, then remove the oldest ones that are too many.
+        """Write an extract, then remove the oldest extracts if all take too much space.
 
         Raises:
-            RecordError: the folder does not take it; nothing of it stays.
+            RecordError: the file cannot be written; nothing of it stays.
         """
         times = [(int(frames.t_us.min()), int(frames.t_us.max())) for _, frames in blocks]
         first, last = min(t for t, _ in times), max(t for _, t in times)
@@ -167,7 +170,7 @@ class RecordingFolder:
         sizes = [
             sum(f.stat().st_size for f in (file, *own)) for file, own in zip(files, reports, strict=True)
         ]
-        while len(files) > 1 and sum(sizes) > self._most_bytes:  # the newest stays
+        while len(files) > 1 and sum(sizes) > self._most_bytes:  # the newest file always stays
             for file in (files[0], *reports[0]):
                 file.unlink(missing_ok=True)
             log.info("the oldest recording is removed: all of them exceed recordings_mb", file=files[0].name)
@@ -179,19 +182,19 @@ class _Extract:
     from_us: int
     until_us: int
     written: Future[Path] = field(default_factory=Future)
-    asked: bool = False
-    """By a person, who is told of a failure"""
+    requested: bool = False
+    """Whether a person has requested it, who then gets the error"""
 
 
 class Extracts:
-    """Writes the frames around alarms, and those of the last minutes on request.
+    """Writes the frames around alarms, and on request the frames of the last minutes.
 
-    An alarm that is raised while the frames after another are awaited is in the same file: many at once cost one.
+    An alarm that is raised within a started extract gets no file of its own, so many alarms at once cost one file.
 
     Args:
-        folder: of the files.
-        before_s: time before an alarm [s].
-        after_s: time after it [s].
+        folder: the folder of the files.
+        before_s: recorded time before an alarm [s].
+        after_s: recorded time after an alarm [s].
         now_us: wall clock.
     """
 
@@ -201,65 +204,75 @@ class Extracts:
         self.folder, self._now_us = folder, now_us
         self._before_us, self._after_us = round(before_s * 1e6), round(after_s * 1e6)
         self._ring = FrameRing(before_s + after_s + 2 * _SILENT_US / 1e6)
-        self._begun: _Extract | None = None
+        self._started: _Extract | None = None
         self._last_us = 0  # end of the last extract
         self._requests = queue.SimpleQueue[Future[Path]]()
-        self._looks = queue.SimpleQueue[tuple[float, Future[Frames]]]()
+        self._latest_requests = queue.SimpleQueue[tuple[float, Future[Frames]]]()
         self._jobs = queue.SimpleQueue[tuple[_Extract, Frames] | None]()
         self._writer = threading.Thread(target=self._write_all, name="recordings", daemon=True)
         self._writer.start()
         self.problem: str | None = None
-        """Why an extract is not written yet, for the operator."""
+        """Message to the operator: why an extract is not written yet; None: all are written."""
 
     def add(self, bus: str, frames: FrameBlock) -> None:
         """Keep the next frames of a bus."""
         self._ring.add(bus, frames)
 
     def alarm(self, raised_us: int) -> None:
-        """Begin an extract for an alarm, unless its time is in the one that has begun, or too long ago."""
+        """Start an extract for an alarm, unless one has started or covers the alarm, or the frames are gone."""
         oldest = self._ring.oldest_us
-        if self._begun is None and oldest is not None and raised_us >= oldest and not self._covers(raised_us):
-            self._begun = _Extract(raised_us - self._before_us, raised_us + self._after_us)
+        if (
+            self._started is None
+            and oldest is not None
+            and raised_us >= oldest
+            and not self._covers(raised_us)
+        ):
+            self._started = _Extract(raised_us - self._before_us, raised_us + self._after_us)
 
     def request(self) -> Future[Path]:
-        """Ask, from any thread, for a file with the frames of the last minutes; its path, or a RecordError."""
-        asked = Future[Path]()
-        self._requests.put(asked)
-        return asked
+        """Request a file with the frames of the last minutes; the future gets its path or a RecordError.
+
+        From any thread.
+        """
+        answer = Future[Path]()
+        self._requests.put(answer)
+        return answer
 
     def latest(self, seconds: float) -> Future[Frames]:
-        """Ask, from any thread, for the last frames: those of so many seconds before the newest one."""
-        asked = Future[Frames]()
-        self._looks.put((seconds, asked))
-        return asked
+        """Request the frames of the last ``seconds`` before the newest frame.  From any thread."""
+        answer = Future[Frames]()
+        self._latest_requests.put((seconds, answer))
+        return answer
 
     def tick(self) -> None:
-        """Hand over to the writer what is complete, and to others what they have asked for."""
+        """Pass complete extracts to the writer's thread, and answer requests."""
         now_us = self._now_us()
-        while not self._looks.empty():
-            seconds, asked = self._looks.get()
+        while not self._latest_requests.empty():
+            seconds, answer = self._latest_requests.get()
             until_us = self._ring.newest_us or now_us
-            asked.set_result(self._ring.between(until_us - round(seconds * 1e6), until_us))
+            answer.set_result(self._ring.between(until_us - round(seconds * 1e6), until_us))
         while not self._requests.empty():
             until_us = self._ring.newest_us or now_us
-            self._hand_over(_Extract(until_us - self._before_us, until_us, self._requests.get(), asked=True))
-        if (begun := self._begun) is not None:
+            self._hand_over(
+                _Extract(until_us - self._before_us, until_us, self._requests.get(), requested=True)
+            )
+        if (extract := self._started) is not None:
             newest = self._ring.newest_us
-            if (newest is not None and newest > begun.until_us) or now_us > begun.until_us + _SILENT_US:
-                self._begun = None
-                self._last_us = begun.until_us
-                self._hand_over(begun)
+            if (newest is not None and newest > extract.until_us) or now_us > extract.until_us + _SILENT_US:
+                self._started = None
+                self._last_us = extract.until_us
+                self._hand_over(extract)
 
     def close(self) -> None:
-        """Write what has begun, with the frames that are there, and end the thread."""
-        if self._begun is not None:
-            self._hand_over(self._begun)
+        """Write a started extract with the frames received so far, and end the thread."""
+        if self._started is not None:
+            self._hand_over(self._started)
         self._jobs.put(None)
         self._writer.join()
         while not self._requests.empty():
             self._requests.get().set_exception(RecordError("the daemon has stopped"))
-        while not self._looks.empty():
-            self._looks.get()[1].set_exception(RecordError("the daemon has stopped"))
+        while not self._latest_requests.empty():
+            self._latest_requests.get()[1].set_exception(RecordError("the daemon has stopped"))
 
     def _covers(self, t_us: int) -> bool:
         return self._last_us - self._after_us - self._before_us <= t_us <= self._last_us
@@ -268,32 +281,32 @@ class Extracts:
         self._jobs.put((extract, self._ring.between(extract.from_us, extract.until_us)))
 
     def _write_all(self) -> None:
-        # Around an alarm, and refused by the disk, which may have space again; only the newest is kept in memory.
-        left: tuple[_Extract, Frames] | None = None
+        # The newest extract around an alarm that the disk has refused; writing it is retried.
+        refused: tuple[_Extract, Frames] | None = None
         going_on = True
         while going_on:
             try:
-                job = self._jobs.get(timeout=None if left is None else _RETRY_S)
+                job = self._jobs.get(timeout=None if refused is None else _RETRY_S)
                 going_on = job is not None
             except queue.Empty:
                 job = None
             if job is None:
-                job, left = left, None
+                job, refused = refused, None
             if job is not None and not self._write(*job):
-                if left is not None:
-                    left[0].written.set_exception(RecordError(self.problem or ""))
-                left = job
-        if left is not None:
-            left[0].written.set_exception(RecordError(self.problem or ""))
+                if refused is not None:
+                    refused[0].written.set_exception(RecordError(self.problem or ""))
+                refused = job
+        if refused is not None:
+            refused[0].written.set_exception(RecordError(self.problem or ""))
 
     def _write(self, extract: _Extract, blocks: Frames) -> bool:
-        """Whether nothing is left to do; otherwise the disk has refused the frames around an alarm."""
+        """Write an extract; returns False if the disk refuses one around an alarm, which must be retried."""
         try:
             if not blocks:
                 raise RecordError("no frames in that time: there is nothing to record")
             path = self.folder.write(blocks)
         except RecordError as error:
-            if extract.asked or not blocks:
+            if extract.requested or not blocks:
                 extract.written.set_exception(error)
                 return True
             if self.problem is None:
@@ -302,7 +315,7 @@ class Extracts:
                 "frames not recorded", "frames around an alarm are not recorded yet: {why}", why=error
             )
             return False
-        if not extract.asked:
+        if not extract.requested:
             self.problem = None
         log.info("frames recorded", file=path.name)
         extract.written.set_result(path)
@@ -310,11 +323,11 @@ class Extracts:
 
 
 class Recording:
-    """All recording of frames: to one file until the disk refuses it, and around alarms.
+    """Records frames: all to one file until the disk refuses it, and those around alarms to extracts.
 
     Args:
-        recorder: everything is written to it.
-        extracts: the time around alarms.
+        recorder: gets all frames.
+        extracts: get the frames around alarms.
     """
 
     def __init__(self, recorder: FrameRecorder | None = None, extracts: Extracts | None = None) -> None:
@@ -323,7 +336,7 @@ class Recording:
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """What is not recorded and why, for the operator."""
+        """Messages to the operator: what is not recorded, and why."""
         found = (self._ended, self._extracts and self._extracts.problem)
         return tuple(problem for problem in found if problem)
 
@@ -340,7 +353,7 @@ class Recording:
             log.error("recording has ended", reason=str(error))
 
     def follow(self, changes: Iterable[AxisAlarm]) -> None:
-        """Record the frames around the alarms that were raised."""
+        """Start extracts for the alarms that were raised."""
         if self._extracts is None:
             return
         for change in changes:
@@ -349,12 +362,12 @@ class Recording:
                 self._extracts.alarm(alarm.reopened_us or alarm.raised_us)
 
     def tick(self) -> None:
-        """Write what is complete."""
+        """Write complete extracts and answer requests."""
         if self._extracts is not None:
             self._extracts.tick()
 
     def close(self) -> None:
-        """Write what has begun, and close the files."""
+        """Write a started extract, and close the files."""
         if self._extracts is not None:
             self._extracts.close()
         if self._recorder is None:

@@ -1,7 +1,7 @@
-"""A new configuration for the running daemon, all or nothing: axes that it does not change keep their monitors.
+"""Applies a new configuration to the running daemon, all or nothing.  Unchanged axes keep their monitors.
 
-What takes time, and all that can be wrong, is done before the worker exchanges the changed axes between two blocks.  A
-changed axis goes on as after a restart: from its checkpoint if that fits, with its open alarms from the journal.
+All slow steps and all checks come first; then the worker replaces the changed axes between two blocks.  A changed axis
+continues as after a restart: from its checkpoint if that fits, with its open alarms from the journal.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,15 +23,15 @@ from service.pipeline.alarm_recording import alarm_groups
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusIntake, BusReaders
-from service.pipeline.epochs_at_start import at_start, bring_back
+from service.pipeline.epochs_at_start import epochs_in_force, resume_monitors
 from service.pipeline.worker import Worker
 from service.store.journal import Journal
 
 log = structlog.get_logger(__name__)
 
 Part = Callable[[Config], AbstractContextManager[None]]
-"""What else a configuration changes: exchanged when entered, or at the end, where nothing has failed within; else as
-before.  It raises ReloadError."""
+"""Another part of the daemon that a configuration changes, as a context manager.  The part changes on entry, or on exit
+if the ``with`` block has not raised; otherwise it returns to the former state.  Raises ReloadError."""
 
 
 class ReloadError(Exception):
@@ -39,28 +39,28 @@ class ReloadError(Exception):
 
 
 class Reloaded(NamedTuple):
-    """What a new configuration has changed."""
+    """What a new configuration has changed: ids of axes, tables."""
 
     changed: tuple[str, ...]
     added: tuple[str, ...]
     removed: tuple[str, ...]
     kept: int
-    """Number of axes that go on as they are"""
+    """Number of unchanged axes"""
     tables: tuple[str, ...]
-    """What else was changed: tables of the configuration, and the buses that were opened again"""
+    """Other changed tables of the configuration, among them those of reopened buses"""
 
 
 class Reloading:
-    """Exchanges what a new configuration changes.
+    """Applies new configurations.
 
     Args:
-        config: the configuration that the daemon has started with.
-        worker: exchanges monitors.
-        baselines: know which values are in force.
-        buses: the readers.
-        journal: of the alarms and epochs.
+        config: the configuration with which the daemon has started.
+        worker: replaces monitors.
+        baselines: knows which nominal values are in force.
+        buses: the bus readers.
+        journal: the journal of alarms and epochs.
         now_us: wall clock.
-        parts: what else is exchanged.
+        parts: other parts of the daemon that a configuration changes.
     """
 
     def __init__(
@@ -81,18 +81,18 @@ class Reloading:
 
     @property
     def config(self) -> Config:
-        """The configuration that is in force."""
+        """The configuration in force."""
         return self._config
 
     def reload(self, new: Config) -> Reloaded:
-        """Take over a configuration that is right in itself; from any thread but the worker's.
+        """Apply a configuration that has passed its own checks; from any thread but the worker's.
 
         Raises:
-            ReloadError: that needs a restart, or is not possible; nothing was changed.
+            ReloadError: the change needs a restart or is not possible; nothing was changed.
             StoreError: the state directory cannot be read or written; nothing was changed.
         """
         with self._baselines.held():
-            if fixed := list(_fixed(self._config, new)):
+            if fixed := list(_need_restart(self._config, new)):
                 raise ReloadError(f"a change of {listed(fixed)} needs a restart")
             before = {axis.id: axis for axis in self._config.axes}
             after = {axis.id: axis for axis in new.axes}
@@ -100,16 +100,16 @@ class Reloading:
             changed = [
                 axis
                 for axis_id, axis in after.items()
-                # A drawing is read once; another text of the same name is another drive.
+                # A drawing is read once and kept; if its text has changed, the drive is another object.
                 if before.get(axis_id) != axis or drives[axis_id] is not self._drives[axis_id]
             ]
             removed = tuple(axis_id for axis_id in before if axis_id not in after)
-            files, ingests = self._checked(new, changed)
+            files, ingests = self._check(new, changed)
             with ExitStack() as undone:
                 for part in self._parts:
                     undone.enter_context(part(new))
                 try:
-                    intakes = undone.enter_context(self._buses.exchanged(new, ingests))
+                    intakes = undone.enter_context(self._buses.replaced(new, ingests))
                 except BusError as error:
                     raise ReloadError(str(error)) from None
                 if changed or removed or ingests or len(new.bus) < len(self._config.bus):
@@ -130,10 +130,8 @@ class Reloading:
                 tuple(tables),
             )
 
-    def _checked(
-        self, new: Config, changed: Sequence[NamedAxis]
-    ) -> tuple[dict[str, Files], dict[str, Ingest]]:
-        """What describes each bus, and what takes the frames of those that are to be opened anew.
+    def _check(self, new: Config, changed: Sequence[NamedAxis]) -> tuple[dict[str, Files], dict[str, Ingest]]:
+        """Check a configuration; returns the description files of each bus, and new ingests of the buses to reopen.
 
         Raises:
             ReloadError: an axis or a bus cannot be used as configured.
@@ -146,7 +144,7 @@ class Reloading:
             for bus in new.bus:
                 ingest = Ingest(new, bus.name)
                 same = bus == before.get(bus.name) and files[bus.name] == self._files[bus.name]
-                # A message that no axis has needed is not let through.
+                # The filter of an open bus lets only those messages through that some axis needed before.
                 if not same or not set(ingest.filter) <= self._filters[bus.name]:
                     found[bus.name] = ingest
         except (AxisError, DescriptionError, IngestError, ModelError, OSError) as error:
@@ -163,46 +161,48 @@ class Reloading:
         ingests: Mapping[str, Ingest],
         intakes: Mapping[str, BusIntake],
     ) -> None:
-        begun = at_start(changed, self._journal.epochs, self._now_us())
-        in_force = {axis.id: axis for axis in begun.axes}
-        made = AxisMonitors(begun.axes)
-        made.compile()
-        made.compile_multimodel()
-        for detector in made.multimodel:
-            _ = detector.bank  # made here, not by the worker
-        axes = [in_force.get(axis.id) or self._baselines.in_force(axis.id) for axis in new.axes]
+        found = epochs_in_force(changed, self._journal.epochs, self._now_us())
+        changed_axes = {axis.id: axis for axis in found.axes}
+        new_monitors = AxisMonitors(found.axes)
+        new_monitors.compile()
+        new_monitors.compile_multimodel()
+        for detector in new_monitors.multimodel:
+            _ = detector.bank  # make it in this thread, not in the worker's
+        axes = [changed_axes.get(axis.id) or self._baselines.in_force(axis.id) for axis in new.axes]
         ids = [axis.id for axis in axes]
 
         def exchange() -> tuple[str, ...]:
             now_us, worker = self._now_us(), self._worker
             worker.take_all()
-            if late := [a for a in (*in_force, *removed) if worker.alarms.waits_for_journal(a)]:
+            if late := [a for a in (*changed_axes, *removed) if worker.alarms.waits_for_journal(a)]:
                 raise ReloadError(
                     f"alarms of {', '.join(late)} are not recorded yet; try again when they are"
                 )
             worker.checkpointer.save()
-            restored = bring_back(made, begun, worker.checkpointer.checkpoints, self._journal, now_us, ids)
+            restored = resume_monitors(
+                new_monitors, found, worker.checkpointer.checkpoints, self._journal, now_us, ids
+            )
             self._journal.group(alarm_groups(new.axes))
             worker.change_buses([bus.name for bus in new.bus], intakes, ingests)
             for name, ingest in worker.pipeline.ingests.items():
-                ingest.change([axis for axis in axes if axis.config.bus == name], in_force.keys())
-            worker.change(axes, made)
+                ingest.change([axis for axis in axes if axis.config.bus == name], changed_axes.keys())
+            worker.change(axes, new_monitors)
             worker.alarms.adopt(restored.open)
             worker.alarms.record(restored.changes)
             return restored.messages
 
         messages = self._baselines.between_blocks(exchange)
         self._baselines.configure(new.axes, axes)
-        for message in (*begun.messages, *messages, *made.begun_again):
+        for message in (*found.messages, *messages, *new_monitors.restarted_windows):
             log.warning("reload", message=message)
-        log.info("reloaded", axes=len(axes), changed=[*in_force], removed=[*removed], opened=[*ingests])
+        log.info("reloaded", axes=len(axes), changed=[*changed_axes], removed=[*removed], opened=[*ingests])
 
 
 def _drives(config: Config) -> dict[str, Modelled]:
-    """The drives of all axes, as their drawings are now.
+    """The drives of all axes from the present text of their drawings.
 
     Raises:
-        ReloadError: one cannot be drawn.
+        ReloadError: a drive cannot be modelled.
     """
     try:
         return {axis.id: model_of_axis(axis.config) for axis in config.axes}
@@ -211,16 +211,16 @@ def _drives(config: Config) -> dict[str, Modelled]:
 
 
 _RUNNING = ("hosts", "open_metrics", "certificate", "key")
-"""Keys of [web] that can be changed while it is served"""
+"""Keys of [web] that can be changed while the server runs"""
 
 
-def _fixed(before: Config, new: Config) -> Iterator[str]:
-    """What is changed and cannot be while the daemon runs: tables with their keys."""
+def _need_restart(before: Config, new: Config) -> Iterator[str]:
+    """Keys, with their tables, that are changed but cannot be changed while the daemon runs."""
     for name in ("service", "web"):
         old, other = getattr(before, name), getattr(new, name)
         for key in type(old).model_fields:
             changed = getattr(old, key) != getattr(other, key)
-            if name == "web" and key in _RUNNING:  # but whether there is TLS
+            if name == "web" and key in _RUNNING:  # except for turning TLS on or off
                 changed = changed and key == "certificate" and None in (old.certificate, other.certificate)
             if changed:
                 yield f"[{name}] {key}"

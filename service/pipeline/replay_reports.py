@@ -1,6 +1,6 @@
-"""Reports of replays that the daemon makes on request, one at a time, each in a process that gives way to all others.
+"""Replay reports of alarms, made on request, one at a time, each in a process of lowest priority.
 
-The frames around an alarm run through the monitors of its robot again, with the nominal values that were in force then.
+The frames around an alarm run again through the monitors of its robot, with the nominal values in force at that time.
 """
 
 import os
@@ -22,7 +22,7 @@ from service.store.alarm_table import RecordedAlarm
 from service.store.epochs import Epochs
 
 LONGEST_S = 900.0
-"""After that the process is ended: it takes seconds, unless the machine is very busy."""
+"""Time limit of the process [s]; it takes seconds, unless the machine is very busy."""
 _MOST_FAILURES = 100
 
 _CHILD = """
@@ -37,39 +37,39 @@ log = structlog.get_logger(__name__)
 
 
 class ReplayOrder(NamedTuple):
-    """What is to be replayed."""
+    """Input of the process that makes a report."""
 
     config: Config
-    """Of one robot"""
+    """The configuration, reduced to one robot"""
     named: str
-    """The file of the configuration"""
+    """Name of the configuration file"""
     epochs: Mapping[str, tuple[str, int]]
-    """Content and number of the epochs of its axes that were in force"""
+    """By axis: content and number of the epoch that was in force"""
     record: Path
     page: Path
-    """Where the report is written"""
+    """Path of the report"""
 
 
 class NoReplayError(Exception):
-    """No report can be made now; the text says why."""
+    """The report cannot be made now; the text says why."""
 
 
 class ReportState(NamedTuple):
-    """Whether the report of an alarm is there."""
+    """State of the report of an alarm."""
 
     state: Literal["none", "running", "made", "failed"]
     problem: str | None = None
-    """Why it failed"""
+    """Why making the report failed"""
 
 
 class ReplayReports:
-    """Makes the report of an alarm; may be used from any thread.
+    """Makes reports of alarms; for use by any thread.
 
     Args:
-        folder: of the recordings; a report is kept beside its own, and removed with it.
-        config: what is in force.
-        named: the file of the configuration.
-        epochs: of the axes.
+        folder: the recordings.  A report is kept beside its recording, and is removed with it.
+        config: returns the configuration in force.
+        named: name of the configuration file.
+        epochs: the epochs of the axes.
     """
 
     def __init__(
@@ -83,16 +83,18 @@ class ReplayReports:
         self._stopped = False
 
     def page(self, alarm: RecordedAlarm) -> Path | None:
-        """Where the report of an alarm is, or would be; None: it has no recording, or is not in the journal."""
+        """Path of the report of an alarm, made or not; None: the alarm has no recording, or is not in the journal."""
         name = self._folder.holding(alarm.since_us) if alarm.recorded else None
         return None if name is None else self._folder.report(name, alarm.id)
 
     def state(self, alarm: RecordedAlarm) -> ReportState | None:
-        """Whether the report of an alarm is there; None: there can be none."""
+        """State of the report of an alarm; None: no report is possible."""
         page = self.page(alarm)
         if page is None:
             return None
-        with self._lock:  # of one moment: what has just ended is either made or failed
+        with (
+            self._lock
+        ):  # read both together: a process that has just ended has either made the report or failed
             if self._running == alarm.id:
                 return ReportState("running")
             problem = self._failed.get(alarm.id)
@@ -101,10 +103,11 @@ class ReplayReports:
         return ReportState("none") if problem is None else ReportState("failed", problem)
 
     def begin(self, alarm: RecordedAlarm) -> None:
-        """Have the report of an alarm made, unless it is being made already; one that is there is made again.
+        """Start to make the report of an alarm, unless that is under way; a report that exists is made again.
 
         Raises:
-            NoReplayError: another one is being made, or there are no frames, or no such axis any more.
+            NoReplayError: another report is being made, the alarm has no recording, or the axis is no longer
+                configured.
             StoreError: the epochs cannot be read.
         """
         page, config = self.page(alarm), self._config()
@@ -124,7 +127,7 @@ class ReplayReports:
             and epoch.in_force_us <= alarm.since_us < (epoch.ended_us or sys.maxsize)
         }
         name = self._folder.holding(alarm.since_us)
-        assert name is not None  # else there would be no page
+        assert name is not None  # otherwise ``page`` would be None
         order = ReplayOrder(config, self._named, epochs, self._folder.path / name, page)
         with self._lock:
             if self._running == alarm.id:
@@ -137,7 +140,7 @@ class ReplayReports:
         threading.Thread(target=self._make, args=(alarm.id, order), name="replay", daemon=True).start()
 
     def stop(self) -> None:
-        """End what is being made."""
+        """End the process that makes a report."""
         with self._lock:
             self._stopped = True
             if self._child is not None:
@@ -146,7 +149,7 @@ class ReplayReports:
     def _make(self, alarm_id: int, order: ReplayOrder) -> None:
         problem: str | None = _ENDED
         try:
-            problem = self._problem_of(order)
+            problem = self._run(order)
         except OSError as error:
             problem = str(error)
         finally:
@@ -159,8 +162,8 @@ class ReplayReports:
         elif not self._stopped:
             log.warning("no replay report", alarm=alarm_id, reason=problem)
 
-    def _problem_of(self, order: ReplayOrder) -> str | None:
-        """Have it made; why it was not."""
+    def _run(self, order: ReplayOrder) -> str | None:
+        """Let a process make the report; returns why it failed, or None."""
         with self._lock:
             if self._stopped:
                 return _ENDED
@@ -175,11 +178,11 @@ class ReplayReports:
         limit.start()
         messages = ""
         try:
-            # A child that ends before it has read its order: the pipe is broken, and again when it is closed.
+            # If the child ends before it has read its order, writing to the pipe fails, and so does closing it.
             with suppress(BrokenPipeError), child:
                 assert child.stdin is not None
                 assert child.stderr is not None
-                # It stays open: its end tells the child that the daemon is gone.
+                # The pipe stays open: its end tells the child that the daemon has ended.
                 with suppress(BrokenPipeError):
                     child.stdin.write(pickle.dumps(order))
                     child.stdin.flush()
@@ -192,12 +195,12 @@ class ReplayReports:
 
 
 _ENDED: Sentence = sentence(
-    "replay ended", "its process was ended, perhaps for want of memory or time; try again"
+    "replay ended", "its process was ended, perhaps because memory or time ran out; try again"
 )
 
 
 def give_way() -> None:
-    """Let all other processes go first, and be the first that ends where memory is short."""
+    """Take the lowest priority, and be the first process that the kernel ends when memory runs out."""
     os.nice(19)
     with suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")

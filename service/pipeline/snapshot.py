@@ -1,4 +1,4 @@
-"""Snapshots: the immutable state that API, metrics and page read; the worker replaces it in one assignment."""
+"""The immutable snapshot that API, metrics and page read; the worker replaces it in one assignment."""
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -25,17 +25,17 @@ from service.store.alarm_transitions import CONFIGURATION, Note
 
 @dataclass(frozen=True, slots=True)
 class MonitoredDrive:
-    """What an axis is monitored by; it changes with the configuration and with the epoch only."""
+    """Model and settings with which an axis is monitored; they change only with the configuration and the epoch."""
 
     model: AxisModel
     settings: Settings
     components: tuple[FlatComponent, ...]
-    """As the drive was drawn"""
+    """Components of the drive as drawn"""
 
 
 @dataclass(frozen=True, slots=True)
 class AxisSnapshot:
-    """One axis.  ``id`` is "robot.axis" and identifies it in the API and in the metrics."""
+    """One axis at one moment.  ``id`` is "robot.axis" and identifies the axis in the API and in the metrics."""
 
     id: str
     robot: str
@@ -48,21 +48,21 @@ class AxisSnapshot:
     interval_s: float
     """Nominal sample interval [s]"""
     nominal: Mapping[str, tuple[float, str]]
-    """All values of the model, by name, with their units"""
+    """All nominal values of the model and their units, by name"""
     status: AxisStatus
     open_alarms: tuple[Alarm, ...]
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (monitor_core.sampling.DROP_REASONS)"""
     clock: Mapping[str, int]
-    """How often the time line of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
+    """How often the time axis of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
     gated_by: str = ""
-    """The operating condition by which the last sample was not used, e.g. mode = 2; empty: it was used"""
+    """The operating condition that kept the last sample from being used, e.g. mode = 2; empty: it was used"""
     outside_calibration: tuple[str, ...] = ()
-    """Conditions that are outside the range of its calibration, in words"""
+    """Operating conditions outside the range of the calibration, in words"""
     heat: Heat | None = None
-    """How warm it is; None: nothing follows its heat"""
+    """Warm-up state; None: the axis has no thermal model"""
     stamps: Stamps = NOT_KNOWN
-    """Jitter of its time stamps"""
+    """Jitter of the time stamps"""
     causes: tuple[str, ...] = ()
     """Every cause that an alarm may name: the monitored parameters, then others"""
     trends: tuple[ParameterTrend, ...] = ()
@@ -70,38 +70,38 @@ class AxisSnapshot:
     histories_lost: int = 0
     """Long-term histories that could not be restored at the start"""
     epoch: AxisEpoch = FIRST_EPOCH
-    """Which nominal values are in force, and what is under way"""
+    """The epoch in force, and the progress of a learning or verification window"""
     out_of_service: Note | None = None
-    """Since when, by whom and why its alarms are not announced; None: they are"""
+    """Who has taken the axis out of service, so that its alarms are not announced, when and why; None: nobody"""
     watched: MonitoredDrive | None = None
-    """Model and settings of its monitor; None: not known"""
+    """Model and settings of the monitor; None: not known"""
 
 
 GIVE_UP_REASONS = ("age", "refused")
-"""Why a link gives a transition up: it could not be delivered for too long; the receiver does not want it."""
+"""Why a link gives up a transition: it could not be delivered for too long ("age"), or the receiver refuses it."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkSnapshot:
-    """One plant link: whether it works, and transitions of alarms since the start of the daemon."""
+    """One plant link: whether it works, and its counts of alarm transitions since the start of the daemon."""
 
     name: str
     kind: str
     """webhook, mqtt, smtp or opcua"""
     connected: bool
-    """Whether the last try has succeeded; of a link without a lasting connection also before the first one"""
+    """Whether the last try succeeded; true before the first try for a link that keeps no connection open"""
     problem: str = ""
-    """Why it does not work; empty: it does"""
+    """Why the link does not work; empty: it works"""
     pending: int = 0
-    """Those that wait"""
+    """Number of transitions that wait to be delivered"""
     delivered: int = 0
     given_up: Mapping[str, int] = field(default_factory=lambda: dict.fromkeys(GIVE_UP_REASONS, 0))
-    """Those that are given up, by reason"""
+    """Number of transitions that were given up, by reason"""
 
 
 @dataclass(frozen=True, slots=True)
 class Histogram:
-    """Processing time of blocks: upper bounds [s], counts per bucket (not cumulated, one more than bounds), sum."""
+    """Processing time of blocks: upper bounds [s], counts per bucket (not cumulative, one more than bounds), sum."""
 
     bounds: tuple[float, ...]
     counts: tuple[int, ...]
@@ -110,7 +110,7 @@ class Histogram:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """Everything at one moment.  ``messages`` are for the operator (e.g. a checkpoint that was quarantined)."""
+    """The whole daemon at one moment.  ``messages``: to the operator, e.g. that a checkpoint was quarantined."""
 
     taken_us: int
     started_us: int
@@ -120,35 +120,35 @@ class Snapshot:
     checkpoint_us: int | None
     messages: tuple[str, ...] = ()
     alarms: AlarmsSnapshot = NO_ALARMS
-    """What operators have done about the alarms"""
+    """States of the alarms: unrecorded, acknowledged, shelved, out of service"""
     history: HistoryState = NO_HISTORY
-    """How the history is being written"""
+    """State of the history writer"""
 
     def axis(self, axis_id: str) -> AxisSnapshot | None:
-        """The axis of that id."""
+        """The axis with this id; None: there is none."""
         return next((axis for axis in self.axes if axis.id == axis_id), None)
 
 
 def out_of_service(axes: Iterable[AxisSnapshot]) -> Iterator[str]:
-    """That axes are out of service, for the operator: it must not be forgotten."""
+    """A message that lists the axes that are out of service, so that the operator does not forget them."""
     found = [f"{a.id} ({a.out_of_service.who})" for a in axes if a.out_of_service is not None]
     if found:
         words = "out of service, with alarms that are recorded but not announced: {axes}"
         yield sentence("out of service", words, axes=", ".join(found))
 
 
-# --- How they are made: status of the monitor, alarms as they are shown ---------------------------------------------
+# --- Making the snapshot of an axis ---------------------------------------------------------------------------------
 
 
 class Reception(NamedTuple):
-    """What became of the values of an axis before its samples: as in AxisSnapshot."""
+    """Counts of dropped values and clock restarts, and time stamp jitter, of an axis; fields as in AxisSnapshot."""
 
     dropped: Mapping[str, int]
     clock: Mapping[str, int]
     stamps: Stamps
 
 
-def axis_snapshot(
+def make_axis_snapshot(
     axis: AxisPipeline,
     trends: Trends,
     status: AxisStatus,
@@ -157,7 +157,7 @@ def axis_snapshot(
     out_of_service: Note | None = None,
     watched: MonitoredDrive | None = None,
 ) -> AxisSnapshot:
-    """What the monitor of an axis, its trends, its alarms and its input show now."""
+    """Make the snapshot of an axis from its monitor, trends, alarms and input."""
     named, drive = axis.config, axis.monitor.model.drive
     return AxisSnapshot(
         id=named.id,
@@ -179,14 +179,14 @@ def axis_snapshot(
         causes=axis.causes,
         trends=trends.for_axis(named.id),
         histories_lost=trends.lost[named.id],
-        epoch=axis.epoch.shown(status),
+        epoch=axis.epoch.snapshot(status),
         out_of_service=out_of_service,
         watched=watched,
     )
 
 
 class AxisView:
-    """Snapshots of one axis of the daemon."""
+    """Makes the snapshots of one axis."""
 
     def __init__(
         self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording
@@ -198,24 +198,26 @@ class AxisView:
         self._by_configuration = Note(0, CONFIGURATION) if axis.config.alarms.out_of_service else None
 
     def take_point(self) -> None:
-        """Give the history a point of the axis, if one is due."""
+        """Give the history a point of the axis, if it is due for one."""
         axis_id, monitor = self._axis.id, self._monitored.monitor
         if self._history.is_due(axis_id, monitor.time_us):
             self._history.take(axis_id, monitor.status(), bool(self._monitored.gated_by))
 
     def snapshot(self) -> AxisSnapshot:
-        """Snapshot of the axis now."""
+        """The present snapshot of the axis."""
         axis, trends = self._axis, self._pipeline.monitors.trends
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
         open_alarms = self._alarms.open(axis.id)
         status = _as_recorded(self._monitored.monitor.status(), open_alarms)
         received = Reception(source.dropped, source.events, source.stamps)
         removed = self._alarms.removed(axis.id) or self._by_configuration
-        return axis_snapshot(self._monitored, trends, status, open_alarms, received, removed, self._watched)
+        return make_axis_snapshot(
+            self._monitored, trends, status, open_alarms, received, removed, self._watched
+        )
 
 
 def _as_recorded(status: AxisStatus, open_alarms: Iterable[Alarm]) -> AxisStatus:
-    """The status with the alarms that are shown: the end of an alarm counts when it is recorded."""
+    """The status with parameters in alarm as the journal has them: an alarm ends only when its end is recorded."""
     recorded = {e.parameter for e in open_alarms if e.kind != "forecast"}
     if all((p.status is Status.ALARM) == (p.name in recorded) for p in status.parameters):
         return status

@@ -1,4 +1,4 @@
-"""Long-term trends of all axes: fed with readings, computed one at a time, saved and restored."""
+"""Long-term trends of all axes: takes readings, computes trends one at a time, saves and restores histories."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.store.checkpoints import AxisState
 
 
 class AxisTrends(NamedTuple):
-    """The trends of one axis: names of its parameters, their monitor, the key of its histories."""
+    """The trends of one axis: names of its parameters, their monitor, the key of the saved histories."""
 
     names: Sequence[str]
     monitor: TrendMonitor
@@ -26,9 +26,9 @@ class Trends:
     """The trend monitors of all axes.
 
     Args:
-        axes: as configured.
+        axes: the configured axes.
         models: their models.
-        keys: identities of their histories.
+        keys: keys of their saved histories.
     """
 
     def __init__(self, axes: Sequence[NamedAxis], models: Sequence[AxisModel], keys: Sequence[str]) -> None:
@@ -40,27 +40,27 @@ class Trends:
         self._saved: dict[str, list[int]] = {}
         self._waiting: dict[tuple[str, int], None] = {}
         self.lost: dict[str, int] = dict.fromkeys(self.axes, 0)
-        """Histories that could not be restored, by axis"""
+        """Number of histories that could not be restored, by axis"""
 
-    def change(self, axis_ids: Iterable[str], made: Trends) -> None:
-        """Go on with these axes: those of ``made`` begin there, the others go on as they are."""
-        kept = set(axis_ids) - made.axes.keys()
-        self.axes = {a: own for a, own in self.axes.items() if a in kept} | made.axes
-        self.lost = {a: own for a, own in self.lost.items() if a in kept} | made.lost
+    def change(self, axis_ids: Iterable[str], new: Trends) -> None:
+        """Follow exactly these axes from now on.  Axes in ``new`` get its trends; the others keep theirs."""
+        kept = set(axis_ids) - new.axes.keys()
+        self.axes = {a: own for a, own in self.axes.items() if a in kept} | new.axes
+        self.lost = {a: own for a, own in self.lost.items() if a in kept} | new.lost
         self._saved = {a: own for a, own in self._saved.items() if a in kept}
         self._waiting = {due: None for due in self._waiting if due[0] in kept}
 
     def take(self, axis_id: str, readings: Iterable[Reading]) -> None:
-        """Take readings of an axis."""
+        """Take readings of an axis; mark the trends whose histories grow."""
         monitor = self.axes[axis_id].monitor
         for reading in readings:
             if monitor.take(reading):
                 self._waiting |= dict.fromkeys((axis_id, i) for i in monitor.due())
 
     def update(self, most: int | None = None) -> list[AxisAlarm]:
-        """Compute at most ``most`` of the trends whose histories have grown (a few hundredths of a second each).
+        """Compute at most ``most`` of the trends whose histories have grown (each takes some 10 ms).
 
-        Returns the alarms about limits that were raised, updated or ended.
+        Returns the forecast alarms that were raised, updated or ended.
         """
         changed: list[AxisAlarm] = []
         for axis_id, i in list(self._waiting)[:most]:
@@ -69,11 +69,11 @@ class Trends:
         return changed
 
     def for_axis(self, axis_id: str) -> tuple[ParameterTrend, ...]:
-        """The trends of an axis, as last computed."""
+        """The latest computed trends of an axis."""
         return tuple(self.axes[axis_id].monitor.trends)
 
     def adopt(self, open_alarms: Iterable[AxisAlarm], now_us: int) -> list[AxisAlarm]:
-        """Adopt alarms about limits that are open in the journal; returns those that end, as their limit is gone."""
+        """Adopt open forecast alarms of the journal; returns those that end, as their limit is no longer configured."""
         forecasts: dict[str, list[AxisAlarm]] = {}
         for axis_alarm in open_alarms:
             if axis_alarm.alarm.kind == "forecast" and axis_alarm.axis_id in self.axes:
@@ -85,7 +85,7 @@ class Trends:
         ]
 
     def to_save(self) -> Iterator[AxisState]:
-        """The parts to save: open entries always, completed entries where there are new ones."""
+        """The states to save: open entries always, completed entries only if there are new ones."""
         for axis_id, (names, monitor, key) in self.axes.items():
             histories = zip(names, monitor.histories, strict=True)
             yield AxisState(
@@ -98,11 +98,11 @@ class Trends:
                     yield AxisState(completed_id(axis_id, names[i]), key, entries)
 
     def saved(self) -> None:
-        """The parts of ``to_save`` are on the disk."""
+        """Note that the states of ``to_save`` are on the disk."""
         self._saved = {axis_id: list(a.monitor.closed) for axis_id, a in self.axes.items()}
 
     def resume(self, lost: Iterable[str]) -> None:
-        """Continue from restored histories; ``lost``: the axis of each one that could not be restored."""
+        """Continue from restored histories; ``lost``: the axis of each history that could not be restored."""
         for axis_id, count in Counter(lost).items():
             self.lost[axis_id] += count
         for axis_id, axis in self.axes.items():
@@ -117,7 +117,7 @@ def _trend_monitor(axis: NamedAxis, model: AxisModel) -> TrendMonitor:
 
 
 def gathered_id(axis_id: str) -> str:
-    """Name under which the entries that are being gathered are saved, of all parameters of an axis."""
+    """Name under which the open entries of all parameters of an axis are saved."""
     return f"{axis_id} (history being gathered)"
 
 

@@ -1,12 +1,12 @@
-"""The cache of the compiled kernel, and processes that compile the kernel into it in advance.
+"""The cache of the compiled kernel, and processes that compile the kernel into the cache in advance.
 
-Large libraries are imported where they are used, so that these processes can be started before they are loaded.
+Large libraries are imported inside functions, so that these processes can start before the libraries are loaded.
 
-The cache has a separate folder for each version and place of the kernel's sources.  Numba compares only the file of the
-called function, not the files of those it calls in turn.  After an upgrade that changed one of these it would run the
-old code.  Hence the hash of the sources in the name of the folder.  Numba also finds what it compiled by the path of
-the source and by its own version: were these not in the name, what marks a kernel as compiled would count for a second
-installation too, which would then compile while it monitors.
+The cache has a separate folder for each version and location of the kernel's sources.  Numba checks only the file of
+the called function, not the files of the functions that it calls in turn.  After an upgrade that changes only one of
+these, numba would run the old code.  So the folder's name has a hash of all sources.  Numba also looks up its compiled
+code by the path of the source and by its own version.  These are part of the hash, too: otherwise the marker files of
+one installation would also count for a second one, which would then compile while it monitors.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ if TYPE_CHECKING:
 
 VARIABLE = "NUMBA_CACHE_DIR"
 COMPILED = tuple(Path(__file__).parents[2] / "monitor_core" / name for name in ("kernel", "sampling"))
-"""Folders with compiled functions of the daemon"""
+"""Folders of the functions that numba compiles for the daemon"""
 
 
 def choose(environ: MutableMapping[str, str]) -> Path:
-    """Set numba's cache folder and effort; to be called before anything imports numba.
+    """Set numba's cache folder and optimisation level; to be called before anything imports numba.
 
-    The folder lies below NUMBA_CACHE_DIR if that is set, otherwise below the user's cache folder.  Where it cannot be
-    written it is a temporary folder: numba uses none that it cannot write to.  That has links to the files of the
-    wanted one, as an image ships them; where there are none, it is reported that every start compiles.
+    The folder lies below NUMBA_CACHE_DIR if that is set, otherwise below the user's cache folder.  Numba uses no folder
+    that it cannot write to.  So if the folder is read-only, a temporary folder is used, with links to the files of the
+    first one, as a container image ships them.  If it has no files, a message says that every start compiles.
     """
     folder = _base(environ) / f"kernel-{fingerprint()}"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=folder).close()
     except OSError as error:
-        folder = _folder_of_this_run(folder, error)
+        folder = _temporary_folder(folder, error)
     environ[VARIABLE] = str(folder)
     # Compiles a tenth faster than numba's default of 3; the code is as fast.
     environ.setdefault("NUMBA_OPT", "2")
@@ -54,7 +54,7 @@ def choose(environ: MutableMapping[str, str]) -> Path:
 
 
 def fingerprint() -> str:
-    """Hash of what the compiled kernel depends on: its sources, where they are, and numba's version."""
+    """Hash of all that the compiled kernel depends on: its sources, their paths, and numba's version."""
     digest = hashlib.sha256(importlib.metadata.version("numba").encode())
     for source in sorted(source for folder in COMPILED for source in folder.glob("*.py")):
         digest.update(b"\0" + os.fsencode(source) + b"\0" + source.read_bytes())
@@ -63,16 +63,16 @@ def fingerprint() -> str:
 
 def _base(environ: MutableMapping[str, str]) -> Path:
     if given := environ.get(VARIABLE):
-        # The parent process has set the folder already.
+        # A parent process has already set the folder.
         return Path(given).parent if Path(given).name.startswith("kernel-") else Path(given)
     return Path(environ.get("XDG_CACHE_HOME") or Path(os.path.expanduser("~")) / ".cache") / "axiswatch"
 
 
-def _folder_of_this_run(wanted: Path, error: OSError) -> Path:
-    # Processes that this one starts find a name as ``_base`` knows it.
+def _temporary_folder(wanted: Path, error: OSError) -> Path:
+    # Keep the folder's name, by which ``_base`` recognises it in child processes.
     folder = Path(tempfile.mkdtemp(prefix="axiswatch-")) / wanted.name
     atexit.register(shutil.rmtree, folder.parent, ignore_errors=True)
-    if _linked(wanted, folder):
+    if _link_files(wanted, folder):
         return folder
     print(
         f"axiswatch: the compiled kernel cannot be kept in {wanted} ({error.strerror}), so every start "
@@ -82,47 +82,47 @@ def _folder_of_this_run(wanted: Path, error: OSError) -> Path:
     return folder
 
 
-def _linked(shipped: Path, folder: Path) -> bool:
-    """Make the folder, with links to all files of the other one if they can be read; whether there are any."""
+def _link_files(shipped: Path, folder: Path) -> bool:
+    """Make the folder with links to all readable files of ``shipped``; returns whether there are any."""
     folder.mkdir()
     try:
         for file in (path for path in shipped.rglob("*") if path.is_file() and os.access(path, os.R_OK)):
             link = folder / file.relative_to(shipped)
             link.parent.mkdir(exist_ok=True)
             link.symlink_to(file.absolute())
-    except OSError:  # it may not be looked at
+    except OSError:  # the folder cannot be listed
         pass
     return any(folder.iterdir())
 
 
 _CHILD = """
 import gc, sys
-gc.disable()  # a tenth of the time; the process ends soon
+gc.disable()  # saves a tenth of the time; the process ends soon
 from service.pipeline.warming import Shape, compile_for_parent
 compile_for_parent(Shape(sys.argv[1]))
 """
 
 
 class Shape(StrEnum):
-    """What is compiled at once; the value is the name of its marker file."""
+    """A part of the kernel that is compiled in one step; the value is the name of its marker file."""
 
-    FEW_AXES = "few-axes"  # what nearly every daemon needs first: a robot has few axes
+    FEW_AXES = "few-axes"  # nearly every daemon needs this first, as a robot has few axes
     MANY_AXES = "many-axes"
     MULTIMODEL = "multi-model"
-    CYCLIC_CLOCK = "cyclic-clock"  # the clock that is fitted to a cycle
+    CYCLIC_CLOCK = "cyclic-clock"  # the clock model for samples on a fixed cycle
 
 
 def batch_shape(lanes: int) -> Shape:
-    """The kernel that runs a batch of this number of axes."""
+    """The kernel for a batch of this number of axes."""
     from monitor_core.monitoring import FEWEST_LANES
 
     return Shape.FEW_AXES if lanes < FEWEST_LANES else Shape.MANY_AXES
 
 
 def compile_kernel(shape: Shape) -> None:
-    """Compile this shape of the kernel, or load it from its cache; then mark the cache.
+    """Compile this shape of the kernel, or load it from the cache; then write its marker file.
 
-    With the kernel of axes what makes samples of frames, which the estimates need, too.
+    Shapes for axes include the functions that make samples from frames, as the estimates need these, too.
     """
     import numpy as np
 
@@ -143,14 +143,14 @@ def compile_kernel(shape: Shape) -> None:
         empty = np.zeros((0, lanes))
         _batch(lanes).run(np.zeros((0, lanes), np.int64), empty, empty)
         compile_stream()
-    if mark := _mark(shape):
-        mark.touch()
+    if marker := _marker(shape):
+        marker.touch()
 
 
 def compile_parts() -> None:
-    """Compile parts of the kernel of few axes, then the way from frames to samples.
+    """Compile parts of the kernel of few axes, then the functions that make samples from frames.
 
-    This is beside ``compile_kernel``, which then finds both in the cache.
+    This runs at the same time as ``compile_kernel``, which then finds both in the cache.
     """
     from monitor_core.sampling import compile_stream
 
@@ -159,22 +159,22 @@ def compile_parts() -> None:
 
 
 def compile_for_parent(shape: Shape) -> NoReturn:
-    """What a process does that fills the cache for its parent, the daemon.
+    """Fill the cache for the parent process, the daemon; then end this process.
 
-    The cold start of most daemons, the kernel of few axes, is compiled from both ends at once if there are processors
-    for it: by this process and by a copy of it, which need not import numba again.
+    Most daemons need the kernel of few axes at a cold start.  If there is a second processor, this process compiles the
+    kernel from one end and a fork of it from the other; the fork need not import numba again.
     """
-    copy = False
+    is_fork = False
     if shape == Shape.MULTIMODEL:
         os.nice(10)  # the daemon monitors already, and may need the processor
     elif shape == Shape.FEW_AXES and (os.cpu_count() or 1) > 1:
-        _batch(1)  # all that both need is imported
-        copy = os.fork() == 0
-    if copy:  # the parent reads to the end of what the other one says
+        _batch(1)  # imports all that both processes need
+        is_fork = os.fork() == 0
+    if is_fork:  # close its stderr: the parent reads until the original process has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stderr.fileno())
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    compile_parts() if copy else compile_kernel(shape)
-    os._exit(0)  # the cache is written; to take the compiler's memory apart would take a second
+    compile_parts() if is_fork else compile_kernel(shape)
+    os._exit(0)  # the cache is written; a normal exit would take a second to free the compiler's memory
 
 
 def _end_with_parent() -> None:
@@ -191,15 +191,15 @@ def _batch(lanes: int) -> AxisBatch:
 
 
 def compile_all() -> None:
-    """Compile everything that a daemon may need."""
+    """Compile all shapes."""
     for shape in Shape:
         compile_kernel(shape)
 
 
 class CacheFiller:
-    """Compiles the kernel into its cache in separate processes, one for each missing shape, in parallel.
+    """Compiles the kernel into its cache, in one process for each missing shape, in parallel.
 
-    The memory of the compiler ends with its process: 100 MB that the daemon would otherwise keep.
+    The compiler's memory (100 MB) ends with its process; otherwise the daemon would keep it.
     """
 
     def __init__(self) -> None:
@@ -209,19 +209,19 @@ class CacheFiller:
 
     @property
     def begun(self) -> bool:
-        """Whether a process has been started, and no ``stop`` has ended it."""
+        """Whether a process has been started and not been stopped."""
         return bool(self._children) and not self._stopped
 
     def begin(self, shape: Shape) -> None:
-        """Start to fill the cache where it is empty; ``fill`` waits for it.  It ends with the program."""
+        """Start to compile a shape that is not cached; ``fill`` waits for it.  The process ends with the program."""
         atexit.register(self.stop)
         if not _is_cached(shape):
             self._start(shape)
 
     def fill(self, shapes: Collection[Shape]) -> bool:
-        """Fill the cache with these shapes, where it is empty; False when ``stop`` ended that.
+        """Compile those of the shapes that are not cached; returns False if ``stop`` ended that.
 
-        A failure is only logged: the kernel is then compiled where it is called.
+        A failure is only logged: the kernel is then compiled when it is first called.
         """
         missing = [shape for shape in Shape if shape in shapes and not _is_cached(shape)]
         for child in [self._children.get(shape) or self._start(shape) for shape in missing]:
@@ -230,20 +230,20 @@ class CacheFiller:
         return not self._stopped
 
     def stop(self) -> None:
-        """End the compilation, if there is one, from another thread."""
+        """End a running compilation; from another thread."""
         with self._lock:
             self._stopped = True
             for child in self._children.values():
                 child.kill()
                 if child.stdin:
-                    child.stdin.close()  # ends its copy
+                    child.stdin.close()  # ends its fork
 
     def _start(self, shape: Shape) -> subprocess.Popen[str] | None:
         with self._lock:
             if self._stopped:
                 return None
             try:
-                self._children[shape] = child = _compiler(shape)
+                self._children[shape] = child = _start_compiler(shape)
             except OSError as error:
                 _warn(str(error))
                 return None
@@ -256,12 +256,12 @@ class CacheFiller:
             _warn(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
 
 
-def _compiler(shape: Shape) -> subprocess.Popen[str]:
-    """A process that compiles.
+def _start_compiler(shape: Shape) -> subprocess.Popen[str]:
+    """Start a process that compiles a shape.
 
-    It has a group of its own: Ctrl-C is for the daemon, which ends the child itself.  Not a session of its own: Linux
-    shares out the processor by sessions first, and "nice" would count for nothing.  A parent that is killed ends it,
-    and its copy, by closing its standard input.
+    It has its own process group, as Ctrl-C is for the daemon, which ends the child itself.  It has no session of its
+    own, as Linux divides processor time between sessions first, so that "nice" would have no effect.  If the parent is
+    killed, the end of standard input ends the child and its fork.
     """
     command, pipe = [sys.executable, "-P", "-c", _CHILD, shape], subprocess.PIPE
     return subprocess.Popen(
@@ -271,7 +271,7 @@ def _compiler(shape: Shape) -> subprocess.Popen[str]:
         stderr=pipe,
         text=True,
         process_group=0,
-        env=_effort(shape),
+        env=_compiler_environment(shape),
     )
 
 
@@ -279,30 +279,30 @@ def _warn(reason: str) -> None:
     import structlog
 
     log = structlog.get_logger(__name__)
-    log.warning("the kernel could not be compiled in a process of its own", reason=reason)
+    log.warning("the kernel could not be compiled in a separate process", reason=reason)
 
 
-def _effort(shape: Shape) -> dict[str, str]:
-    """Environment of the compiling process.
+def _compiler_environment(shape: Shape) -> dict[str, str]:
+    """Environment of the compiling process, with its optimisation level.
 
-    Few axes are run without SIMD: LLVM's lowest effort, and no search for loops to vectorise, save a fifth of the time
-    until the first estimate, and the code is as fast.  The other shapes are slower with it.
+    The kernel of few axes uses no SIMD.  LLVM's lowest optimisation level without loop vectorisation saves a fifth of
+    the time until the first estimate, and the code is as fast.  The other shapes would be slower with it.
     """
     least = {"NUMBA_OPT": "1", "NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}
     return dict(os.environ) | (least if shape in (Shape.CYCLIC_CLOCK, Shape.FEW_AXES) else {})
 
 
 def _is_cached(shape: Shape) -> bool:
-    """Whether the cache holds this shape of the kernel; for another processor it would not be used."""
-    mark = _mark(shape)
-    return mark is not None and mark.exists()
+    """Whether the cache has this shape of the kernel; numba would not use code of another processor type."""
+    marker = _marker(shape)
+    return marker is not None and marker.exists()
 
 
-def _mark(shape: Shape) -> Path | None:
-    """Marker file of a shape: all shapes are in the same cache files of numba."""
+def _marker(shape: Shape) -> Path | None:
+    """Marker file of a shape; needed as all shapes share numba's cache files."""
     folder = os.environ.get(VARIABLE)
     return Path(folder) / f"{shape}.compiled" if folder else None
 
 
 EARLY = CacheFiller()
-"""Of this process, for a start before its libraries are loaded."""
+"""The cache filler of this process, which can start before the large libraries are loaded."""

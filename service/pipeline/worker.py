@@ -1,7 +1,6 @@
-"""The worker: one thread that takes the frames of all buses and owns all monitors.
+"""The worker: the thread that takes the frames of all buses and owns all monitors.
 
-Frames of the readers become samples, samples go through the kernel, alarms go to the journal, and what all of them show
-is published.
+It makes samples from frames, runs the kernel on the samples, writes alarms to the journal and publishes snapshots.
 """
 
 import threading
@@ -26,17 +25,17 @@ from service.pipeline.snapshot import Snapshot
 
 LONGEST_BLOCK_S = 0.5
 BLOCK_FACTOR = 4
-"""A block costs the same whether an axis has one sample in it or ten.  So a block that takes long, as that of a
-thousand axes does, is followed by one of so many times its processor time, at most ``LONGEST_BLOCK_S``."""
+"""A block costs the same whether an axis has one sample in it or ten.  So the next block is at least ``BLOCK_FACTOR``
+times as long as the processor time of the last one, up to ``LONGEST_BLOCK_S``.  That matters for a thousand axes."""
 
 MOST_FRAMES = 10_000
-"""Frames of a bus in one block, so that a backlog does not keep the snapshots waiting."""
+"""Most frames of a bus in one block, so that a backlog does not delay the snapshots."""
 
-JUDGE_S = 0.1
-"""Time between two turns of the multi-model detectors: one for several blocks costs little more than one for each."""
+MULTIMODEL_S = 0.1
+"""Time between two updates of the multi-model detectors: one for several blocks costs little more than one a block."""
 
 MOST_DEFERRED = 100_000
-"""Samples that may wait for the multi-model detectors, some seconds of computation; then frames wait, too."""
+"""Most samples that wait for the multi-model detectors, some seconds of computation.  With more, frames wait, too."""
 
 COMPILING = sentence("compiling", "the numeric kernel is being compiled; frames wait until it is ready")
 COMPILING_MULTIMODEL = sentence(
@@ -48,7 +47,7 @@ log = structlog.get_logger(__name__)
 
 
 class Compiled(NamedTuple):
-    """Done when a kernel is ready.  Estimates need not wait for the multi-model detectors."""
+    """Futures that are done when a kernel is ready.  Estimates need not wait for the multi-model detectors."""
 
     estimates: Future[None]
     multimodel: Future[None]
@@ -58,7 +57,7 @@ T = TypeVar("T")
 
 
 class _Action(NamedTuple, Generic[T]):
-    """Something to be done between two blocks, and its result."""
+    """An action to run between two blocks, and its result."""
 
     action: Callable[[], T]
     done: Future[T]
@@ -75,18 +74,18 @@ class _Action(NamedTuple, Generic[T]):
 
 
 class Worker:
-    """Owns the pipeline from ``start`` until ``stop`` returns.
+    """Owns the pipeline from the call of ``start`` until ``stop`` returns.
 
-    ``pipeline``, ``alarms`` and ``checkpointer`` are used by its thread only: others use them ``between_blocks``.
+    Only its thread uses ``pipeline``, ``alarms`` and ``checkpointer``; others use them through ``between_blocks``.
 
     Args:
         config: the whole configuration.
-        parts: what its thread uses.
+        parts: the parts that its thread uses.
         buses: sources of frames.
-        compiled: until the kernel of the estimates is ready, frames wait in their queues.
+        compiled: whether the kernels are ready.  Frames wait in their queues for the kernel of the estimates.
         now_us: wall clock.
-        messages: for the operator, from the start.
-        on_failure: called when the thread ends by a fault.
+        messages: messages to the operator that stay in every snapshot.
+        on_failure: called when an exception ends the thread.
     """
 
     def __init__(
@@ -103,16 +102,16 @@ class Worker:
         self._recording, self._buses, self._compiled = parts.recording, buses, compiled
         self._now_us, self._on_failure = now_us, on_failure
         self._block_s = config.block_s
-        self._judge_s = self._took_s = 0.0
+        self._next_multimodel_s = self._last_block_s = 0.0
         self.pipeline.monitors.defer_multimodel()
         self._actions = deque[_Action[Any]]()
         self._stop = threading.Event()
         self._arrived, self._arrived_s = threading.Event(), 0.0
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
         self.turns = 0
-        """How often its loop has turned: frames may be missing, but it turns after each ``block_s``"""
+        """Number of loops, to see that the thread is alive: it loops after each ``block_s``, with or without frames"""
         self.error: BaseException | None = None
-        """The fault that ended the thread."""
+        """The exception that ended the thread; None: none did."""
         self.publisher = Publisher(parts, now_us, messages)
         self.publisher.show_axes(config.axes, [axis.id for axis in config.axes])
         self._publish(at_once=True)
@@ -127,7 +126,7 @@ class Worker:
         self._thread.start()
 
     def stop(self) -> None:
-        """Process the waiting frames, save the monitors, end the thread; what waits to be done is cancelled."""
+        """Process the waiting frames, save the monitors and end the thread; waiting actions are cancelled."""
         self._stop.set()
         self._arrived.set()
         if self._thread.is_alive():
@@ -136,14 +135,14 @@ class Worker:
             self._actions.popleft().done.cancel()
 
     def frames_arrived(self) -> None:
-        """Tell it that frames wait in a reader; from any thread."""
+        """Wake the worker, as frames wait in a reader; from any thread."""
         self._arrived_s = perf_counter()
         self._arrived.set()
 
     def between_blocks(self, action: Callable[[], T]) -> Future[T]:
-        """Have an action done by the worker's thread, between two blocks of samples; from any thread.
+        """Let the worker's thread run an action between two blocks of samples; from any thread.
 
-        What it raises is raised by the future, too; the worker goes on.
+        The future also raises what the action raises; the worker continues.
         """
         done = Future[T]()
         self._actions.append(_Action(action, done))
@@ -151,48 +150,48 @@ class Worker:
             done.cancel()
         return done
 
-    def change(self, axes: Sequence[NamedAxis], made: AxisMonitors) -> None:
-        """Monitor these axes from now on, those of ``made`` by its monitors; between two blocks.
+    def change(self, axes: Sequence[NamedAxis], new: AxisMonitors) -> None:
+        """Monitor exactly these axes from now on; to be called between two blocks.
 
-        The others keep their monitors and the state in them, and take every sample as without it.
+        Axes in ``made`` get its monitors.  The others keep their monitors and states, and miss no sample.
         """
         ids = [axis.id for axis in axes]
         gone = self.pipeline.monitors.axes.keys() - set(ids)
-        new = [axis for axis in axes if axis.id in made.by_id]
-        known = quantities(made.by_id)
-        self.pipeline.monitors.change(ids, made)
-        self.pipeline.live.forget({*made.by_id, *gone})
-        self.alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
-        self.publisher.show_axes(axes, made.by_id)
+        changed = [axis for axis in axes if axis.id in new.by_id]
+        values = quantities(new.by_id)
+        self.pipeline.monitors.change(ids, new)
+        self.pipeline.live.forget({*new.by_id, *gone})
+        self.alarms.change({*new.by_id, *gone}, values, alarm_rules(changed, values))
+        self.publisher.show_axes(axes, new.by_id)
         self.checkpointer.save_soon()
 
     def take_all(self) -> None:
-        """Take all frames that wait; between two blocks."""
+        """Process all waiting frames; to be called between two blocks."""
         while not self.compiles and self._block():
             pass
 
     def change_buses(
         self, names: Sequence[str], new: Mapping[str, BusIntake], ingests: Mapping[str, Ingest]
     ) -> None:
-        """Take frames of these buses from now on, those of ``new`` in place of the former; between two blocks."""
+        """Take frames of exactly these buses from now on; those in ``new`` replace former ones.  Between two blocks."""
         kept = {bus.name: bus for bus in self._buses}
         self.pipeline.change_buses(names, ingests)
         self._buses = [new.get(name) or kept[name] for name in names]
 
     @property
     def compiles(self) -> bool:
-        """Whether frames wait for the compiler; from any thread."""
+        """Whether the kernel of the estimates is still being compiled, so that frames wait; from any thread."""
         return not self._compiled.estimates.done()
 
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
-                begun_s = perf_counter()
+                start_s = perf_counter()
                 busy = self._tick()
                 self.turns += 1
                 if not busy:
-                    longer_s = min(BLOCK_FACTOR * self._took_s, LONGEST_BLOCK_S)
-                    self._await_frames(begun_s + max(self._block_s, longer_s))
+                    longer_s = min(BLOCK_FACTOR * self._last_block_s, LONGEST_BLOCK_S)
+                    self._await_frames(start_s + max(self._block_s, longer_s))
             self._finish()
         except BaseException as error:
             self.error = error
@@ -200,7 +199,7 @@ class Worker:
             self._on_failure()
 
     def _await_frames(self, due_s: float) -> None:
-        """Until a reader, which passes frames on at least each BLOCK_S, has done so at about that time."""
+        """Wait until a reader has passed on frames at about ``due_s``; a reader does so at least each BLOCK_S."""
         early_s = due_s - min(self._block_s, BLOCK_S) / 2
         self._stop.wait(early_s - perf_counter())
         self._arrived.clear()
@@ -216,7 +215,7 @@ class Worker:
         self._recording.tick()
         self.publisher.take_points()
         self._publish(at_once=acted)
-        # While samples wait for the detectors, these would be older than the estimates.
+        # While samples wait for the multi-model detectors, their saved states would be older than the estimates.
         if not self.pipeline.monitors.deferred_samples:
             self.checkpointer.save_if_due()
         return busy
@@ -231,23 +230,23 @@ class Worker:
     def _block(self) -> bool:
         self._compiled.estimates.result()
         start, before_s = perf_counter(), thread_time()
-        self._now_us()  # if the clock was set, this is known before the frames with the new times
+        self._now_us()  # notices a step of the clock before frames with the new times are taken
         counts = [self._take(bus) for bus in self._buses]
         self._record(self.pipeline.update())
-        if start >= self._judge_s:
-            self._judge()
+        if start >= self._next_multimodel_s:
+            self._update_multimodel()
         self._record(self.pipeline.monitors.trends.update(1))
         if any(counts):
             self.publisher.processing.observe(perf_counter() - start)
-        self._took_s = thread_time() - before_s
+        self._last_block_s = thread_time() - before_s
         return any(count >= MOST_FRAMES for count in counts)
 
-    def _judge(self) -> None:
-        """Let the multi-model detectors take the samples that wait for them."""
+    def _update_multimodel(self) -> None:
+        """Pass the waiting samples to the multi-model detectors, if their kernel is ready."""
         if self._compiled.multimodel.done():
             self._compiled.multimodel.result()
             self._record(self.pipeline.monitors.update_multimodel())
-            self._judge_s = perf_counter() + JUDGE_S
+            self._next_multimodel_s = perf_counter() + MULTIMODEL_S
 
     def _record(self, changes: Iterable[AxisAlarm]) -> None:
         changes = list(changes)
@@ -267,9 +266,9 @@ class Worker:
             self.pipeline.flush()
             self._record(self.pipeline.update())
             self._record(self.pipeline.monitors.trends.update())
-            self._judge()
+            self._update_multimodel()
         if left := self.pipeline.monitors.deferred_samples:
-            log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
+            log.warning("the multi-model detector was not ready: its waiting samples are lost", samples=left)
         self.publisher.take_points()
         self.checkpointer.save()
         self._publish(at_once=True)
@@ -281,7 +280,7 @@ class Worker:
         return (bus.snapshot() for bus in self._buses)
 
     def _compiling(self) -> Iterator[str]:
-        """Which kernels are not ready, for the operator."""
+        """Messages to the operator about kernels that are not ready."""
         if self._waits():
             yield COMPILING
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():

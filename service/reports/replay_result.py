@@ -16,7 +16,7 @@ from service.ingest.records import Record
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
 from service.pipeline.alarm_recording import Quantity, as_recorded, quantities
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.snapshot import AxisSnapshot, Reception, axis_snapshot
+from service.pipeline.snapshot import AxisSnapshot, Reception, make_axis_snapshot
 from service.reports.formats import Provenance
 from service.reports.replay_course import Course, TimeUnit
 from service.store.alarm_entries import Entry
@@ -143,7 +143,7 @@ class Replay:
         alarms = self._recorded(axis, status)
         received = Reception(self._dropped[axis.id], self._clock[axis.id], stamps)
         active = tuple(alarm for alarm in alarms if alarm.active)
-        snapshot = axis_snapshot(monitored, self._monitors.trends, status, active, received)
+        snapshot = make_axis_snapshot(monitored, self._monitors.trends, status, active, received)
         doubts = remarks(axis.config.sample_interval_s, stamps)
         outside = [
             f"at the end outside the conditions of the calibration: {words}"

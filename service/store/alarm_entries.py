@@ -1,4 +1,4 @@
-"""How an alarm of a monitor enters the journal: as a new row or an older one goes on, with the transitions due."""
+"""Writes an alarm of a monitor to the journal: as a new row or an update, with the transitions that are due."""
 
 import json
 import sqlite3
@@ -22,17 +22,17 @@ from service.store.axis_services import removal
 
 
 class Entry(NamedTuple):
-    """An alarm of an axis, to be recorded; the rules are those of its parameter."""
+    """An alarm of an axis to record, with the alarm rules of its parameter."""
 
     axis: str
     unit: str
     nominal: float
     alarm: Alarm
     rules: AlarmRules = AlarmRules()
-    promised: int = 0
-    """The id that a new alarm gets: it was shown before the disk took it; 0: the next one"""
+    reserved_id: int = 0
+    """Id for a new alarm that was shown with this id before it could be recorded; 0: the next free id"""
     acknowledged: Note | None = None
-    """Who has acknowledged it before the disk took it"""
+    """Who has acknowledged the alarm before it could be recorded"""
 
 
 def record_entry(connection: sqlite3.Connection, entry: Entry) -> int:
@@ -54,7 +54,11 @@ def record_entry(connection: sqlite3.Connection, entry: Entry) -> int:
 def lived(
     life: AlarmLife, courses: Iterable[tuple[bool, int]], rules: AlarmRules, acknowledged: Note | None
 ) -> Iterator[tuple[Transition, Note]]:
-    """The transitions of an alarm whose cause is there or not, each since a time, and which a person acknowledges."""
+    """The transitions of an alarm, with their notes.
+
+    ``courses``: whether the cause is present, and since when; ``acknowledged``: the acknowledgement by a person, if
+    any.
+    """
     for present, at_us in courses:
         if acknowledged is not None and acknowledged.at_us < at_us and life.state in _OPEN_TO_ACKNOWLEDGE:
             yield (change := transition(life, AlarmEvent.ACKNOWLEDGE)), acknowledged
@@ -70,11 +74,10 @@ _OPEN_TO_ACKNOWLEDGE = (AlarmState.UNACKNOWLEDGED, AlarmState.RETURNED, AlarmSta
 
 
 def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None:
-    """The alarm that the entry belongs to: the same alarm, or else an open one of the same name.
+    """The recorded alarm that an entry updates: the same alarm, otherwise an open alarm with the same name.
 
-    A forecast is something else than a change of the same parameter, and belongs only to itself.  So does an alarm that
-    has ended, so that recording it again cannot end a later one, and an alarm that has been renamed: another one of
-    that name is about to end.
+    Only the same alarm is updated by a forecast, as that is no change of the parameter; by an ended alarm, so that
+    recording it again cannot end a later alarm; and by a named alarm, as another alarm of that name is about to end.
     """
     e = entry.alarm
     parameter, direction = e.first
@@ -103,8 +106,8 @@ def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
     e = entry.alarm
     values = _columns_of(entry) | {"crossings": e.crossings}
     values |= dict(zip(("first_parameter", "first_direction"), e.first, strict=True))
-    if entry.promised and alarm_by_id(connection, entry.promised) is None:
-        values["id"] = entry.promised
+    if entry.reserved_id and alarm_by_id(connection, entry.reserved_id) is None:
+        values["id"] = entry.reserved_id
     places = ", ".join(f":{name}" for name in values)
     cursor = connection.execute(f"INSERT INTO alarm ({', '.join(values)}) VALUES ({places})", values)
     assert cursor.lastrowid is not None
@@ -115,7 +118,7 @@ def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) 
     e = entry.alarm
     changed = _columns_of(entry)
     if known.raised_us != e.raised_us:
-        # The first onset and time are kept: a monitor that lost its state raises the same alarm again.
+        # A monitor that has lost its state raises the same alarm again: keep the first onset and time.
         changed = {name: changed[name] for name in ("updated_us", "ended_us", "size", "size_sd")}
     else:
         del changed["raised_us"]
@@ -127,7 +130,7 @@ def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) 
 
 
 def _columns_of(entry: Entry) -> dict[str, Value]:
-    """The columns that may change between records; crossings only grow."""
+    """The columns that may change from record to record, without ``crossings``, which can only grow."""
     e = entry.alarm
     own: dict[str, Value] = {
         "axis": entry.axis,
@@ -141,7 +144,7 @@ def _columns_of(entry: Entry) -> dict[str, Value]:
 
 
 def _named_us(known: RecordedAlarm, e: Alarm) -> int | None:
-    """When the cause was found since the last record of an alarm, or another one, or a doubt of it; None: none was."""
+    """When, since the last record, a first or another cause was named, or its doubt changed; None: neither."""
     if known.raised_us != e.raised_us or e.stage != "named":
         return None
     if (known.stage, known.parameter, known.direction) != (e.stage, e.parameter, e.direction):
@@ -150,9 +153,9 @@ def _named_us(known: RecordedAlarm, e: Alarm) -> int | None:
 
 
 def _courses(known: RecordedAlarm | None, e: Alarm, rules: AlarmRules) -> Iterator[tuple[bool, int]]:
-    """Whether the cause was there, and since when, from the last record to this one.
+    """Presence of the cause from the last record to this one: whether it was present, and since when.
 
-    Less than the off-delay without it does not count, nor does its end before the off-delay is over.
+    An absence shorter than the off-delay is left out, and so is the end of an alarm before its off-delay is over.
     """
     if known is None:
         yield True, e.raised_us
@@ -171,7 +174,7 @@ def _courses(known: RecordedAlarm | None, e: Alarm, rules: AlarmRules) -> Iterat
 
 
 def _shelve_with_others(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife) -> None:
-    """Shelve an alarm while another one of its axis, parameter and direction is shelved."""
+    """Shelve an alarm if another alarm of its axis, parameter and direction is shelved."""
     alarm = alarm_by_id(connection, alarm_id)
     assert alarm is not None
     for other in shelved_alike(connection, alarm, alarm.updated_us)[:1]:
@@ -181,7 +184,7 @@ def _shelve_with_others(connection: sqlite3.Connection, alarm_id: int, life: Ala
 
 
 def shelved_alike(connection: sqlite3.Connection, alarm: RecordedAlarm, now_us: int) -> list[RecordedAlarm]:
-    """The other alarms of its axis, parameter and direction that are shelved, the longest first."""
+    """Other shelved alarms of the same axis, parameter and direction, those shelved longest first."""
     alike = (
         "WHERE axis = ? AND parameter = ? AND direction = ? AND (kind = 'forecast') = ? AND id <> ?"
         " AND state = 'shelved' AND shelved_until_us > ? ORDER BY shelved_until_us DESC"

@@ -1,4 +1,4 @@
-"""How much the alarms ask of an operator: rates as in EEMUA 191 and ISA-18.2; stale, chattering, first-out alarms."""
+"""Alarm load of an operator, by EEMUA 191 and ISA-18.2: rates, stale, chattering and first-out alarms."""
 
 import sqlite3
 from collections import Counter
@@ -8,37 +8,37 @@ from typing import NamedTuple
 from monitor_core.monitoring import ACTIVE_STATES, HIDDEN_STATES, AlarmState, Priority
 
 STALE_S = 86400.0
-"""An alarm that is shown and active for longer is stale (ISA-18.2: 24 hours)."""
+"""An alarm that has been active and not hidden for longer is stale (ISA-18.2: 24 hours)."""
 CHATTERING_TIMES = 3
 CHATTERING_S = 600.0
-"""An alarm that is raised this often within this time chatters.  ISA-18.2 names three times in one minute as a first
-choice; here an alarm ends only after three memory lengths without a crossing, so a minute would hardly hold three."""
+"""An alarm that is raised this often within this time chatters.  ISA-18.2 suggests three times in one minute.  Here an
+alarm ends only after three memory lengths without a crossing, so three alarms hardly fit into a minute."""
 RATE_S = 600.0
-"""EEMUA 191 counts alarms in ten minutes: one in the mean is acceptable, more than ten are a flood."""
+"""EEMUA 191 counts alarms in ten minutes: a mean of one is acceptable, more than ten are a flood."""
 FLOOD = 10
 MOST_FREQUENT = 10
 
 FIRST_OUT_S = 600.0
-"""Alarms of a group of axes belong together where each is raised within this time after another one: an axis that moves
-seldom detects late what another one has detected at once."""
+"""Alarms of a group of axes belong together if each is raised within this time after another: an axis that seldom moves
+detects late what another axis has detected at once."""
 
 ACTIVE = f"coalesce(returns_to, state) IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
-"""Condition of SQL: the cause is there, or the alarm is latched"""
+"""SQL condition: the cause is present, or the alarm is latched"""
 STALE = (
     f"state IN ({', '.join(repr(str(s)) for s in ACTIVE_STATES)}) AND coalesce(reopened_us, raised_us) <= ?"
 )
-"""Condition of SQL, with the time before which it was raised"""
+"""SQL condition; its value is the time before which the alarm was raised"""
 CHATTERING = f"""id IN (SELECT alarm_id FROM (
     SELECT t.alarm_id, t.at_us - lag(t.at_us, {CHATTERING_TIMES - 1}) OVER (
         PARTITION BY axis, parameter, direction ORDER BY t.at_us) AS span_us
     FROM alarm_transition t JOIN alarm a ON a.id = t.alarm_id WHERE t.event = 'raise'
 ) WHERE span_us <= {round(CHATTERING_S * 1e6)})"""
-"""Condition of SQL: with this alarm its name came the third time within ten minutes"""
+"""SQL condition: the alarm is the third with its name within ten minutes"""
 
 
 _SHOWN = f"state IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
 GROUP = "axis_group"
-"""Function of SQL: the group of an axis, by default its robot"""
+"""SQL function: the group of an axis, by default its robot"""
 _SAME_GROUP = f"{GROUP}(other.axis) = {GROUP}(alarm.axis)"
 _WITHIN_US = round(FIRST_OUT_S * 1e6)
 FOLLOWS = f"""CASE WHEN alarm.{_SHOWN} THEN (
@@ -49,20 +49,20 @@ FOLLOWS = f"""CASE WHEN alarm.{_SHOWN} THEN (
     AND other.state NOT IN ({", ".join(repr(str(state)) for state in HIDDEN_STATES)})
     ORDER BY other.raised_us, other.id LIMIT 1
 ) END"""
-"""Column of SQL: of an alarm that is shown and active, the first one of its group that was there when it was raised.
+"""SQL column: for an active alarm that is not hidden, the first alarm of its group that was open when it was raised.
 
-By the time of raising, as on an annunciator: an onset is an estimate, and the intervals of a cascade overlap."""
+The order is that of raising, as on an annunciator: onsets are estimates, and their intervals overlap in a cascade."""
 FOLLOWED = f"""alarm.{_SHOWN} AND EXISTS (
     SELECT 1 FROM alarm other
     WHERE other.raised_us BETWEEN alarm.raised_us AND alarm.raised_us + {_WITHIN_US}
     AND other.axis <> alarm.axis AND other.{_SHOWN} AND {_SAME_GROUP}
     AND (other.raised_us, other.id) > (alarm.raised_us, alarm.id)
 )"""
-"""Column of SQL: whether another axis of its group has an alarm that was raised soon after it"""
+"""SQL column: whether another axis of the group has an alarm that was raised soon after this one"""
 
 
 class Frequency(NamedTuple):
-    """How often the alarms of a name were raised."""
+    """How often alarms with the same axis, parameter and direction were raised."""
 
     axis: str
     parameter: str
@@ -79,7 +79,7 @@ class StateCount(NamedTuple):
 
 
 class AlarmStatistics(NamedTuple):
-    """Alarms raised in a time.  A shelved or suppressed alarm counts as raised, but not as announced."""
+    """Alarms raised in a period.  A shelved or suppressed alarm counts as raised, but not as announced."""
 
     since_us: int
     until_us: int
@@ -88,12 +88,12 @@ class AlarmStatistics(NamedTuple):
     mean_per_ten_minutes: float
     most_in_ten_minutes: int
     most_at_us: int | None
-    """When the ten minutes with the most alarms began"""
+    """Start of the ten minutes with the most alarms"""
     flood_share: float
-    """Share of the ten minutes that had more than ten alarms"""
+    """Share of the ten-minute intervals with more than ten alarms"""
     most_frequent: tuple[Frequency, ...]
     states: tuple[StateCount, ...]
-    """Now"""
+    """Present number of alarms by state"""
 
 
 def statistics(connection: sqlite3.Connection, since_us: int, until_us: int) -> AlarmStatistics:
@@ -130,6 +130,6 @@ def _most_frequent(names: Iterable[tuple[str, ...]]) -> tuple[Frequency, ...]:
 
 
 def state_counts(connection: sqlite3.Connection) -> list[StateCount]:
-    """Number of alarms by state and priority; those that are normal are left out."""
+    """Number of alarms by state and priority, without normal alarms."""
     query = "SELECT state, priority, count(*) FROM alarm WHERE state <> 'normal' GROUP BY state, priority"
     return [StateCount(AlarmState(state), priority, n) for state, priority, n in connection.execute(query)]

@@ -1,4 +1,4 @@
-"""The table of alarms in SQLite: its columns as they came, and its rows as recorded alarms."""
+"""The alarm table in SQLite: its migrations, and its rows as recorded alarms."""
 
 import json
 import math
@@ -31,7 +31,7 @@ MIGRATIONS = (
     CREATE UNIQUE INDEX alarm_open ON alarm (axis, parameter, direction) WHERE ended_us IS NULL;
     CREATE INDEX alarm_by_time ON alarm (raised_us);
     """,
-    # Alarms are raised, then named: an alarm is known by its first crossing, as its parameter may be corrected.
+    # Alarms are raised, then named: the first crossing identifies an alarm, as its parameter may be corrected.
     """
     DROP INDEX alarm_open;
     ALTER TABLE alarm ADD COLUMN stage TEXT NOT NULL DEFAULT 'changed' CHECK (stage IN ('changed', 'named'));
@@ -50,19 +50,19 @@ MIGRATIONS = (
     """
     ALTER TABLE alarm ADD COLUMN reaches TEXT NOT NULL DEFAULT '[]';
     """,
-    # Whether an alarm was raised in the conditions of the calibration; unknown of those of before.
+    # Whether an alarm was raised within the conditions of the calibration; unknown for older alarms.
     """
     ALTER TABLE alarm ADD COLUMN inside_calibration INTEGER;
     """,
-    # An alarm whose cause comes back soon is reopened.
+    # An alarm is reopened if its cause returns soon.
     """
     ALTER TABLE alarm ADD COLUMN reopened_us INTEGER;
     """,
 )
-"""Those of the life cycle follow in ``alarm_transitions``."""
+"""The migrations for alarm states follow in ``alarm_transitions``."""
 
 Value = str | int | float | None
-"""Of a column"""
+"""Value of a column"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,34 +74,34 @@ class RecordedAlarm(Alarm):
     unit: str
     nominal: float
     recorded: bool = True
-    """Whether the journal has it"""
+    """Whether the alarm is in the journal"""
     state: AlarmState = AlarmState.NORMAL
     returns_to: AlarmState | None = None
-    """Of a hidden alarm: the state below"""
+    """State to which a hidden alarm will return"""
     shelved_until_us: int | None = None
     priority: Priority = "medium"
     work_order: str = ""
-    """The last one that was given; empty: none"""
+    """The work order that was given last; empty: none"""
     follows: int | None = None
-    """The alarm of its group that was there when it was raised, the first one; None: there was none"""
+    """Id of the first alarm of the group that was open when this one was raised; None: there was none"""
     followed: bool = False
-    """Whether another axis of its group has an alarm that was raised soon after it"""
+    """Whether another axis of the group has an alarm that was raised soon after this one"""
     same_payload: tuple[str, ...] = ()
-    """The other axes of its robot whose alarms, raised about then, the same change of the payload explains"""
+    """Other axes of the robot with alarms at about the same time that the same change of the payload explains"""
 
     @property
     def first_out(self) -> bool:
-        """Whether it is the first of alarms of several axes of its group."""
+        """Whether it is the first of the alarms of several axes of the group."""
         return self.followed and self.follows is None
 
     @property
     def life(self) -> AlarmLife:
-        """Its state in its life cycle."""
+        """The state of the alarm as the life-cycle functions use it."""
         return AlarmLife(self.state, self.returns_to, self.shelved_until_us)
 
     @property
     def monitored(self) -> Alarm:
-        """The alarm as its monitor has it."""
+        """The alarm without the columns of the journal, as a monitor uses it."""
         return Alarm(**{field.name: getattr(self, field.name) for field in fields(Alarm)})
 
     @property
@@ -114,18 +114,18 @@ STANDING = "WHERE state <> 'normal' AND state <> 'returned'"
 _DERIVED = {"follows": FOLLOWS, "followed": FOLLOWED}
 NAMES = tuple(f.name for f in fields(RecordedAlarm) if f.name not in {"recorded", "same_payload", *_DERIVED})
 OWN = {"id", "axis", "unit", "nominal", "state", "returns_to", "shelved_until_us", "priority", "work_order"}
-"""Columns that an alarm of a monitor does not have"""
+"""Columns that are not fields of a monitor's alarm"""
 _COLUMNS = ", ".join([*NAMES, *_DERIVED.values()])
 LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
     "causes": Cause.read,
     "past": Name._make,
     "reaches": Reach._make,
 }
-"""Kept as JSON, each entry read by one of these."""
+"""Columns stored as JSON lists, with the function that reads an entry."""
 
 
 def alarm_by_id(connection: sqlite3.Connection, alarm_id: int) -> RecordedAlarm | None:
-    """The alarm of that id."""
+    """The alarm with this id; None: there is none."""
     return next(iter(select_alarms(connection, "WHERE id = ?", [alarm_id])), None)
 
 
@@ -137,13 +137,13 @@ def not_ended(connection: sqlite3.Connection, axis: str) -> list[RecordedAlarm]:
 def select_alarms(
     connection: sqlite3.Connection, rest: str, values: Sequence[Value] | Mapping[str, Value] = ()
 ) -> list[RecordedAlarm]:
-    """The alarms that the rest of a query finds: its WHERE, ORDER BY and LIMIT, with their values."""
+    """The alarms that a query finds; ``rest``: its WHERE, ORDER BY and LIMIT; ``values``: values for these."""
     found = [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]
     return [_with_payload(connection, a) if payload_change(a) else a for a in found]
 
 
 def _with_payload(connection: sqlite3.Connection, a: RecordedAlarm) -> RecordedAlarm:
-    """With the axes of its robot that show the same payload."""
+    """The alarm with the other axes of the robot that show the same change of the payload."""
     robot, within_us = f"{a.axis.partition('.')[0]}.", round(PAYLOAD_WITHIN_S * 1e6)
     near = "WHERE raised_us BETWEEN ? AND ? AND axis <> ? AND substr(axis, 1, ?) = ?"
     values = [a.raised_us - within_us, a.raised_us + within_us, a.axis, len(robot), robot]
@@ -153,7 +153,7 @@ def _with_payload(connection: sqlite3.Connection, a: RecordedAlarm) -> RecordedA
 
 def _alarm(row: tuple[Any, ...]) -> RecordedAlarm:
     values: dict[str, Any] = dict(zip((*NAMES, *_DERIVED), row, strict=True))
-    if values["nominal"] is None:  # SQLite keeps NaN as NULL
+    if values["nominal"] is None:  # SQLite stores NaN as NULL
         values["nominal"] = math.nan
     inside = values["inside_calibration"]
     values["inside_calibration"] = None if inside is None else bool(inside)

@@ -1,4 +1,4 @@
-"""The life cycle of recorded alarms in SQLite: each transition is a row, written with the state that it changes."""
+"""Transitions of recorded alarms in SQLite: each is a row, written in one transaction with the new state."""
 
 import sqlite3
 import unicodedata
@@ -34,24 +34,24 @@ MIGRATION = """
         SELECT id, raised_us, 'raise', 'normal', 'unacknowledged', 'axiswatch', '', ''
         FROM alarm WHERE ended_us IS NULL;
 """
-"""An alarm of an earlier version that is active was acknowledged by nobody."""
+"""Active alarms of an earlier version become unacknowledged."""
 
 IDENTITY_MIGRATION = """
     CREATE TABLE journal_identity (identity TEXT NOT NULL) STRICT;
     INSERT INTO journal_identity VALUES (lower(hex(randomblob(8))));
 """
-"""A journal that takes the place of a damaged one counts its transitions from 1 again."""
+"""A random identity of the file: a journal that replaces a damaged one numbers its transitions from 1 again."""
 
 SERVICE = "axiswatch"
 CONFIGURATION = "configuration"
-"""Who has done it, where it was no person."""
+"""Authors of transitions that no person has made."""
 
 _BY_RULE = dict.fromkeys((AlarmEvent.SUPPRESS, AlarmEvent.UNSUPPRESS), CONFIGURATION)
 _SERVICE_EVENTS = (AlarmEvent.REMOVE, AlarmEvent.RETURN)
 
 
 class Note(NamedTuple):
-    """When and by whom a transition was made, and what was written about it."""
+    """When and by whom a transition was made, with comment and work order."""
 
     at_us: int
     who: str
@@ -60,15 +60,15 @@ class Note(NamedTuple):
 
 
 def control_character(text: str) -> str | None:
-    """The first one in a text, but for tabs and line breaks; it could move the cursor of a terminal.
+    """The first control character in a text other than tab and line break, which could move a terminal's cursor.
 
-    None: it has none.
+    None: there is none.
     """
     return next((c for c in text if unicodedata.category(c) == "Cc" and c not in "\t\n\r"), None)
 
 
 class RecordedTransition(NamedTuple):
-    """A transition in the journal.  ``until_us``: end of a shelf."""
+    """A transition in the journal.  ``until_us``: end of the shelving."""
 
     at_us: int
     event: AlarmEvent
@@ -81,7 +81,7 @@ class RecordedTransition(NamedTuple):
 
 
 class NumberedTransition(NamedTuple):
-    """A transition with its number in the journal, in whose order they are committed, and its alarm."""
+    """A transition with its alarm and its number in the journal; numbers increase in the order of commits."""
 
     number: int
     alarm_id: int
@@ -96,7 +96,7 @@ def take(
     note: Note,
     removed_by: str = CONFIGURATION,
 ) -> None:
-    """Record transitions of an alarm, and its state after them; ``removed_by``: who takes its axis out of service."""
+    """Record transitions of an alarm and its new state; ``removed_by``: who has taken its axis out of service."""
     for change in changes:
         after = change.after
         values = {
@@ -131,7 +131,7 @@ def taken(connection: sqlite3.Connection, alarm_id: int) -> list[RecordedTransit
 
 
 def taken_after(connection: sqlite3.Connection, number: int, limit: int) -> list[NumberedTransition]:
-    """The first transitions of all alarms after that number, oldest first."""
+    """The first ``limit`` transitions of all alarms after this number, oldest first."""
     query = (
         f"SELECT t.id, alarm_id, priority, {', '.join(f't.{name}' for name in RecordedTransition._fields)}"
         " FROM alarm_transition t JOIN alarm a ON a.id = alarm_id WHERE t.id > ? ORDER BY t.id LIMIT ?"
@@ -151,7 +151,7 @@ def _read(row: Sequence[Any]) -> RecordedTransition:
 
 
 def end_shelf(connection: sqlite3.Connection, alarm_id: int, life: AlarmLife, now_us: int) -> AlarmLife:
-    """Record the end of a shelf that is over; the state then."""
+    """Record the end of a shelving that is over; returns the state after it."""
     if life.at(now_us) == life:
         return life
     ended = transition(life, AlarmEvent.SHELF_ENDED)

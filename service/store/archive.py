@@ -1,4 +1,4 @@
-"""Backups: files and databases in one .tar.gz, with their SHA-256 in a manifest; restored as a whole or not at all."""
+"""Backups: files and databases in one .tar.gz with a manifest of their SHA-256; restored completely or not at all."""
 
 import fcntl
 import gzip
@@ -25,7 +25,7 @@ from service.store.outbox import MIGRATIONS as OUTBOX_MIGRATIONS
 from service.store.outbox import OUTBOX_FILE
 
 MANIFEST = "backup.json"
-"""The first member"""
+"""Name of the first member of an archive"""
 FORMAT = 1
 SCHEMAS = {
     "alarms.sqlite": len(JOURNAL_MIGRATIONS),
@@ -33,21 +33,22 @@ SCHEMAS = {
     "history.sqlite": len(HISTORY_MIGRATIONS),
     OUTBOX_FILE: len(OUTBOX_MIGRATIONS),
 }
-"""The newest schema of each database that this version reads"""
+"""The newest schema of each database that this version can read"""
 DATABASE = ".sqlite"
 NOT_KEPT = re.compile(r"recordings|.*\.sqlite(-wal|-shm|\.lock)|.*\.damaged-.*|\..*")
-"""Left out of a state directory: recordings are large, the rest belongs to a running daemon or is damaged"""
+"""Files of a state directory that are left out: recordings are large; others belong to a running daemon or are
+damaged"""
 
 _PRIVATE = 0o600
 _MOST_MANIFEST, _PIECE = 2**24, 2**20
 
 
 class ArchiveError(Exception):
-    """The archive cannot be used, or not restored there; the text says why, and what would be right."""
+    """The archive cannot be used, or not restored to this folder; the text says why, and what to do."""
 
 
 class Manifest(NamedTuple):
-    """What an archive holds, as its first member says it."""
+    """Contents of an archive, stored in its first member."""
 
     format: int
     axiswatch: str
@@ -55,22 +56,22 @@ class Manifest(NamedTuple):
     made: str
     """ISO 8601, UTC"""
     configuration: str
-    """Its name"""
+    """Name of the configuration file in the archive"""
     renamed: dict[str, str]
-    """What lay outside the folder of the configuration, and its name here"""
+    """Files from outside the folder of the configuration, with their names in the archive"""
     left_out: list[str]
-    """What the configuration needs and the archive does not have, as it is secret"""
+    """Files that the configuration needs but the archive does not contain, as they are secret"""
     files: dict[str, dict[str, Any]]
-    """SHA-256 and size of each file by its name, of a database also its schema"""
+    """SHA-256 and size of each file by its name, for a database also its schema"""
 
 
-# --- Making one -------------------------------------------------------------------------------------------------------
+# --- Writing an archive -----------------------------------------------------------------------------------------------
 
 
 def state_files(state_dir: Path) -> dict[str, Path]:
-    """The files of a state directory that a backup may have, by their names relative to it.
+    """The files of a state directory for a backup, by their names relative to it.
 
-    The journal is the last: it may be newer than the checkpoints, which a start expects, not older.
+    The journal comes last: it must not be older than the checkpoints; a start handles one that is newer.
 
     Raises:
         StoreError: the folder cannot be read.
@@ -95,12 +96,12 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def write_archive(target: Path, manifest: Manifest, sources: Mapping[str, Path | bytes]) -> Manifest:
-    """Write an archive; a database is copied as it is at one moment, while its daemon goes on.
+    """Write an archive; a database is copied in a consistent state while its daemon runs.
 
     Args:
-        target: replaced at once when all is written, for its owner alone.
-        manifest: without files.
-        sources: content of each file, or where it lies, by its name in the archive.
+        target: replaced when all is written; only its owner may read it.
+        manifest: the manifest without files.
+        sources: content or path of each file, by its name in the archive.
 
     Returns: the manifest with its files.
 
@@ -142,7 +143,7 @@ def _copied(source: Path | bytes, copy: Path) -> Path:
 
 
 def _copy_database(source: Path, copy: Path) -> None:
-    """SQLite's online backup: what was committed at one moment, as one file."""
+    """Copy a database by SQLite's online backup, as one file with all commits up to one moment."""
     try:
         with (
             closing(sqlite3.connect(f"{source.resolve().as_uri()}?mode=ro", uri=True)) as live,
@@ -183,15 +184,15 @@ def _explained() -> Iterator[None]:
         raise StoreError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
 
 
-# --- Restoring one ----------------------------------------------------------------------------------------------------
+# --- Restoring an archive ---------------------------------------------------------------------------------------------
 
 
 def restore_archive(archive: Path, folder: Path) -> Manifest:
-    """Make the folder with all files of the archive, if each of them is as it was; else nothing is changed.
+    """Make the folder with all files of the archive; if any file differs from the manifest, change nothing.
 
     Raises:
-        ArchiveError: the archive is damaged, or of a newer version; or the folder is not empty.
-        StoreError: the archive cannot be read, or the folder not be written.
+        ArchiveError: the archive is damaged or of a newer version, or the folder is not empty.
+        StoreError: the archive cannot be read, or the folder cannot be written.
     """
     folder = folder.absolute()
     if not archive.is_file():
@@ -199,7 +200,9 @@ def restore_archive(archive: Path, folder: Path) -> Manifest:
     with _explained():
         _must_be_free(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))  # for its owner alone
+        part = Path(
+            tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent)
+        )  # only its owner may read it
         try:
             manifest = _extract(archive, part)
             for name, entry in manifest.files.items():
@@ -231,7 +234,7 @@ def _must_be_free(folder: Path) -> None:
 
 
 def _extract(archive: Path, folder: Path) -> Manifest:
-    """Write the files that the manifest names, each once, and nothing else."""
+    """Write the files that the manifest names; any other file, or a second one of the same name, is an error."""
     try:
         with gzip.open(archive) as packed, tarfile.open(fileobj=packed, mode="r:") as members:
             manifest = _read_manifest(archive, members)
@@ -245,11 +248,11 @@ def _extract(archive: Path, folder: Path) -> Manifest:
                 content = members.extractfile(member)
                 assert content is not None
                 _write(target, content)
-            while packed.read(_PIECE):  # to its end, which has the checksum
+            while packed.read(_PIECE):  # read to the end, so that gzip checks its checksum
                 pass
     except (tarfile.TarError, zlib.error, EOFError, OSError) as error:
         if isinstance(error, OSError) and error.errno is not None:
-            raise  # of the file system; those of gzip have no number
+            raise  # an error of the file system; errors of gzip have no number
         raise _damaged(archive, str(error) or "it ends too early") from error
     if missing:
         raise _damaged(archive, f"{min(missing)!r} is missing")
@@ -285,7 +288,7 @@ def _read_manifest(archive: Path, members: tarfile.TarFile) -> Manifest:
 
 
 def _must_be_name(archive: Path, name: str) -> None:
-    """A name below the folder: no way out of it."""
+    """Check that a name stays below the folder."""
     path = PurePosixPath(name)
     if path.is_absolute() or str(path) != name or not {"..", "."}.isdisjoint(path.parts) or "\0" in name:
         raise _damaged(archive, f"{name!r} would lie outside the folder")

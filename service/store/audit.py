@@ -1,4 +1,4 @@
-"""Who has changed what when: what persons have done about alarms and axes, and what has happened to epochs."""
+"""Audit trail: who has changed what and when, for alarms, axes and epochs."""
 
 import sqlite3
 from typing import Literal, NamedTuple
@@ -6,11 +6,11 @@ from typing import Literal, NamedTuple
 from service.store.alarm_transitions import CONFIGURATION, SERVICE
 
 Subject = Literal["alarm", "epoch", "service"]
-"""service: an axis is taken out of it, or returns"""
+"""service: an axis is taken out of service, or returned to service"""
 
 
 class AuditEntry(NamedTuple):
-    """A change, with its place in the order of all: ``(at_us, subject, id)``."""
+    """A change.  ``(at_us, subject, id)`` is its place in the order of all changes."""
 
     at_us: int
     subject: Subject
@@ -19,9 +19,9 @@ class AuditEntry(NamedTuple):
     event: str
     axis: str
     number: int
-    """Of the alarm, or of the epoch of the axis; else 0"""
+    """Number of the alarm, or of the epoch of the axis; otherwise 0"""
     parameter: str
-    """Of the alarm, else empty"""
+    """Parameter of the alarm; otherwise empty"""
     comment: str
     work_order: str
 
@@ -44,8 +44,8 @@ _LATEST: Place = (2**63 - 1, "", 0)
 
 
 def audited(connection: sqlite3.Connection, limit: int, after: Place | None) -> list[AuditEntry]:
-    """The latest changes, or those that come after a place, from the newest to the oldest.
+    """The latest changes, newest first; ``after``: only changes older than this place.
 
-    What the daemon does by itself is left out, and so are alarms that rules of the configuration hide.
+    Changes that the daemon makes on its own are left out, and so is the hiding of alarms by configured rules.
     """
     return [AuditEntry(*row) for row in connection.execute(_QUERY, [*(after or _LATEST), limit])]

@@ -1,6 +1,6 @@
-"""Axes that persons have taken out of service: while one is maintained, its alarms are recorded, but not announced.
+"""Axes taken out of service by a person, e.g. for maintenance: their alarms are recorded, but not announced.
 
-Each step is a row, written in one transaction with what it changes of the alarms of the axis.
+Each removal and each return is a row, written in one transaction with the transitions of the axis's alarms.
 """
 
 import sqlite3
@@ -36,36 +36,36 @@ class ServiceStep(NamedTuple):
 
 
 ObeyService = Callable[[sqlite3.Connection, str, Note], None]
-"""Lets the alarms of an axis obey its service, which has changed."""
+"""Applies a change of service to the alarms of an axis."""
 
 
 class AxisServices:
-    """What persons have made of the service of the axes, in the file of the alarms.
+    """Removals of axes from service and returns, in the file of the alarm journal.
 
-    Every method raises StoreError where the file cannot be read or written.
+    Every method raises StoreError if the file cannot be read or written.
     """
 
     def __init__(self, db: Database, obey: ObeyService) -> None:
         self._db, self._obey = db, obey
 
     def removed(self) -> dict[str, Note]:
-        """The axes that are out of service by a person: since when, who, why."""
+        """The axes that a person has taken out of service, with the person's note."""
         last = f"SELECT axis, {_COLUMNS} FROM axis_service WHERE id IN (SELECT max(id) FROM axis_service GROUP BY axis)"
         with self._db.read() as connection:
             steps = {axis: _read(row) for axis, *row in connection.execute(last)}
         return {axis: step.note for axis, step in steps.items() if step.event is AlarmEvent.REMOVE}
 
     def steps(self, axis: str) -> list[ServiceStep]:
-        """All that persons have made of the service of an axis, oldest first."""
+        """All removals and returns of an axis, oldest first."""
         query = f"SELECT {_COLUMNS} FROM axis_service WHERE axis = ? ORDER BY id"
         with self._db.read() as connection:
             return [_read(row) for row in connection.execute(query, [axis])]
 
     def change(self, axis: str, event: ServiceEvent, note: Note) -> None:
-        """Take an axis out of service, or return it; its alarms obey at once.
+        """Take an axis out of service or return it; its alarms change state at once.
 
         Raises:
-            AlarmTransitionError: it is out of service, or in it, already.
+            AlarmTransitionError: the axis is already out of service, or already in service.
         """
         with self._db.write() as connection:
             last = _last(connection, axis)
@@ -80,7 +80,7 @@ class AxisServices:
 
 
 def removal(connection: sqlite3.Connection, axis: str, rules: AlarmRules) -> tuple[AlarmRules, str]:
-    """The rules of an alarm, its axis being out of service if a person says so; and who takes it out of service."""
+    """The rules of an alarm, changed if a person has taken its axis out of service; and who does so."""
     last = _last(connection, axis)
     if last is None or last.event is not AlarmEvent.REMOVE:
         return rules, CONFIGURATION

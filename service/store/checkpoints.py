@@ -1,4 +1,4 @@
-"""Checkpoints: the last state of every monitor, with a key for the model and settings that it belongs to."""
+"""Checkpoints: the last state of every monitor, with a key of the model and settings that the state belongs to."""
 
 import hashlib
 import io
@@ -48,7 +48,7 @@ Arrays = dict[str, NDArray[np.generic]]
 
 _SAVE = "INSERT OR REPLACE INTO checkpoint VALUES (?, CAST(? AS TEXT), ?, ?, ?)"
 
-# The key as bytes: a damaged one need not be text.
+# The key is read as bytes, as a damaged key may be no valid text.
 _LAST = "SELECT axis, CAST(key AS BLOB), at_us, arrays, checksum FROM checkpoint WHERE axis = ?"
 
 _MOVE = """
@@ -58,7 +58,7 @@ _MOVE = """
 
 
 class AxisState(NamedTuple):
-    """State of a monitor to be saved.  ``key``: states of equal keys are interchangeable."""
+    """State of a monitor to save.  ``key``: states with equal keys are interchangeable."""
 
     axis: str
     key: str
@@ -67,7 +67,7 @@ class AxisState(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Checkpoint:
-    """A saved state; ``at_us`` is when it was saved, microseconds since 1970."""
+    """A saved state; ``at_us``: when it was saved [us since 1970]."""
 
     at_us: int
     arrays: Arrays
@@ -75,15 +75,15 @@ class Checkpoint:
 
 @dataclass(frozen=True, slots=True)
 class QuarantinedCheckpoint:
-    """Why a saved state cannot be used: it is kept in a separate table, for inspection."""
+    """A saved state that cannot be used, and was moved to a separate table for inspection."""
 
     reason: str
 
 
 class Checkpoints:
-    """The last checkpoint of each axis in an SQLite file, one writer.
+    """The last checkpoint of each axis in an SQLite file with one writer.
 
-    Every method raises StoreError where the file cannot be read or written.
+    Every method raises StoreError if the file cannot be read or written.
 
     Raises:
         StoreInUseError: another daemon writes to this file.
@@ -95,7 +95,7 @@ class Checkpoints:
         self.messages = self._db.messages
 
     def save(self, states: Iterable[AxisState], at_us: int) -> None:
-        """Save these states, replacing the last ones of their names: all or none.
+        """Save these states in place of the former ones, all or none.
 
         Raises:
             ValueError: an array holds Python objects.
@@ -105,9 +105,9 @@ class Checkpoints:
             connection.executemany(_SAVE, rows)
 
     def load(self, axis: str, key: str, now_us: int) -> Checkpoint | QuarantinedCheckpoint | None:
-        """The last state of an axis, or None when there is none.
+        """The last state of an axis; None: there is none.
 
-        A state that is damaged, or belongs to another key, is quarantined at time ``now_us``, and the answer says why.
+        A state that is damaged or has another key is quarantined; the result then says why.
         """
         with self._db.write() as connection:
             row = connection.execute(_LAST, (axis,)).fetchone()
@@ -137,7 +137,7 @@ def _row(state: AxisState, at_us: int) -> _Row:
 
 
 def _checksum(axis: str, key: bytes, at_us: int, data: bytes) -> bytes:
-    """Over the whole row, so that no part can be exchanged with that of another row."""
+    """Checksum of the whole row, so that a part from another row is noticed."""
     head = repr((axis, hashlib.sha256(key).hexdigest(), at_us))
     return hashlib.sha256(head.encode() + data).digest()
 
@@ -161,7 +161,7 @@ def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
 
 
 def _epoch(key: bytes) -> str:
-    """What the nominal values of a state belong to."""
+    """In words, the epoch or configuration whose nominal values a state has."""
     found = _EPOCH.match(key)
     if found is None:
         return sentence("the configuration", "the configuration")
@@ -173,11 +173,11 @@ def _move(connection: sqlite3.Connection, axis: str, reason: str, now_us: int) -
     connection.execute("DELETE FROM checkpoint WHERE axis = ?", (axis,))
 
 
-# --- arrays as bytes and back: the npz format of numpy, without pickles, so that reading cannot execute code -------
+# --- Arrays as bytes: numpy's npz format without pickles, so that reading cannot execute code ------------------------
 
 
 class UnreadableError(ValueError):
-    """The bytes are not arrays that ``pack`` wrote."""
+    """The bytes are no arrays written by ``pack``."""
 
 
 def pack(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
@@ -195,10 +195,10 @@ def pack(arrays: Mapping[str, NDArray[np.generic]]) -> bytes:
 
 
 def unpack(data: bytes) -> Arrays:
-    """The arrays that ``pack`` packed.
+    """The arrays in bytes written by ``pack``.
 
     Raises:
-        UnreadableError: the bytes are damaged, or hold pickles.
+        UnreadableError: the bytes are damaged or contain pickles.
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:

@@ -1,4 +1,4 @@
-"""One SQLite file in WAL mode with one writer: locking, migrations, quarantine of a damaged file."""
+"""An SQLite file in WAL mode with one writer: locking, migrations, quarantine of a damaged file."""
 
 import fcntl
 import os
@@ -15,7 +15,7 @@ from typing import Literal
 from monitor_core.wording import sentence
 
 Synchronous = Literal["FULL", "NORMAL"]
-"""FULL: a commit outlives a power failure.  NORMAL: it outlives the process; about eight times as fast."""
+"""FULL: a commit survives a power failure.  NORMAL: it survives the end of the process, and is eight times as fast."""
 
 SQLITE_VERSION = sqlite3.sqlite_version
 BUSY_TIMEOUT_S = 5.0
@@ -28,12 +28,12 @@ class StoreError(Exception):
 
     @property
     def is_damage(self) -> bool:
-        """Whether the file is damaged: opened again, it is quarantined."""
+        """Whether the file is damaged; the next opening quarantines it."""
         return self.__cause__ is not None and _is_damage(self.__cause__)
 
 
 class StoreInUseError(StoreError):
-    """Another process, or another object of this one, has the file open for writing."""
+    """Another process, or another object of this process, has the file open for writing."""
 
 
 class _DamagedError(StoreError):
@@ -41,14 +41,14 @@ class _DamagedError(StoreError):
 
 
 class Database:
-    """A file with one writing connection, and a connection for each reading.
+    """A file with one connection for writing, and a new connection for each read.
 
-    ``messages`` are for the operator, e.g. that a damaged file was quarantined.  Nothing is ever deleted.
-    ``functions`` are those that its SQL uses, by their names.
+    ``messages``: to the operator, e.g. that a damaged file was quarantined; no file is ever deleted.
+    ``functions``: SQL functions by name.
 
     Raises:
-        StoreInUseError: someone else writes to it.
-        StoreError: it cannot be opened, or a newer version of the program wrote it.
+        StoreInUseError: another process or object writes to the file.
+        StoreError: the file cannot be opened, or was written by a newer version of the program.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Database:
         self.path, self._functions = path, functions
         self.messages: tuple[str, ...] = ()
         self.revision = 0
-        """Number of transactions that were committed"""
+        """Number of committed transactions"""
         self._lock = threading.Lock()
         self._closed = False
         self._owner = _claim(path)
@@ -81,10 +81,10 @@ class Database:
 
     @contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
-        """One transaction of the writer: committed when the block ends, undone when it raises.
+        """A write transaction: committed at the end of the ``with`` block, rolled back if the block raises.
 
         Raises:
-            StoreError: it could not be committed; nothing of it was written.
+            StoreError: the transaction could not be committed; nothing was written.
         """
         with self._lock, _explained(self.path):
             self._writer.execute("BEGIN IMMEDIATE")
@@ -99,10 +99,10 @@ class Database:
 
     @contextmanager
     def read(self) -> Iterator[sqlite3.Connection]:
-        """One consistent view of the file, from any thread, at the same time as a writer.
+        """A consistent view of the file, from any thread, also during a write.
 
         Raises:
-            StoreError: it could not be read.
+            StoreError: the file could not be read.
         """
         with _explained(self.path):
             if self._closed:
@@ -117,7 +117,7 @@ class Database:
         return connection
 
     def close(self) -> None:
-        """Close the file; a transaction that is under way finishes first."""
+        """Close the file, after a running write transaction has finished."""
         with self._lock:
             self._closed = True
             self._writer.close()
@@ -125,7 +125,7 @@ class Database:
 
 
 def _claim(path: Path) -> FileIO:
-    """A lock on ``NAME.lock`` that ends with the process, however it ends."""
+    """Lock ``NAME.lock``; the lock ends with the process, however that ends."""
     lock_path = path.with_name(path.name + ".lock")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -152,7 +152,7 @@ def _claim(path: Path) -> FileIO:
 
 
 def _connect(uri: str) -> sqlite3.Connection:
-    # Transactions are begun by hand (isolation_level None); the writer is used by several threads, one at a time.
+    # isolation_level None: transactions are started explicitly.  Several threads use the writer, one at a time.
     return sqlite3.connect(
         uri, uri=True, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
     )
@@ -166,7 +166,7 @@ def _opened(path: Path, migrations: Sequence[str], synchronous: Synchronous) -> 
         check_integrity(connection)
         _migrate(connection, path, migrations)
     except BaseException as error:
-        # Renamed before it is closed: closing would write the log back and remove it.
+        # Rename the file before closing it: closing would write the WAL back and remove it.
         damage = _quarantine(path, error) if _is_damage(error) else error
         connection.close()
         raise damage from None
@@ -177,7 +177,7 @@ def check_integrity(connection: sqlite3.Connection) -> None:
     """Check that SQLite finds no damage in a file.
 
     Raises:
-        sqlite3.DatabaseError: it does.
+        sqlite3.DatabaseError: the file is damaged.
     """
     findings = [row[0] for row in connection.execute("PRAGMA quick_check(1)")]
     if findings != ["ok"]:
@@ -197,12 +197,12 @@ def _migrate(connection: sqlite3.Connection, path: Path, migrations: Sequence[st
 
 
 def _is_damage(error: BaseException) -> bool:
-    # The low byte is the kind of error, the rest gives details.
+    # The low byte is the kind of error; the other bits are details.
     return getattr(error, "sqlite_errorcode", 0) & 0xFF in _DAMAGE
 
 
 def _quarantine(path: Path, error: BaseException) -> _DamagedError:
-    """Rename the file and its companions, so that they still belong together; what to tell the operator."""
+    """Rename the file together with its WAL files; returns the error with a message to the operator."""
     quarantined = path.with_name(f"{path.name}.damaged-{datetime.now(UTC):%Y%m%dT%H%M%S.%fZ}")
     for suffix in ("", *_COMPANIONS):
         companion = path.with_name(path.name + suffix)
@@ -221,7 +221,7 @@ def _quarantine(path: Path, error: BaseException) -> _DamagedError:
 
 @contextmanager
 def _explained(path: Path) -> Iterator[None]:
-    """Errors of SQLite and of the file system as StoreError, naming the file."""
+    """Turn errors of SQLite and of the file system into a StoreError that names the file."""
     try:
         yield
     except (sqlite3.Error, OSError) as error:

@@ -1,7 +1,7 @@
-"""Epochs of the axes in SQLite: which nominal values and thresholds were in force when, and what happened to them.
+"""Epochs of the axes in SQLite: which nominal values and thresholds were in force when, with all their events.
 
-Each step is a row in ``epoch_event``, which is written in one transaction with the state that it changes and with the
-end of the alarms of the former epoch.
+Each event is a row in ``epoch_event``, written in one transaction with the new state of the epoch and, if the epoch
+replaces another, with the end of the other's alarms.
 """
 
 import json
@@ -52,7 +52,7 @@ EPOCH_MIGRATION = """
 
 CANCELLED = sentence("cancelled", "it was cancelled")
 RECONFIGURED = sentence("axis reconfigured", "the configuration of the axis has changed")
-"""Why epochs never were in force, beside what a learning window finds"""
+"""Reasons why an epoch never was in force, besides those from a learning window"""
 
 EpochState = Literal["learning", "verifying", "current", "closed", "rolled_back", "cancelled"]
 EpochSource = Literal["configuration", "files", "window", "restored"]
@@ -62,7 +62,7 @@ EpochEventName = Literal["begun", "taken over", "verified", "cancelled", "refuse
 class EpochValue(NamedTuple):
     """The nominal value of a monitored parameter in an epoch.
 
-    ``former``: in the epoch before; ``kept``: why a learning window left it as it was.
+    ``former``: value in the epoch before; ``kept``: why a learning window has not changed the value.
     """
 
     name: str
@@ -88,25 +88,25 @@ class Epoch(NamedTuple):
     comment: str
     work_order: str
     reason: str
-    """Why it never was in force"""
+    """Why the epoch never was in force; empty: it was, or is still learning"""
     learn_s: float | None
-    """Length of its learning window [s]"""
+    """Length of the learning window [s]"""
     verify_s: float
     content: str
-    """Nominal values and thresholds; of one that learns: those of the epoch before"""
+    """Nominal values and thresholds; while the epoch is learning, those of the epoch before"""
     nominal: tuple[EpochValue, ...]
-    """Of the monitored parameters; empty while it learns"""
+    """Nominal values of the monitored parameters; empty while the epoch is learning"""
     fingerprint: str
-    """Of the configuration when it began"""
+    """Fingerprint of the configuration when the epoch began"""
 
     @property
     def in_force(self) -> bool:
-        """Whether its values are those of the axis now."""
+        """Whether the axis is monitored with these values now."""
         return self.state in ("verifying", "current")
 
 
 class EpochEvent(NamedTuple):
-    """What has happened to an epoch."""
+    """An event of an epoch, and who has caused it."""
 
     at_us: int
     event: EpochEventName
@@ -116,7 +116,7 @@ class EpochEvent(NamedTuple):
 
 
 class EpochPlan(NamedTuple):
-    """A new epoch: where its values come from, and which they are."""
+    """A new epoch: the source of its values, and the values."""
 
     axis: str
     source: EpochSource
@@ -129,7 +129,7 @@ class EpochPlan(NamedTuple):
 
 
 class Configured(NamedTuple):
-    """An axis as configured: its nominal values and thresholds, and their digest."""
+    """A configured axis: its nominal values and thresholds, and their fingerprint."""
 
     axis: str
     content: str
@@ -138,23 +138,23 @@ class Configured(NamedTuple):
 
 
 EndAlarms = Callable[[sqlite3.Connection, str, Note, Mapping[str, AlarmRules]], None]
-"""Ends the open alarms of an axis."""
+"""Function that ends the open alarms of an axis."""
 
 
 class Epochs:
-    """The epochs of all axes, in the file of the alarms; may be used from any thread.
+    """The epochs of all axes, in the file of the alarm journal; for use by any thread.
 
-    Every method raises StoreError where the file cannot be read or written; then nothing was written.
+    Every method raises StoreError if the file cannot be read or written; nothing is written then.
     """
 
     def __init__(self, database: Database, end_alarms: EndAlarms) -> None:
         self._db, self._end_alarms = database, end_alarms
 
     def begin_with(self, axes: Iterable[Configured], at_us: int) -> dict[str, Epoch]:
-        """The epochs in force of configured axes, at the start.
+        """Determine the epochs in force of the configured axes, at the start.
 
-        The last deliberate act counts: an epoch stays in force while the configuration is as it was when the epoch
-        began.  A configuration that was changed since begins an epoch of its own.
+        The latest change by a person counts: an epoch stays in force as long as the configuration is the one with which
+        the epoch began.  A changed configuration starts a new epoch.
         """
         found = {}
         with self._db.write() as connection:
@@ -166,7 +166,7 @@ class Epochs:
         return found
 
     def refused_at_start(self, axis: Configured, at_us: int) -> Epoch:
-        """Begin an epoch with the configuration, as the one in force does not fit the axis any more."""
+        """Start an epoch with the configured values, as the epoch in force does not fit the axis any more."""
         with self._db.write() as connection:
             return self._configured(connection, axis, _in_force(connection, axis.axis), at_us)
 
@@ -189,12 +189,12 @@ class Epochs:
             return _select(connection, "WHERE axis = ? ORDER BY number DESC", [axis])
 
     def learning(self) -> list[Epoch]:
-        """Those whose learning window runs."""
+        """The epochs whose learning window runs."""
         with self._db.read() as connection:
             return _select(connection, "WHERE state = 'learning' ORDER BY axis", [])
 
     def events(self, axis: str) -> dict[int, list[EpochEvent]]:
-        """What has happened to the epochs of an axis, by their numbers, oldest first."""
+        """The events of the epochs of an axis, by epoch number, oldest first."""
         columns = ", ".join(EpochEvent._fields)
         query = f"SELECT number, {columns} FROM epoch_event WHERE axis = ? ORDER BY id"
         found: dict[int, list[EpochEvent]] = {}
@@ -204,7 +204,7 @@ class Epochs:
         return found
 
     def learn(self, plan: EpochPlan, note: Note) -> Epoch:
-        """Begin an epoch whose values are to be learned; the former one stays in force."""
+        """Start an epoch whose values will be learned; the former epoch stays in force."""
         with self._db.write() as connection:
             epoch = _insert(connection, plan, "learning", note)
             _note(connection, epoch, "begun", note)
@@ -221,9 +221,9 @@ class Epochs:
         note: Note,
         rules: Mapping[str, AlarmRules] = {},
     ) -> Epoch:
-        """Let an epoch be in force from now on: that which has learned, or else a new one.
+        """Put an epoch in force: the one that has finished learning, otherwise a new one.
 
-        The former epoch ends, and so do its open alarms: ``note`` goes with both.
+        The former epoch and its open alarms end, with the same ``note``.
         """
         with self._db.write() as connection:
             if (before := _in_force(connection, plan.axis)) is not None:
@@ -248,7 +248,7 @@ class Epochs:
             return _get(connection, *_key(epoch))
 
     def cancel(self, axis: str, note: Note, event: EpochEventName, reason: str) -> Epoch | None:
-        """End the learning window of an axis without new values; None: none runs."""
+        """End the learning window of an axis without new values; returns its epoch; None: no window runs."""
         with self._db.write() as connection:
             epoch = _learning(connection, axis)
             if epoch is None:
@@ -257,7 +257,7 @@ class Epochs:
             return _get(connection, *_key(epoch))
 
     def verified(self, axis: str, number: int, note: Note) -> None:
-        """The epoch was verified, if it is still in force."""
+        """Record the end of the verification of an epoch, if it is still in force."""
         with self._db.write() as connection:
             epoch = _in_force(connection, axis)
             if epoch is not None and (epoch.number, epoch.state) == (number, "verifying"):

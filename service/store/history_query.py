@@ -1,4 +1,4 @@
-"""Questions to the history: which resolution answers them, and its rows, merged to the number that is wanted."""
+"""Queries to the history: chooses a resolution, and merges its rows to at most the requested number."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,17 +15,17 @@ _STEPS_S = (
     *(1, 2, 5, 10, 20, 30, 60, 120, 180, 300, 600, 900, 1200, 1800),
     *(hours * 3600 for hours in (1, 2, 3, 4, 6, 8, 12)),
 )
-"""Lengths of a row, as on a clock; longer ones are whole days"""
+"""Lengths of a row in round units of time; longer ones are whole days"""
 _GAP_STEPS = 1.5
-"""Rows that are farther apart have a gap between them."""
+"""If the starts of two rows are farther apart than this number of steps, there is a gap between them."""
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What is wanted.  Times in seconds since 1970; ``until_s`` is not included.
+    """A query.  Times in seconds since 1970; ``until_s`` is not included.
 
-    ``resolution``: its rows as they are, the first ``points`` of them; None: at most ``points`` rows of the whole time.
-    ``interval_s``: time between two points when they are recorded.
+    ``resolution``: return the first ``points`` stored rows of it; None: return at most ``points`` merged rows of the
+    whole range.  ``interval_s``: interval in which points are recorded.
     """
 
     axis: str
@@ -45,9 +45,9 @@ class Course(NamedTuple):
 
 
 class HistoryAnswer(NamedTuple):
-    """Rows of all parameters on the same times ``t`` (M,) [s since 1970], each ``step_s`` long, oldest first.
+    """Rows of all parameters at common times ``t`` (M,) [s since 1970], each ``step_s`` long, oldest first.
 
-    ``next_s``: where the question goes on, as there are more rows; None: there are none.
+    ``next_s``: start of the next query, if there are more rows; None: there are no more.
     """
 
     resolution: Resolution
@@ -58,7 +58,7 @@ class HistoryAnswer(NamedTuple):
 
 
 def ask(store: HistoryStore, question: Question) -> HistoryAnswer:
-    """The answer to a question.
+    """Answer a query.
 
     Raises:
         StoreError: the file cannot be read.
@@ -79,7 +79,7 @@ def ask(store: HistoryStore, question: Question) -> HistoryAnswer:
 
 
 def pages(store: HistoryStore, question: Question) -> Iterator[HistoryAnswer]:
-    """All rows of a resolution, some at a time; without one, of the finest that goes back to ``since_s``."""
+    """All stored rows in parts; without a resolution, those of the finest one that goes back to ``since_s``."""
     with store.read() as view:
         known = view.series(question.axis, question.parameter)
         ends = {table: found for table in RESOLUTIONS if (found := view.ends(table, [*known])) is not None}
@@ -98,10 +98,10 @@ _Ends = Mapping[Resolution, tuple[int, int]]
 
 
 def _range(question: Question, ends: _Ends) -> tuple[int, int]:
-    """The time that is asked for, as far as there is anything."""
+    """The requested range, limited to the time for which there are rows."""
     finest, *coarser = ends
     first = ends[finest][0]
-    for table in coarser:  # an hour of which there are points begins before them: only complete rows count
+    for table in coarser:  # a coarse row starts before the first point in it, so only complete rows count
         first = ends[table][0] if ends[table][0] + PERIODS_S[table] <= first else first
     last = min(begin + PERIODS_S[table] for table, (_, begin) in ends.items())
     since_s = first if question.since_s is None else max(question.since_s, first)
@@ -110,14 +110,15 @@ def _range(question: Question, ends: _Ends) -> tuple[int, int]:
 
 
 def _step(question: Question) -> int:
-    """The length of a row where points are as close as they can be [s]."""
+    """The smallest length of a row: the recording interval [s]."""
     return max(1, round(question.interval_s))
 
 
 def _choice(question: Question, since_s: int, until_s: int, ends: _Ends) -> tuple[Resolution, int]:
-    """The table to read, and the length of a row."""
+    """The table to read, and the length of a merged row [s]."""
     least = _step(question)
-    # For a single row the longest one begins at zero: all shorter ones may have a boundary within the range.
+    # The longest step starts at zero, so that one row is always possible; shorter ones may have a boundary in the
+    # range.
     days = range(1, 2 + until_s // _DAY_S)
     steps = (s for s in chain((least, *_STEPS_S), (_DAY_S * d for d in days)) if s >= least)
     step_s = next((s for s in steps if _number(since_s, until_s, s) <= question.points), least)
@@ -131,7 +132,7 @@ def _number(since_s: int, until_s: int, step_s: int) -> int:
 
 
 def _reaching(table: Resolution, since_s: int, ends: _Ends) -> Resolution:
-    """This table, or the finest coarser one that goes back to ``since_s``, as far as any does."""
+    """This table, or the finest of the coarser ones that has older rows after ``since_s``."""
     for coarser in RESOLUTIONS[RESOLUTIONS.index(table) + 1 :]:
         if coarser not in ends:
             continue
@@ -156,7 +157,9 @@ def _as_stored(
     if len(answer.t) <= question.points:
         return answer
     after_gap = question.points > 1 and not any(c.rows.n[question.points] for c in answer.courses)
-    cut = question.points - after_gap  # a gap does not begin between two answers, which would hide it
+    cut = (
+        question.points - after_gap
+    )  # do not split an answer at the start of a gap, which would hide the gap
     first = slice(cut)
     courses = tuple(course._replace(rows=course.rows.select(first)) for course in answer.courses)
     following = int(answer.t[cut])

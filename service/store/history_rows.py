@@ -1,4 +1,4 @@
-"""Rows of the history as numbers: packed for the file, merged by their count, side by side on the same times."""
+"""Rows of the history as arrays: packing for the file, merging, alignment to common times."""
 
 from collections.abc import Iterable, Sequence
 from itertools import compress
@@ -17,16 +17,16 @@ QUANTITIES = (
     "threshold",
     "observability",
 )
-"""What a row has of each parameter, Q numbers"""
+"""The Q quantities of a row"""
 
 _Q = len(QUANTITIES)
 _SINGLE = np.dtype([("mean", "<f4", _Q)])
 _SEVERAL = np.dtype([("mean", "<f8", _Q), ("low", "<f4", _Q), ("high", "<f4", _Q)])
-"""A row of one point has 28 bytes, a row of several 112."""
+"""Formats of a row with one point (28 bytes) and with several points (112 bytes)."""
 
 
 class Rows(NamedTuple):
-    """N rows: begin of each [s since 1970], number of points in it, their mean and their ends (N, Q)."""
+    """N rows: start [s since 1970] and number of points (N,); mean, minimum and maximum (N, Q)."""
 
     t: Ints
     n: Ints
@@ -35,7 +35,7 @@ class Rows(NamedTuple):
     high: Floats
 
     def select(self, which: Bools | slice | Ints) -> "Rows":
-        """Some of the rows."""
+        """Only the rows of a mask, slice or index array."""
         t, n, mean, low, high = self
         return Rows(t[which], n[which], mean[which], low[which], high[which])
 
@@ -44,26 +44,26 @@ NO_ROWS = Rows(np.zeros(0, np.int64), np.zeros(0, np.int64), *(np.zeros((0, _Q))
 
 
 def points(t: Sequence[int], values: Sequence[Sequence[float]]) -> Rows:
-    """Points as rows of one point each, rounded to what the file keeps: seven digits."""
+    """Points as rows of one point each, rounded to the seven digits that the file stores."""
     with np.errstate(over="ignore", under="ignore"):
         rounded = np.asarray(values, float).reshape(-1, _Q).astype(np.float32).astype(float)
     return Rows(np.asarray(t, np.int64), np.ones(len(t), np.int64), rounded, rounded, rounded)
 
 
 def joined(parts: Iterable[Rows]) -> Rows:
-    """Rows one after the other."""
+    """Join rows, in their order."""
     return Rows(*(np.concatenate(columns) for columns in zip(NO_ROWS, *parts, strict=True)))
 
 
 def merged(rows: Rows, step_s: int, series: Ints | None = None) -> tuple[Rows, Ints]:
-    """Rows of the same series and of the same step of time as one row each, and their series; in order of both.
+    """Merge rows of the same series and the same time step; returns rows and their series, sorted by series and time.
 
-    Each point counts once: the mean is weighted by the counts.  A number that is not finite makes its mean so.
+    The mean is weighted by the number of points.  It is not finite if one of the values is not finite.
 
     Args:
         rows: N rows.
-        step_s: length of a step [s]; the rows of a step are those that begin in it.
-        series: (N,); None: all are of one.
+        step_s: length of a step [s]; a row belongs to the step in which it starts.
+        series: series of each row (N,); None: all rows are of one series.
     """
     begin = rows.t // step_s * step_s
     series = np.zeros(len(begin), np.int64) if series is None else series
@@ -80,7 +80,7 @@ def merged(rows: Rows, step_s: int, series: Ints | None = None) -> tuple[Rows, I
 
 
 def packed(rows: Rows) -> list[bytes]:
-    """The numbers of each row, for the file."""
+    """The bytes of each row for the file."""
     single, several = np.zeros(len(rows.n), _SINGLE), np.zeros(len(rows.n), _SEVERAL)
     with np.errstate(over="ignore", under="ignore"):
         single["mean"] = rows.mean
@@ -90,9 +90,13 @@ def packed(rows: Rows) -> list[bytes]:
 
 
 def unpacked(found: Iterable[tuple[int, int, bytes]]) -> Rows:
-    """Rows from begin, count and numbers of each in the file; those that are damaged are left out."""
+    """Rows from the start, count and bytes of each in the file; damaged rows are left out."""
     t, n, cells = list[int](), list[int](), list[bytes]()
-    for begin, count, numbers in found:  # thousands of tuples at once would keep the garbage collector busy
+    for (
+        begin,
+        count,
+        numbers,
+    ) in found:  # not a list of tuples: thousands of them slow the garbage collector down
         t.append(begin)
         n.append(count)
         cells.append(numbers)
@@ -112,15 +116,15 @@ def unpacked(found: Iterable[tuple[int, int, bytes]]) -> Rows:
 
 
 def aligned(rows: Sequence[Rows], step_s: int, gap_s: float) -> tuple[Ints, list[Rows]]:
-    """Rows of several parameters on the same times; where a parameter has none, its count is 0 and the rest NaN.
+    """Align rows of several parameters to common times; where a parameter has no row, its count is 0 and the rest NaN.
 
     Args:
-        rows: of each parameter, in order of time, on whole steps.
-        step_s: the length of a row [s].
-        gap_s: times that are farther apart have a gap between them: one time at its beginning, without any row.
+        rows: rows of each parameter, sorted by time, starting at whole steps.
+        step_s: length of a row [s].
+        gap_s: times farther apart than this get an additional time at the start of the gap, without any row.
 
     Returns:
-        The times (M,), and M rows of each parameter.
+        The times (M,), and M rows for each parameter.
     """
     times = np.unique(np.concatenate([NO_ROWS.t, *(r.t for r in rows)]))
     gaps = times[:-1][np.diff(times) > gap_s] + step_s

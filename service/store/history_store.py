@@ -1,6 +1,6 @@
-"""The history of all parameters in an SQLite file: points, and their roll-ups to minutes, hours and days.
+"""The history of all parameters in an SQLite file: points, and their roll-ups by minute, hour and day.
 
-Points and roll-ups are written in one transaction: whatever ends the process, a point is in all of them or in none.
+Points and roll-ups are written in one transaction, so a point is in all tables or in none, however the process ends.
 """
 
 import sqlite3
@@ -18,18 +18,19 @@ from service.store.history_rows import Rows, joined, merged, packed, points, unp
 Resolution = Literal["raw", "minute", "hour", "day"]
 RESOLUTIONS: tuple[Resolution, ...] = get_args(Resolution)
 PERIODS_S: Mapping[Resolution, int] = {"raw": 1, "minute": 60, "hour": 3600, "day": 86400}
-"""Length of a row"""
+"""Length of a row [s]"""
 
 MOST_PRUNED = 2000
-"""Rows of a parameter and a resolution that are deleted at once: a clock that is ahead for a moment costs no more."""
+"""Most rows of a parameter and a resolution that are deleted in one step, which limits the loss if the clock is wrong
+for a moment."""
 SHARE_PRUNED = 60
-"""Part of the parameters that is looked at after each write."""
+"""After each write, one part in this number of the parameters is pruned."""
 MOST_CUTS = 4
-"""In one go, where the file is too large"""
+"""Most cuts in one step, if the file is too large"""
 _CUT = 100
-"""Part of the largest table that is deleted where the file is too large."""
+"""A cut deletes one part in this number of the largest table."""
 _BYTES_PER_S: Mapping[Resolution, float] = {"raw": 5, "minute": 2.5, "hour": 0.04, "day": 0.002}
-"""About, of each parameter, where there is a point each 10 s: only to find the largest table"""
+"""Approximate growth for each parameter with a point each 10 s; used only to find the largest table"""
 
 _TABLE = """
     CREATE TABLE {} (
@@ -52,14 +53,14 @@ MIGRATIONS = (
 
 
 class Bounds(NamedTuple):
-    """How much is kept: the age of each resolution [s], the size of the file [bytes]."""
+    """Limits of the history: largest age of each resolution [s], size of the file [bytes]."""
 
     age_s: Mapping[Resolution, float]
     size_bytes: float
 
 
 class Series(NamedTuple):
-    """What a row belongs to."""
+    """The parameter that a row belongs to."""
 
     axis: str
     parameter: str
@@ -75,9 +76,9 @@ class Point(NamedTuple):
 
 
 class HistoryStore:
-    """The history in a file, one writer; may be read from any thread at any time.
+    """The history in a file with one writer; any thread may read at any time.
 
-    Every method raises StoreError where the file cannot be read or written.
+    Every method raises StoreError if the file cannot be read or written.
 
     Raises:
         StoreInUseError: another daemon writes to this file.
@@ -92,7 +93,7 @@ class HistoryStore:
         self._pruned = 0
 
     def add(self, found: Sequence[Point]) -> None:
-        """Add points, and add them to their minutes, hours and days: all or none."""
+        """Add points and update their minutes, hours and days, all or none."""
         ids = dict(self._ids)
         with self._db.write() as connection:
             series = np.array([_series_id(connection, ids, point.series) for point in found], np.int64)
@@ -102,9 +103,9 @@ class HistoryStore:
         self._ids = ids
 
     def prune(self, now_s: float) -> None:
-        """Delete some of what is too old, and, where the file is too large, the oldest of what takes most of it.
+        """Delete some of the rows that are too old and, if the file is too large, the oldest rows of the largest table.
 
-        To be called after each ``add``: each call does a part, so that none takes long.
+        To be called after each ``add``; each call does only a part, so that none takes long.
         """
         with self._db.write() as connection:
             ids = [row[0] for row in connection.execute("SELECT id FROM series ORDER BY id")]
@@ -120,7 +121,7 @@ class HistoryStore:
 
     @contextmanager
     def read(self) -> Iterator["HistoryView"]:
-        """A view of this moment."""
+        """A consistent view of the present state."""
         with self._db.read() as connection:
             yield HistoryView(connection)
 
@@ -130,31 +131,31 @@ class HistoryStore:
 
 
 class HistoryView:
-    """One consistent view of the file."""
+    """A consistent view of the file."""
 
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
     def series(self, axis: str, parameter: str | None) -> dict[int, Series]:
-        """The series of an axis, or of one of its parameters, by number."""
+        """The series of an axis, or of one of its parameters, by id."""
         query = "SELECT id, axis, parameter, unit FROM series WHERE axis = ?1 AND ?2 IN (parameter, '') ORDER BY id"
         return {row[0]: Series(*row[1:]) for row in self._connection.execute(query, [axis, parameter or ""])}
 
     def ends(self, table: Resolution, ids: Iterable[int]) -> tuple[int, int] | None:
-        """Begin of the oldest and of the newest row of these series [s]; None without any."""
+        """Starts of the oldest and the newest row of these series [s]; None: there are no rows."""
         return _ends(self._connection, table, ids)
 
     def rows(
         self, table: Resolution, series: int, since_s: int, until_s: int, most: int | None = None
     ) -> Rows:
-        """The rows of a series that begin at or after ``since_s`` and before ``until_s``, the first ``most``."""
+        """The first ``most`` rows of a series that start at or after ``since_s`` and before ``until_s``."""
         query = f"SELECT t, n, cells FROM {table} WHERE series = ? AND t >= ? AND t < ? ORDER BY t LIMIT ?"
         values = [series, since_s, until_s, -1 if most is None else most]
         return unpacked(self._connection.execute(query, values))
 
 
 def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: Series) -> int:
-    """The number of a series, which is inserted if it is new."""
+    """The id of a series; a new series is inserted."""
     if series not in ids:
         connection.execute("INSERT OR IGNORE INTO series (axis, parameter, unit) VALUES (?, ?, ?)", series)
         query = "SELECT id FROM series WHERE axis = ? AND parameter = ? AND unit = ?"
@@ -163,7 +164,7 @@ def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: S
 
 
 def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, rows: Rows) -> None:
-    """Merge rows with those of the table that are there already."""
+    """Merge rows with the existing rows of a table."""
     new, owners = merged(rows, PERIODS_S[table], series)
     query = f"SELECT ?, n, cells FROM {table} WHERE series = ? AND t = ?"
     keys = enumerate(zip(owners.tolist(), new.t.tolist(), strict=True))
@@ -178,7 +179,7 @@ def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, ro
 
 
 def _delete(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int], until_s: float) -> None:
-    """Delete the rows of some series that end by this time, the oldest first, at most ``MOST_PRUNED`` of each."""
+    """Delete rows of some series that end before this time, oldest first, at most ``MOST_PRUNED`` of each."""
     last_s = until_s - PERIODS_S[table]
     oldest = f"SELECT t FROM {table} WHERE series = ?1 AND t <= ?2 ORDER BY t LIMIT {MOST_PRUNED}"
     query = f"DELETE FROM {table} WHERE series = ?1 AND t IN ({oldest})"
@@ -186,7 +187,7 @@ def _delete(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int
 
 
 def _cut(connection: sqlite3.Connection, ids: Sequence[int]) -> None:
-    """Delete the oldest part of the table that is about the largest."""
+    """Delete the oldest part of the table that is probably the largest."""
     ends = {table: found for table in RESOLUTIONS if (found := _ends(connection, table, ids)) is not None}
     spans = {table: last - first for table, (first, last) in ends.items()}
     if spans:
@@ -197,14 +198,14 @@ def _cut(connection: sqlite3.Connection, ids: Sequence[int]) -> None:
 
 def _ends(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int]) -> tuple[int, int] | None:
     query = f"SELECT min(t) FROM {table} WHERE series = ?1", f"SELECT max(t) FROM {table} WHERE series = ?1"
-    # Two questions: SQLite answers each with one look into the index, but not both at once.
+    # Two queries: SQLite answers each from the index at once, but not both together.
     found = [[connection.execute(q, [series]).fetchone()[0] for q in query] for series in ids]
     known = [ends for ends in found if ends[0] is not None]
     return (min(e[0] for e in known), max(e[1] for e in known)) if known else None
 
 
 def _used_bytes(connection: sqlite3.Connection) -> int:
-    """Bytes of the file that hold something: what is deleted is used again, and the file does not grow."""
+    """Used bytes of the file; SQLite uses deleted pages again, so the file need not grow."""
     pages, free, size = (
         int(connection.execute(f"PRAGMA {name}").fetchone()[0])
         for name in ("page_count", "freelist_count", "page_size")

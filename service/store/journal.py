@@ -1,4 +1,4 @@
-"""The alarm journal: every alarm is written to the disk before it is shown."""
+"""The alarm journal: alarms, their states and transitions on the disk."""
 
 import sqlite3
 from collections.abc import Iterable, Mapping
@@ -51,17 +51,18 @@ from service.store.epochs import EPOCH_MIGRATION, Epochs
 MIGRATIONS = (*TABLE_MIGRATIONS, MIGRATION, IDENTITY_MIGRATION, EPOCH_MIGRATION, SERVICE_MIGRATION)
 
 AlarmFilter = AlarmState | Literal["active", "stale", "chattering"]
-"""A state; or: the cause is there; or for more than 24 hours; or raised three times within ten minutes."""
+"""A state, or: active (the cause is present), stale (active for more than 24 hours), chattering (raised three times
+within ten minutes)."""
 
 
 class UnknownAlarmError(LookupError):
-    """The journal has no alarm of that id."""
+    """The journal has no alarm with this id."""
 
 
 class Journal:
-    """Alarms in an SQLite file, one writer; may be read from any thread at any time.
+    """Alarms in an SQLite file with one writer; any thread may read at any time.
 
-    Every method raises StoreError where the file cannot be read or written.
+    Every method raises StoreError if the file cannot be read or written.
 
     Raises:
         StoreInUseError: another daemon writes to this file.
@@ -74,17 +75,18 @@ class Journal:
         self.messages = self._db.messages
         with self._db.read() as connection:
             self.identity = str(connection.execute("SELECT identity FROM journal_identity").fetchone()[0])
-            """Of this file, in whatever folder: random"""
+            """Random identity of this file, which stays when the file is moved"""
         self.epochs = Epochs(self._db, _end_open)
-        """Nominal values and thresholds of the axes; with their alarms, as both change in one transaction"""
+        """Epochs of the axes; in the same file, as they change in one transaction with the alarms"""
         self.services = AxisServices(self._db, self._obey_service)
-        """Which axes persons have taken out of service; in one transaction with their alarms"""
+        """Axes that a person has taken out of service; in the same file, as they change in one transaction with the
+        alarms"""
         self._rules: dict[tuple[str, str], AlarmRules] = {}
 
     def record(self, entries: Iterable[Entry]) -> list[int]:
-        """Insert alarms, or update the open one of the same axis, parameter and direction: all or none of them.
+        """Insert alarms, or update open alarms of the same axis, parameter and direction; all or none.
 
-        Returns their ids; they are on the disk then.
+        Returns their ids; the alarms are on the disk then.
         """
         with self._db.write() as connection:
             return [record_entry(connection, entry) for entry in entries]
@@ -95,7 +97,7 @@ class Journal:
             return [alarm.monitored for alarm in not_ended(connection, axis)]
 
     def ended_alarms(self, axis: str, limit: int) -> list[Alarm]:
-        """The alarms of its present epoch that have ended last, the oldest first; forecasts are left out."""
+        """The last ``limit`` ended alarms of the present epoch of an axis, oldest first, without forecasts."""
         last = (
             "WHERE axis = :axis AND ended_us IS NOT NULL AND kind <> 'forecast' AND raised_us >= coalesce((SELECT"
             " in_force_us FROM epoch WHERE axis = :axis AND source <> 'configuration' AND state IN"
@@ -113,18 +115,18 @@ class Journal:
             return _end(connection, stale, Note(at_us, SERVICE), {})
 
     def group(self, groups: Mapping[str, str]) -> None:
-        """Look for the first of several alarms among axes of one group: by axis; others belong to their robot."""
+        """Set the group of each axis, in which the first of several alarms is determined; default: the robot."""
         self._groups = dict(groups)
 
     def _group(self, axis: str) -> str:
         return self._groups.get(axis) or axis.partition(".")[0]
 
     def obey(self, rules: Mapping[tuple[str, str], AlarmRules], at_us: int) -> None:
-        """Let the alarms that are active or hidden obey the configuration, which may have changed.
+        """Apply the configured rules, which may have changed, to active and hidden alarms.
 
         Args:
             rules: by axis and parameter; other alarms stay as they are.
-            at_us: the time now.
+            at_us: the present time.
         """
         self._rules |= rules
         with self._db.write() as connection:
@@ -136,21 +138,22 @@ class Journal:
                     _obey(connection, alarm, own, Note(at_us, SERVICE))
 
     def _obey_service(self, connection: sqlite3.Connection, axis: str, note: Note) -> None:
-        """Let the alarms of an axis obey what a person has made of its service."""
+        """Apply a removal from service, or a return, to the alarms of an axis."""
         for alarm in select_alarms(connection, f"{STANDING} AND axis = ?", [axis]):
             own = self._rules.get((axis, alarm.parameter), AlarmRules())
             _obey(connection, alarm, own, note, note.who)
 
     def act(self, alarm_id: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> RecordedAlarm:
-        """Record what a person has done about an alarm; returns the alarm then.
+        """Record an action of a person on an alarm; returns the alarm after it.
 
-        Shelved is an alarm of an axis, parameter and direction: the next one of that name is shelved, too, until the
-        same time, and to unshelve one of them unshelves all.
+        Shelving applies to an axis, parameter and direction: the next alarm with the same name is also shelved, until
+            the
+        same time, and unshelving one of them unshelves all.
 
         Raises:
             UnknownAlarmError: there is no such alarm.
-            AlarmTransitionError: that is not possible in its present state.
-            ShelfEndError: it cannot be shelved until that time.
+            AlarmTransitionError: the action is not possible in the present state of the alarm.
+            ShelfEndError: the alarm cannot be shelved until that time.
         """
         if event is AlarmEvent.SHELVE:
             assert until_us is not None
@@ -169,7 +172,7 @@ class Journal:
             return after
 
     def end_shelves(self, now_us: int) -> None:
-        """Record the end of every shelf and every off-delay that is over."""
+        """Record the end of every shelving and every off-delay that is over."""
         with self._db.write() as connection:
             for alarm in select_alarms(connection, "WHERE state = 'shelved'"):
                 end_shelf(connection, alarm.id, alarm.life, now_us)
@@ -183,7 +186,7 @@ class Journal:
                 _obey(connection, alarm, own, Note(at_us, SERVICE))
 
     def statistics(self, since_us: int, until_us: int) -> AlarmStatistics:
-        """How much the alarms raised in this time ask of an operator."""
+        """Statistics of the alarms raised in this period."""
         with self._db.read() as connection:
             return statistics(connection, since_us, until_us)
 
@@ -194,32 +197,32 @@ class Journal:
 
     @property
     def revision(self) -> int:
-        """Changes whenever something has been written."""
+        """A number that changes with every write."""
         return self._db.revision
 
     def last_id(self) -> int:
-        """Id of the alarm that was inserted last; 0: there was none."""
+        """Id of the alarm that was inserted last; 0: there is none."""
         with self._db.read() as connection:
             found = connection.execute("SELECT seq FROM sqlite_sequence WHERE name = 'alarm'").fetchone()
             return int(found[0]) if found else 0
 
     def standing(self) -> list[RecordedAlarm]:
-        """The alarms that are active or hidden, oldest first."""
+        """Active and hidden alarms, oldest first."""
         with self._db.read() as connection:
             return select_alarms(connection, f"{STANDING} ORDER BY raised_us, id")
 
     def transitions(self, alarm_id: int) -> list[RecordedTransition]:
-        """What has happened to an alarm, oldest first."""
+        """The transitions of an alarm, oldest first."""
         with self._db.read() as connection:
             return taken(connection, alarm_id)
 
     def audit(self, limit: int, after: Place | None = None) -> list[AuditEntry]:
-        """The latest changes by persons and files, or those before a place, from the newest to the oldest."""
+        """The latest changes by persons and configurations, newest first; ``after``: only those before this place."""
         with self._db.read() as connection:
             return audited(connection, limit, after)
 
     def transitions_after(self, number: int, limit: int) -> list[NumberedTransition]:
-        """The first transitions of all alarms after that number, in the order in which they were committed."""
+        """The first ``limit`` transitions of all alarms after this number, in the order of their commits."""
         with self._db.read() as connection:
             return taken_after(connection, number, limit)
 
@@ -229,7 +232,7 @@ class Journal:
             return int(connection.execute("SELECT coalesce(max(id), 0) FROM alarm_transition").fetchone()[0])
 
     def get(self, alarm_id: int) -> RecordedAlarm | None:
-        """The alarm of that id."""
+        """The alarm with this id; None: there is none."""
         with self._db.read() as connection:
             return alarm_by_id(connection, alarm_id)
 
@@ -245,18 +248,18 @@ class Journal:
         state: AlarmFilter | None = None,
         now_us: int = 0,
     ) -> tuple[list[RecordedAlarm], int]:
-        """Alarms that match all given conditions, the last raised first, and their number without the limit.
+        """Alarms that match all conditions, latest first, and the number of all matching alarms without the limit.
 
         Args:
-            axis: of this axis.
-            parameter: of this parameter.
-            active: True: not ended, or latched; False: ended.
-            since_us: raised at this time or later.
-            until_us: raised before this time.
-            limit: at most this number.
-            after: only those behind the alarm that was raised at this time and has this id.
-            state: in this state, or stale or chattering.
-            now_us: the time now, for the stale ones.
+            axis: only alarms of this axis.
+            parameter: only alarms of this parameter.
+            active: True: only alarms that have not ended or are latched; False: only others.
+            since_us: only alarms raised at this time or later.
+            until_us: only alarms raised before this time.
+            limit: most alarms to return.
+            after: only alarms that follow, in this order, the one with this time of raising and id.
+            state: only alarms in this state, or active, stale or chattering ones.
+            now_us: the present time, for stale alarms.
         """
         equal: dict[str, Value] = {"axis = ?": axis, "parameter = ?": parameter}
         if state == "stale":
@@ -291,7 +294,7 @@ def _obey(
     note: Note,
     by: str | None = None,
 ) -> None:
-    """Let an alarm agree with its cause and its rules at the time of the note; ``by``: who has changed its service."""
+    """Record the transitions that are due at the time of the note; ``by``: who has changed the service of the axis."""
     own, removed_by = removal(connection, alarm.axis, rules)
     changes = due(alarm.life, is_present(alarm.life, alarm.ended_us, note.at_us, own), own)
     take(connection, alarm.id, changes, note, by or removed_by)

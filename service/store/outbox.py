@@ -1,9 +1,9 @@
-"""What has been promised to plant links: the alarm journal itself, and of each link how far it is with it.
+"""How far each plant link has delivered the transitions in the alarm journal.
 
-A transition of an alarm is in the journal in one transaction with what it changes, so the promise can neither be lost
-nor be one of something that has not happened.  A link needs only the number of the last transition that it is done
-with.  That number has a file of its own: the writer of the journal never waits for a link.  After a crash the last
-transitions may come again; none is left out.
+The journal itself is the outbox: a transition is written in one transaction with the change of state, so it is neither
+lost nor delivered without having happened.  A link only stores the number of the last transition that it has finished.
+These numbers are in a separate file, so that the writer of the journal never waits for a link.  After a crash, the last
+transitions may be delivered again; none is left out.
 """
 
 from collections.abc import Iterable
@@ -13,7 +13,7 @@ from service.store.database import Database
 from service.store.journal import Journal
 
 OUTBOX_FILE = "links.sqlite"
-"""In the state directory."""
+"""Name of the file in the state directory."""
 
 MIGRATIONS = (
     """
@@ -27,9 +27,9 @@ MIGRATIONS = (
 
 
 class Outbox:
-    """How far each link is.
+    """The number of the last finished transition of each link.
 
-    Every method raises StoreError where the file cannot be read or written.
+    Every method raises StoreError if the file cannot be read or written.
 
     Raises:
         StoreInUseError: another daemon writes to this file.
@@ -42,10 +42,10 @@ class Outbox:
         self.messages = self._db.messages
 
     def begin(self, names: Iterable[str]) -> dict[str, int]:
-        """Numbers of the last transitions with which these links are done.
+        """The number of the last finished transition of each of these links.
 
-        A link that is new has missed nothing: its first transition is the next one.  One that knows another journal
-        begins with the first of this one, which took the place of that.
+        A new link starts with the next transition.  A link whose number belongs to another journal starts with the
+        first transition of this one, which has replaced the other.
         """
         last = self._journal.last_transition()
         with self._db.write() as connection:
@@ -56,13 +56,13 @@ class Outbox:
             found = dict[str, int]()
             for name in names:
                 journal, done = known.get(name, (self._journal.identity, last))
-                # A journal from a backup may end before what was done.
+                # A journal restored from a backup may end before the last finished transition.
                 found[name] = min(done, last) if journal == self._journal.identity else 0
             connection.executemany(_SAVE, [(name, self._journal.identity, n) for name, n in found.items()])
         return found
 
     def done(self, name: str, number: int) -> None:
-        """A link is done with all transitions up to that number."""
+        """Store that a link has finished all transitions up to this number."""
         with self._db.write() as connection:
             connection.execute(_SAVE, (name, self._journal.identity, number))
 

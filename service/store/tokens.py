@@ -1,7 +1,7 @@
-"""Tokens of those who may use the API: their names, what they may do, and SHA-256 of each secret.
+"""Access tokens for the API: name, scope and SHA-256 of the secret of each.
 
-A secret is 256 random bits.  Nobody can guess or list so many, so one round of SHA-256 hides it: slow hashes with
-a salt (scrypt, Argon2) are for passwords, which people choose, and would cost each request a tenth of a second.
+A secret has 256 random bits, too many to guess, so one round of SHA-256 is enough to hide it.  Slow hashes with a salt
+(scrypt, Argon2) are for passwords chosen by people, and would add a tenth of a second to each request.
 """
 
 import fcntl
@@ -22,12 +22,12 @@ from pathlib import Path
 from service.store.database import StoreError
 
 TOKENS_FILE = "tokens.json"
-"""In the state directory."""
+"""Name of the file in the state directory."""
 PREFIX = "axw_"
-"""Every secret begins so: programs that look for secrets in files and logs find it."""
+"""Start of every secret, so that secret scanners find one in files and logs."""
 NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 LOCAL, ANYONE, NOBODY = "local", "anyone", "nobody"
-"""Names of callers without a token; no token has one of them."""
+"""Names of callers without a token; no token may have these names."""
 
 _SECRET_BYTES = 32
 _FORMAT = 1
@@ -42,14 +42,14 @@ class Scope(StrEnum):
 
     @property
     def included(self) -> frozenset["Scope"]:
-        """The scope itself, and those that it includes."""
+        """The scope itself and the scopes that it includes."""
         every = list(Scope)
         return frozenset(every[: every.index(self) + 1])
 
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Who asks, and what that name may do."""
+    """Who makes a request, and which scopes the caller has."""
 
     name: str
     scopes: frozenset[Scope]
@@ -62,17 +62,17 @@ class Token:
     name: str
     scope: Scope
     sha256: str
-    """of the secret, in hexadecimal digits"""
+    """SHA-256 of the secret in hexadecimal digits"""
     created: str
     """ISO 8601, UTC"""
 
 
 class NameTakenError(Exception):
-    """There is a token of that name already."""
+    """A token with this name exists already."""
 
 
 class NoSuchTokenError(Exception):
-    """There is no token of that name; ``known`` are those that there are."""
+    """There is no token with this name; ``known``: the existing names."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         super().__init__(f"there is no token {name!r}")
@@ -80,7 +80,7 @@ class NoSuchTokenError(Exception):
 
 
 class TokenFile:
-    """The file of the tokens: read again as soon as it has changed, written as a whole."""
+    """The token file: read again whenever it has changed, and always written as a whole."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -89,19 +89,19 @@ class TokenFile:
 
     @property
     def exists(self) -> bool:
-        """Whether there is such a file; it may hold no token."""
+        """Whether the file exists; it may have no tokens."""
         return self.path.exists()
 
     def tokens(self) -> tuple[Token, ...]:
-        """Those in force now, in the order in which they were made; none where there is no file.
+        """The present tokens in the order in which they were made; none if there is no file.
 
         Raises:
-            StoreError: the file cannot be read, is damaged, or others than its owner may write it.
+            StoreError: the file cannot be read, is damaged, or may be written by others than its owner.
         """
         try:
             with self.path.open(encoding="utf-8") as file:
                 now = os.fstat(file.fileno())
-                # Written as a whole, so a new inode; a change by hand shows in its time or size.
+                # A new file has a new inode; a change by hand shows in the time or size.
                 mark = (now.st_ino, now.st_mtime_ns, now.st_size, now.st_mode)
                 if mark != self._seen:
                     if now.st_mode & 0o022:
@@ -116,7 +116,7 @@ class TokenFile:
         return self._tokens
 
     def caller(self, secret: str) -> Caller | None:
-        """Whose secret this is; None: nobody's.  Takes the same time wherever they differ.
+        """The caller with this secret; None: no token has it.  The comparison takes constant time.
 
         Raises:
             StoreError: as of ``tokens``.
@@ -128,10 +128,10 @@ class TokenFile:
         return None if found is None else Caller(found.name, found.scope.included)
 
     def new(self, name: str, scope: Scope) -> str:
-        """Make a token; its secret, which is kept nowhere.
+        """Make a token; returns its secret, which is not stored anywhere.
 
         Raises:
-            NameTakenError: that name has one.
+            NameTakenError: a token with this name exists.
             StoreError: the file cannot be read or written.
         """
         secret = PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
@@ -146,10 +146,10 @@ class TokenFile:
         return secret
 
     def revoke(self, name: str) -> int:
-        """Remove a token; the number of those that are left.
+        """Remove a token; returns the number of remaining tokens.
 
         Raises:
-            NoSuchTokenError: that name has none.
+            NoSuchTokenError: no token has this name.
             StoreError: the file cannot be read or written.
         """
         with self._changing():
@@ -162,7 +162,7 @@ class TokenFile:
 
     @contextmanager
     def _changing(self) -> Iterator[None]:
-        """Only one change at a time: a lock on the folder, which ends with the process."""
+        """Allow one change at a time, by a lock on the folder, which ends with the process."""
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             folder = os.open(self.path.parent, os.O_RDONLY)
@@ -175,7 +175,7 @@ class TokenFile:
             raise StoreError(f"{self.path}: {error.strerror}") from error
 
     def _write(self, tokens: Iterable[Token]) -> None:
-        """Replace the file at once, for its owner alone; written by root, it belongs to the folder's owner."""
+        """Replace the file; only its owner may read it.  If root writes it, it gets the owner of the folder."""
         entries = [
             {"name": t.name, "scope": str(t.scope), "sha256": t.sha256, "created": t.created} for t in tokens
         ]

@@ -48,7 +48,7 @@ def test_a_head_that_is_cut_anywhere_is_no_endless_one(
     tmp_path: Path, kind: str, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a .trc file of 20 bytes, which ends in the comment behind its version."""
-    path, again, repeats = tmp_path / f"a{kind}", LogLines.again, list[int]()
+    path, again, repeats = tmp_path / f"a{kind}", LogLines.repeat_head, list[int]()
 
     def counted(lines: LogLines) -> None:
         repeats.append(lines.number)

@@ -8,7 +8,7 @@ import pytest
 
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
-from service.ingest.axis_records import absence_words, why_none
+from service.ingest.axis_records import absence_words, no_samples_words
 from tests.service.ingest.plant import axis1, make_config, write_table
 
 TORQUE, ANGLE = (0x100, False), (0x18FF0100, True)
@@ -44,8 +44,8 @@ def test_numbers_that_no_machine_has(tmp_path: Path) -> None:
     table = write_table(
         tmp_path / "a.csv", {"t": [0.0, 0.005], "torque_one": [0.0, 1.0], "angle_one": [2e9, 2e9]}
     )
-    words = why_none(table, config, config.axes[0], {"absurd": 2, "unpaired": 1})
+    words = no_samples_words(table, config, config.axes[0], {"absurd": 2, "unpaired": 1})
     assert words.startswith(
         "2 values are beyond 1e+06 N m or 1e+08 rad, more than any machine has; is the factor"
     )
-    assert why_none(table, config, config.axes[0], {"untimed": 2, "late": 0}) == "dropped: 2 untimed"
+    assert no_samples_words(table, config, config.axes[0], {"untimed": 2, "late": 0}) == "dropped: 2 untimed"

@@ -17,7 +17,7 @@ from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.epochs_at_start import at_start, bring_back
+from service.pipeline.epochs_at_start import epochs_in_force, resume_monitors
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Recording
@@ -96,10 +96,10 @@ class StandingCore:
         self.config = config
         self.journal = Journal(folder / "alarms.sqlite")
         self.checkpoints = Checkpoints(folder / "checkpoints.sqlite")
-        self.begun = at_start(config.axes, self.journal.epochs, clock_us())
+        self.begun = epochs_in_force(config.axes, self.journal.epochs, clock_us())
         self.core = FramePipeline(config, self.begun.axes)
         monitors = self.core.monitors
-        restored = bring_back(monitors, self.begun, self.checkpoints, self.journal, clock_us())
+        restored = resume_monitors(monitors, self.begun, self.checkpoints, self.journal, clock_us())
         self.messages = (*self.begun.messages, *restored.messages, *start_messages)
         alarms = Alarms(self.journal, quantities(monitors.by_id), wall=wall)
         alarms.adopt(restored.open)

@@ -75,11 +75,11 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
     assert 15 < (learning.done_s or 0) < 28
     assert learning.words.startswith("learning: ")
     assert d.axis().status.parameters[2].status is Status.ALARM  # no gap: tested with the former values
-    d.baselines.look()
+    d.baselines.finish_windows()
     assert d.axis().epoch.state == "learning"
 
     d.feed(seconds(frames, 40, 58))
-    d.baselines.look()
+    d.baselines.finish_windows()
     new, old = d.epochs()
     assert (old.state, new.state, new.source, new.who) == ("closed", "verifying", "window", "anna")
     assert (new.comment, new.work_order) == ("gearbox changed", "WO-1718")
@@ -101,7 +101,7 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
     assert d.axis().open_alarms == ()
     # That it is the same to the last bit is shown in test_worker.py.
     assert (d.axis(OTHER).status.samples, d.axis(OTHER).status.counters["started"]) == (14_000, 1)
-    d.baselines.look()
+    d.baselines.finish_windows()
     assert d.epochs()[0].state == "current"
     assert [e.event for e in d.journal.epochs.events(AXIS)[2]] == ["begun", "taken over", "verified"]
     wait_for(lambda: d.axis().epoch.state == "current")
@@ -119,7 +119,7 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
     d.feed(seconds(frames, 70, 86))  # the axis is another one than that epoch says
     assert [a.parameter for a in d.axis().open_alarms] == ["fm"]
     assert d.axis().epoch.complete
-    d.baselines.look()
+    d.baselines.finish_windows()
     assert d.epochs()[0].state == "verifying"
 
 
@@ -163,7 +163,7 @@ def test_a_window_that_is_refused_or_cancelled_leaves_the_epoch_in_force(
         {"sums": np.zeros((3, 12, 3)), "rho": np.zeros(3), "counts": np.array([WINDOW_S, 2, 12, 0])}
     )
     d.feed(seconds(frames, 0, 1))
-    d.baselines.look()
+    d.baselines.finish_windows()
     refused, first = d.epochs()
     assert (refused.state, first.state) == ("cancelled", "current")
     assert refused.reason == "no parameter was observed for long enough: kT, 1/Ja, fm"
@@ -183,7 +183,7 @@ def test_a_window_goes_on_after_a_restart_and_so_does_the_epoch(start: Start, fr
     assert second.messages == ()
     assert (second.axis().epoch.state, second.axis().epoch.done_s) == ("learning", done_s)
     second.feed(seconds(frames, 25, 62))
-    second.baselines.look()
+    second.baselines.finish_windows()
     value = second.epochs()[0].nominal[2].value
     assert abs(value - TRUTH) < 0.1 * TRUTH
     second.close()

@@ -15,7 +15,7 @@ from service.pipeline import publishing
 from service.pipeline import worker as worker_module
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import states_of
-from service.pipeline.publishing import LOOKED_AT_S, UNSEEN_S
+from service.pipeline.publishing import READ_S, UNREAD_S
 from service.pipeline.snapshot import Snapshot
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL
 from service.simulation.robot import Fault
@@ -67,7 +67,7 @@ def test_a_block_that_takes_long_is_followed_by_a_longer_one(
     worker, took_s, dues_s = bench.worker, iter((0.001, 0.06, 3.0)), list[float]()
 
     def tick() -> bool:
-        worker._took_s = next(took_s)
+        worker._last_block_s = next(took_s)
         return False
 
     def wait(due_s: float) -> None:
@@ -85,7 +85,7 @@ def test_a_block_that_takes_long_is_followed_by_a_longer_one(
 def test_answers_are_prepared_before_their_snapshot_is_shown(
     bench: StandingCore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(publishing, "UNSEEN_S", 0.0)
+    monkeypatch.setattr(publishing, "UNREAD_S", 0.0)
     prepared = list[tuple[Snapshot, Snapshot]]()
     bench.worker.publisher.prepare = lambda new: prepared.append((new, bench.worker.snapshot))
     shown = bench.run().snapshot
@@ -184,7 +184,7 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
     )
 
 
-@pytest.mark.parametrize(("making_s", "pause_s"), [(0.01, LOOKED_AT_S), (0.05, 0.5), (0.3, UNSEEN_S)])
+@pytest.mark.parametrize(("making_s", "pause_s"), [(0.01, READ_S), (0.05, 0.5), (0.3, UNREAD_S)])
 def test_a_pause_between_snapshots_is_ten_times_as_long_as_one_takes_but_at_most_a_second(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, making_s: float, pause_s: float
 ) -> None:
