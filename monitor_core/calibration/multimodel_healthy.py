@@ -172,7 +172,7 @@ def _run_record(
     course, found = heights.course(), []
     for k in range(0, len(record.t_us), _CHUNK):
         part = record.select(slice(k, k + _CHUNK))
-        _, trace = bank.run_traced(part, what_holds=True)
+        _, trace = bank.run_traced(part, reference=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())

@@ -180,13 +180,13 @@ class LaneStatus:
 
     def _tested_samples(self, i: int) -> int:
         if self._by_models and self._multimodel is not None:
-            tested = self._multimodel.made and self._model.monitored[i] in self._tested_causes()
+            tested = self._multimodel.has_bank and self._model.monitored[i] in self._tested_causes()
             return self._multimodel.bank.tested_samples if tested else 0
         return int(self._batch.state.tested[i, self._lane])
 
     def _tested_causes(self) -> tuple[str, ...]:
         """Causes for which the multi-model detector has a threshold; before its first sample: all."""
-        if self._multimodel is None or not self._multimodel.made:
+        if self._multimodel is None or not self._multimodel.has_bank:
             return self._model.monitored
         return self._multimodel.bank.causes
 
