@@ -126,7 +126,7 @@ class EvidenceBuilder:
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
 
     def events(self, noted: EvidenceColumns, c: int, judged: bool) -> Iterator[Reading | Evidence]:
-        """Evidence from column c of the noted ones, after a reading for the trend if the axis is tested (``judged``)."""
+        """Evidence from column c of the noted ones; if the axis is tested (``judged``), a trend reading before it."""
         s, p, value = self._s, len(self._names), noted.value[:, c]
         running, theta, d = float(value[0]), value[1 : 1 + p], value[1 + p : 1 + 2 * p].copy()
         V = s.lam0 * value[1 + 2 * p : -p].reshape(p, p) / self._divisor
