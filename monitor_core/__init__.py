@@ -16,20 +16,20 @@ Excitation:
 
 Identification:
 
-* ``Record, check_record``: measurements, and what is wrong with them.
-* ``Problem, Disturbance``: what is to be estimated, and the noise.
-* ``identify, IdentificationOptions, IdentificationResult, IdentificationError``: the whole way from records to
-  nominal values, with fits, frequency responses and doubts.
-* ``fit, Estimate``: only the fit from given values; estimates, covariance, predictor, fit.
+* ``Record, check_record``: measurements; faults found in them.
+* ``Problem, Disturbance``: the parameters to estimate, and the noise.
+* ``identify, IdentificationOptions, IdentificationResult, IdentificationError``: identification from records to
+  nominal values, with fits, frequency responses and doubts about the values.
+* ``fit, Estimate``: only the fit, from given starting values; estimates, covariance, predictor, fit.
 
 Monitoring:
 
-* ``Settings, Threshold``: all settings; their defaults are the paper's.
+* ``Settings, Threshold``: all settings of the estimator and the tests; ``Settings.paper`` has the paper's.
 * ``MonitoringOptions, recommended_settings, SettingsError``: settings for a real axis.
-* ``AxisMonitor, AxisBatch, Fleet``: one axis; axes of equal structure; axes of any kind.
+* ``AxisMonitor, AxisBatch, Fleet``: monitors of one axis; of axes with equal structure; of any axes.
 * ``SampleBlock``: samples of one axis, as ``update`` and ``calibrate`` take them.
-* ``AxisStatus, ParameterStatus, Status``: present state.
-* ``Alarm, AlarmChange``: an alarm with name, onset and size; what became of it in one update.
+* ``AxisStatus, ParameterStatus, Status``: present state of an axis and of its parameters.
+* ``Alarm, AlarmChange``: an alarm with name, onset and size; its change in one update.
 
 Detection:
 
@@ -38,13 +38,13 @@ Detection:
 
 Long-term trend:
 
-* ``SlowHistory, trend_of, forecast``: hourly means, their trend, when a limit is reached.
+* ``SlowHistory, trend_of, forecast``: hourly means; their trend; the time at which it reaches a limit.
 
 Calibration:
 
 * ``CalibrationOptions, calibrate, CalibrationResult, CalibrationError``: thresholds for a false-alarm budget.
 
-A name is imported when it is first used, so that a program loads only the libraries that it needs.
+Each name is imported at its first use, so that a program loads only the libraries that it needs.
 """
 
 from importlib import import_module

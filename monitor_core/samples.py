@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 
 PHYSICAL_LIMITS: Mapping[str, float] = {"torque": 1e6, "speed": 1e5, "angle": 1e8}
-"""N m, rad/s and rad: more comes from a broken frame or file.  A million newton metres is a ship's propeller;
-1e5 rad/s is a million revolutions per minute, and 1e8 rad a day of them."""
+"""Largest magnitudes [N m, rad/s, rad]; a larger value comes from a damaged frame or file.  A ship's propeller has 1e6
+N m; 1e5 rad/s is a million revolutions per minute; 1e8 rad is 16 million revolutions."""
 
 
 class SampleBlock(NamedTuple):
@@ -20,15 +20,15 @@ class SampleBlock(NamedTuple):
     u: Floats  # (N,) motor torque [N m]
     y: Floats  # (N,) motor speed [rad/s], or motor angle [rad]
     shift: Floats | None = None
-    """(N, p) theta_0(s) - theta_0, where nominal values follow conditions; NaN: unknown; None: unchanged"""
+    """(N, p) theta_0(s) - theta_0, where nominal values depend on conditions; NaN: unknown; None: unchanged"""
     gate: NDArray[np.bool_] | None = None
-    """(N,) False where nothing is learned; None: all samples are used"""
+    """(N,) False where the estimates must not be updated; None: all samples are used"""
     weight: Floats | None = None
-    """(N,) torque of the nominal weight in the pose [N m], for drives that have it as an input; NaN: unknown"""
+    """(N,) torque of the nominal weight in the present pose [N m], for drives with that input; NaN: unknown"""
     signals: Floats | None = None
     """(N, S) auxiliary signals, from which shift and gate are computed; NaN: unknown; None: the axis needs none"""
     inside: NDArray[np.bool_] | None = None
-    """(N,) whether the conditions are those of the calibration; None: that is not known"""
+    """(N,) True where the conditions are within the calibrated ranges; None: not known"""
     name: str = ""
     """Name of the record, as shown to the user"""
 
@@ -38,7 +38,7 @@ class SampleBlock(NamedTuple):
         return len(self.t_us)
 
     def select(self, samples: slice | NDArray[Any]) -> "SampleBlock":
-        """The block of these samples only: a slice, indices or a mask (N,)."""
+        """A block with only the selected samples: a slice, indices or a mask (N,)."""
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         return self._replace(**{name: a[samples] for name, a in arrays.items() if a is not None})
 
@@ -47,7 +47,7 @@ _ARRAYS = SampleBlock._fields[:-1]
 
 
 def concatenate(blocks: Sequence[SampleBlock]) -> SampleBlock:
-    """One block of several of the same axis, named as the first; an array that one of them lacks is left out."""
+    """Join blocks of the same axis.  The result has the first block's name; an array that one block lacks is None."""
     if not blocks:
         return SampleBlock(np.zeros(0, np.int64), np.zeros(0), np.zeros(0))
     if len(blocks) == 1:
@@ -60,7 +60,7 @@ def concatenate(blocks: Sequence[SampleBlock]) -> SampleBlock:
 
 
 def forward_fill(values: Floats, before: Floats) -> Floats:
-    """The last finite one of values (N, p) at each sample; until there is one, ``before`` (p,)."""
+    """Last finite value at or before each sample, of values (N, p); ``before`` (p,) until the first finite value."""
     out = np.vstack([before, values])
-    at = np.maximum.accumulate(np.where(np.isfinite(out), np.arange(len(out))[:, np.newaxis], 0), axis=0)
-    return np.asarray(np.take_along_axis(out, at, axis=0)[1:])
+    last = np.maximum.accumulate(np.where(np.isfinite(out), np.arange(len(out))[:, np.newaxis], 0), axis=0)
+    return np.asarray(np.take_along_axis(out, last, axis=0)[1:])

@@ -11,26 +11,26 @@ from monitor_core.kernel.outliers import CREDIT, JOLT_S, PEAK
 from monitor_core.kernel.tables import GAINS
 
 NAMING_MEMORIES = 3
-"""Memory lengths after which what a change did to all estimates is known."""
+"""Memory lengths after a change until its effect on all estimates is known."""
 
 TOGETHER, DOUBTFUL = 0.95, 0.2
-"""Of nominal values: the correlation above which two are not distinguished; the standard deviation, beside the value,
-from which one of them is doubtful, as the change that the paper looks for is then within one.  ``identify`` holds one
-of such a pair; with both of them free the daemon would test nothing."""
+"""Limits for nominal values.  Two whose correlation is above the first cannot be distinguished.  One whose relative
+standard deviation is above the second is doubtful: the change that the paper looks for is within one standard
+deviation.  ``identify`` holds one parameter of such a pair; with both of them free the daemon would test nothing."""
 
 
 MODEL_ERRORS = 2.0
-"""So many standard deviations of what a model of the nominal values lacks are allowed for.  They are those of its worst
-times, and an upper bound: with three of them 30 % more Coulomb friction of a warm axis was not always found."""
+"""Standard deviations of the model error of a nominal value that the tests allow for.  The model error is an upper
+bound from its worst times: with three of them, 30 % more Coulomb friction of a warm axis was not always found."""
 
 ALLOWED = 3.0
-"""So many standard deviations of what healthy estimates differ by, beside their scatter, the tests allow for."""
+"""Standard deviations that the tests allow for, of the differences between healthy estimates beyond their scatter."""
 
 
 class Threshold(NamedTuple):
     """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size.
 
-    ``size_error``: standard deviation of what the estimate of the healthy axis is off by for good, in s_i.
+    ``size_error``: standard deviation of the constant error of a healthy axis's estimate, in s_i.
     """
 
     alpha1: float
@@ -43,8 +43,8 @@ class Threshold(NamedTuple):
 class Settings:
     """Settings of one axis.
 
-    The defaults are recommended ones.  What depends on the axis has none of use: ``recommended_settings`` computes K,
-    lam0, settle_s and lost_s from the model and the noise.  ``Settings.paper`` has the settings of the paper.
+    The defaults are recommended values, except for K, lam0, settle_s and lost_s.  These depend on the axis:
+    ``recommended_settings`` computes them from the model and the noise.  ``Settings.paper`` has the paper's settings.
 
     Raises:
         ValueError: a value outside its range.
@@ -61,53 +61,51 @@ class Settings:
     thresholds: tuple[Threshold, ...] = ()
     """One for each parameter; empty: alpha1 and alpha2 for all, without an allowance."""
     model_error: tuple[float, ...] = ()
-    """For each parameter: standard deviation of what its nominal value is off by, as it follows a model (a warm-up
-    without a thermometer), in sizes; empty: nothing.  The allowance of its tests is at least ``MODEL_ERRORS`` times
-    that."""
+    """Standard deviation of the error of each nominal value that follows a model (as in a warm-up without a
+    thermometer), in sizes s_i; empty: no error.  The allowance of its tests is at least ``MODEL_ERRORS`` times that."""
     K: tuple[float, ...] = ()
     """Filter gain of the innovations form, one number per state; empty is K = 0, the paper's output error."""
     K_after: tuple[tuple[float, ...], ...] = ()
-    """The gain after 0, 2, 3 .. 11 intervals (drive/kalman.py); empty: K after each."""
+    """Filter gains after 0, 2, 3 .. 11 intervals without a sample (drive/kalman.py); empty: always K."""
     delay_s: float = 0.0
-    """Time by which the torque acts later than its sample, at most one interval."""
+    """Delay from the torque sample until the torque acts, at most one interval."""
     max_gap_s: float = 0.05
     """A longer interval between samples re-initialises the predictor."""
     settle_s: float = 1.0
     """No update of theta for this time [s] after a start of the predictor."""
     lost_s: float = 0.0
-    """No update of theta for this time [s] after each lost sample but the first in a row, as the torque in between is
-    unknown."""
+    """No update of theta for this time [s] after each lost sample except the first in a row, as the torque during the
+    loss is unknown."""
     speed_scale: float = 1.0
-    """Speed of tanh(speed / speed_scale), rad/s, at the flange that the friction acts on."""
+    """Scale [rad/s] of the Coulomb friction tanh(speed / speed_scale), at the flange that the friction acts on."""
     P0: tuple[float, ...] = field(default=())
     """Diagonal of P(0); empty: found from the first samples by the paper's recipe."""
     information_floor: float = 0.05
     """Information never falls below this share of the commissioned one, 1/P(0)_ii: P_ii stays below P(0)_ii / share.
     0: P may grow for ever, as in the paper."""
     min_excitation: float = 0.05
-    """Where psi' P psi stays below this share of its steady mean p (1 - lambda), nothing can be learned: theta, P and g
-    wait.  0: never, as in the paper."""
+    """While psi' P psi is below this share of its steady mean p (1 - lambda), theta, P and g are not updated.  0:
+    always update, as in the paper."""
     outlier_limit: float = 6.0
-    """An innovation beyond this number of its standard deviations is an outlier; a few outliers are rejected.  0: no
+    """An innovation beyond this number of its standard deviations is an outlier; a few in a row are rejected.  0: no
     limit, as in the paper."""
     largest_error: float = 0.0
-    """Largest innovation of the healthy records, but for the outliers among them, in the unit of the output.  0: not
-    known."""
+    """Largest innovation of the healthy records, without their outliers, in the unit of the output.  0: not known."""
     joint_state: bool = False
-    """The state moves with theta, as in the extended Kalman filter of both.  This allows memories far below the slowest
-    time constant of the predictor.  False: as in the paper."""
+    """The state is corrected together with theta, as in the extended Kalman filter for both.  This allows memories far
+    below the slowest time constant of the predictor.  False: as in the paper."""
     random_walk: bool = False
     """Parameters are independent random walks, P <- P + (1 - lambda) diag(P(0)), as in a Kalman filter.  Forgetting,
     P <- P / lambda, assumes instead that changes are most likely in the direction that is known least.  A single
-    parameter is followed as fast; correlated ones scatter less.  P(0) is found with lambda."""
+    parameter is followed equally fast; correlated ones scatter less.  P(0) is found with forgetting in both cases."""
     covariance_reset: float = 0.0
     """After an alarm P_ii is at least this many times P(0)_ii, so that the changed parameter converges faster (the
     paper's remark on P(0) in change detection).  0: P stays."""
     unidentifiable: tuple[tuple[str, str], ...] = ()
-    """Pairs of parameters that the record of the nominal values does not distinguish.  Then nothing is tested: the
-    tests would alarm as soon as the axis moves differently."""
+    """Pairs of parameters that the record of the nominal values does not distinguish.  If there is one, no parameter is
+    tested: the tests would alarm as soon as the axis moves differently."""
     run_on: bool = False
-    """g runs on after an alarm, as in the paper's Figure 6, instead of restarting from zero."""
+    """g continues after an alarm, as in the paper's Figure 6, instead of restarting from zero."""
 
     @classmethod
     def paper(cls, interval_s: float, **changes: Any) -> "Settings":
@@ -126,7 +124,7 @@ class Settings:
             "lam0": (self.lam0, 0 < self.lam0 < math.inf),
             "alpha1": (self.alpha1, 0 <= self.alpha1 < math.inf),
             "alpha2": (self.alpha2, 0 < self.alpha2 < math.inf),
-            "thresholds": (self.thresholds, all(map(_usable, self.thresholds))),
+            "thresholds": (self.thresholds, all(map(_is_in_range, self.thresholds))),
             "delay_s": (self.delay_s, 0 <= self.delay_s <= self.interval_s),
             "max_gap_s": (self.max_gap_s, self.interval_s <= self.max_gap_s < math.inf),
             "settle_s": (self.settle_s, 0 <= self.settle_s < math.inf),
@@ -161,7 +159,7 @@ class Settings:
 
     @property
     def seed_updates(self) -> int:
-        """Length of the run that finds P(0): ten memory lengths, of which the second half is averaged."""
+        """Number of updates that find P(0): ten memory lengths.  P is averaged over the second half of them."""
         return 0 if self.P0 else 2 * round(5 * self.memory)
 
     @property
@@ -171,17 +169,17 @@ class Settings:
 
     @property
     def naming_samples(self) -> int:
-        """Samples to learn from the first crossing to the name, and from one evidence or reading to the next."""
+        """Updates between the first crossing and the name of a change, and between two readings of the estimates."""
         return round(NAMING_MEMORIES * self.memory)
 
     @property
     def least_outlier(self) -> float:
-        """No smaller innovation is an outlier, in the unit of the output."""
+        """Smallest innovation that counts as an outlier, in the unit of the output."""
         return PEAK * self.largest_error or self.outlier_limit * math.sqrt(self.lam0)
 
     @property
     def outlier_credit(self) -> float:
-        """So many outliers in a row are passed over: those of a jolt."""
+        """Number of outliers in a row that are rejected: those of a jolt."""
         return max(CREDIT, JOLT_S / self.interval_s)
 
     def tests(self, p: int) -> Floats:
@@ -199,7 +197,7 @@ class Settings:
         return tests
 
     def model_errors(self, p: int) -> Floats:
-        """What the tests of each parameter (p,) allow for, as its nominal value follows a model, in sizes.
+        """Allowance of the tests (p,) for the model errors of the nominal values, in sizes s_i.
 
         Raises:
             ValueError: the model errors are for another number of parameters.
@@ -211,7 +209,7 @@ class Settings:
         return np.array([MODEL_ERRORS * error for error in self.model_error])
 
     def size_errors(self, p: int) -> Floats:
-        """Standard deviation of what healthy estimates are off by beside their scatter, in sizes (p,)."""
+        """Standard deviation of the errors of healthy estimates beyond their scatter, in sizes s_i (p,)."""
         own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
         errors = self.model_errors(p) / MODEL_ERRORS
         return np.array(
@@ -234,25 +232,25 @@ class Settings:
         return np.array(self.K)
 
     def gains(self, n: int) -> Floats:
-        """The gains after 0, 1, 2 .. intervals (GAINS, n).
+        """Filter gains after 0, 1, 2 .. intervals without a sample (GAINS, n).
 
         Raises:
-            ValueError: another number of states, or of gains.
+            ValueError: the number of states, or of gains, does not fit.
         """
-        return _after(self.gain(n), self.K_after)
+        return _gain_table(self.gain(n), self.K_after)
 
 
-def _after(K: Floats, later: tuple[tuple[float, ...], ...]) -> Floats:
-    """K (n,) and, after 0, 2, 3 .. intervals, ``later``: (GAINS, n)."""
+def _gain_table(K: Floats, later: tuple[tuple[float, ...], ...]) -> Floats:
+    """Gains (GAINS, n) by number of intervals: ``later`` has those after 0, 2, 3 .. intervals; K (n,) is for 1."""
     if not later:
         return np.tile(K, (GAINS, 1))
-    after = np.array(later)
-    if after.shape != (GAINS - 1, len(K)):
-        raise ValueError(f"K_after has the shape {after.shape}: need {(GAINS - 1, len(K))}")
-    return np.insert(after, 1, K, axis=0)
+    gains = np.array(later)
+    if gains.shape != (GAINS - 1, len(K)):
+        raise ValueError(f"K_after has the shape {gains.shape}: need {(GAINS - 1, len(K))}")
+    return np.insert(gains, 1, K, axis=0)
 
 
-def _usable(threshold: Threshold) -> bool:
+def _is_in_range(threshold: Threshold) -> bool:
     return (
         0 <= threshold.alpha1 < math.inf
         and 0 < threshold.alpha2 < math.inf

@@ -15,9 +15,9 @@ _LONGEST_S = 1000 * _SECONDS["y"]
 
 
 class Sentence(str):
-    """A text for a person that another language can also say: ``kind`` is which one it is, ``values`` what is in it.
+    """A text for a person that can be translated: ``kind`` identifies the sentence, ``values`` are its parts.
 
-    It is a string as any other, in English; a value may be a sentence itself.
+    It is an English string; a value may be a sentence itself.
     """
 
     kind: str
@@ -25,14 +25,14 @@ class Sentence(str):
 
 
 def sentence(kind: str, template: str, **values: object) -> Sentence:
-    """The template with these values in it; it need not use all of them: another language may want others."""
+    """A sentence: the template with its values.  The template need not use all values; a translation may use others."""
     words = Sentence(template.format(**values))
     words.kind, words.values = kind, {n: v if isinstance(v, Sentence) else str(v) for n, v in values.items()}
     return words
 
 
 def joined(parts: Sequence[str], separator: str = "; ") -> Sentence:
-    """Sentences one after the other; ", and " for a list of names."""
+    """Sentences joined by "; "; with any other separator, names joined as in ``listed``."""
     words = Sentence(separator.join(parts) if separator == "; " else listed(parts))
     words.kind = "joined"
     words.values = {**{str(i): part for i, part in enumerate(parts)}, "separator": separator}
@@ -40,17 +40,17 @@ def joined(parts: Sequence[str], separator: str = "; ") -> Sentence:
 
 
 def replaced(text: str, old: str, new: str) -> str:
-    """A text with another part; a sentence is still of its kind, and its values have that part, too."""
-    found = text.replace(old, new)
+    """The text with ``old`` replaced by ``new``; a sentence keeps its kind, and its values are replaced too."""
+    result = text.replace(old, new)
     if not isinstance(text, Sentence):
-        return found
-    words = Sentence(found)
+        return result
+    words = Sentence(result)
     words.kind, words.values = text.kind, {n: replaced(v, old, new) for n, v in text.values.items()}
     return words
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """A suggestion for an unknown name, and what there is: 'did you mean "port"? There is host, port'."""
+    """Suggestion for an unknown name, and the known names: 'did you mean "port"? there is host, port'."""
     names = list(known)
     if not names:
         return "there is none"
@@ -74,7 +74,7 @@ def how_often(count: int) -> str:
 
 
 def percent(value: float | None, signed: bool = False) -> str:
-    """``0.12 %``, two digits; beyond ten times only that is written; empty: not known."""
+    """Percentage with two digits, as ``0.12 %``; ``> 1000 %`` for larger values; empty for None."""
     if value is None:
         return ""
     if abs(value) > _MANY:
@@ -101,7 +101,7 @@ def _rounded(value: float, towards: Callable[[float], int]) -> float:
 
 
 def duration(seconds: float) -> str:
-    """In words: 90 s, 10 min, 3 hours, 2 years."""
+    """A duration in words: 90 s, 10 min, 3 hours, 2 years."""
     for word, size in (("a year", 31557600.0), ("a day", 86400.0), ("an hour", 3600.0)):
         if abs(seconds / size - 1) < _NEARLY:
             return word
@@ -113,10 +113,10 @@ def duration(seconds: float) -> str:
 
 
 def seconds_in(text: str) -> float:
-    """A time such as 10min, 1h, 30d, 1y, "2 hours", or seconds.
+    """Seconds in a time such as 10min, 1h, 30d, 1y, "2 hours", or a plain number of seconds.
 
     Raises:
-        ValueError: the text is no time, or less than a second, or more than a thousand years.
+        ValueError: the text is not a time, or it is below one second or above a thousand years.
     """
     match = _TIME.fullmatch(text.strip().lower())
     unit = (match["unit"] if match else "") or "s"

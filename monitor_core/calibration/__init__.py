@@ -2,11 +2,11 @@
 
 ``calibrate`` (``calibration_procedure``) is the whole procedure.  Read in this order:
 
-* ``monitored_axis``: what is calibrated.  ``healthy_records``: the recursion over the records.  ``scatter``: of the
-  estimates in them.  ``record_doubts``: whether they can be used.
-* ``surrogate_records``: bootstrap copies of the records, with innovations from
-  ``innovation_bootstrap``.  ``copy_excursions``: excursions of the CUSUM sums in these, and what copies are off by.
-  ``healthy_statistics``: records and copies combined, and the allowance.
+* ``monitored_axis``: the axis to calibrate.  ``healthy_records``: the recursion over the records.  ``scatter``: scatter
+  of the estimates in the records.  ``record_doubts``: checks whether the records can be used.
+* ``surrogate_records``: bootstrap copies of the records, with innovations from ``innovation_bootstrap``.
+  ``copy_excursions``: excursions of the CUSUM sums in the copies, and the error of the copies.
+  ``healthy_statistics``: statistics of records and copies combined, and the allowance.
 * ``false_alarm_tail``, ``budget``: thresholds and their false-alarm rate.
 * ``injection``, ``simulated_copies``, ``fault_trials``: faults injected anywhere in a record.
 * For the multi-model detector: ``multimodel_healthy`` (the detector over the records and their copies),

@@ -16,17 +16,18 @@ LOWER, UPPER = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
 LEAST_H, LEAST_NU, MOST_NU = 0.5, 0.3, 2.5
 """Bounds within which the run-length formula holds: of h over (sigma memory), and of nu over sigma."""
 _OFF, _FARTHER = 0.03, 0.03
-"""Standard deviation of the error of the log rate that comes from the formula: a constant part, and a part for each
-factor e by which the rate is extrapolated."""
+"""Standard deviation of the error of the formula, in the log rate: a constant part, and a part for each factor e by
+which the rate is extrapolated."""
 _NEAR = 0.02
 """Accuracy of logarithms of rates."""
 
 
 @dataclass(frozen=True)
 class Rates:
-    """False alarms per sample: of the tests of each parameter (p,), of all, and the bounds of a 90 % interval.
+    """False alarms per sample: by parameter (p,), total, and the 90 % interval of the total.
 
-    The rates hold for axes whose nominal values are off by the allowance; the lower bound for axes that are not off.
+    The rates hold for axes whose nominal values have an error as large as the allowance.  Only the lower bound holds
+    for axes without such an error.
     """
 
     parameters: Floats
@@ -34,15 +35,15 @@ class Rates:
     lower: float
     upper: float
     beyond: float
-    """Largest factor by which a rate lies below the rates that were simulated"""
+    """Largest factor by which a rate is extrapolated below the simulated rates"""
 
 
 def best_nu(log_time: float, within: float) -> float:
-    """nu over sigma that finds the smallest fault ``within`` so many memories.
+    """nu over sigma with which the smallest possible change is found within ``within`` memories.
 
-    A change of delta sigma is found after (h + delta) / (delta - k) memories, where h = A / k - c holds the budget and
-    A is the log of the mean time between false alarms in memories.  The delta that is found ``within`` is smallest at
-    k^2 = A / (within - 0.25), as c grows by 0.25 k.
+    A change of delta sigma is found after (h + delta) / (delta - k) memories.  Here h = A / k - c keeps the budget, and
+    A is ``log_time``: the log of the mean time between false alarms, in memories.  The smallest delta that is found in
+    time has k^2 = A / (within - 0.25), as c grows by 0.25 k.
     """
     return float(np.clip(math.sqrt(log_time / max(within - 0.25, 0.1)), LEAST_NU, MOST_NU))
 
@@ -58,8 +59,8 @@ def thresholds(
     """Thresholds with which an axis has at most one false alarm in ``samples`` on average.
 
     Every parameter gets the same share of the budget.  The upper bound of the 90 % interval of the rate of the axis
-    keeps the budget.  The allowance (p,), in sizes, covers what the estimates are off by besides their scatter; it does
-    not lower a threshold.
+    keeps the budget.  The allowance (p,), in sizes, covers errors of the estimates beyond their scatter; it does not
+    lower a threshold.
     """
     drawn = _DrawnRates(scatter, tails, rng)
     log_budget, log_share = -math.log(samples), -math.log(samples * len(tails))
@@ -70,7 +71,7 @@ def thresholds(
     def excess(less: float) -> float:
         return drawn.bound(UPPER, h_for(log_share - less)) - log_budget
 
-    # The bound of a sum of widely scattered rates differs from the sum of their bounds; mostly it is smaller.
+    # The bound of a sum of widely scattered rates differs from the sum of their bounds: correct the shares for that.
     less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
     error = np.hypot(scatter.mean_d, scatter.off.std(axis=0))
     return tuple(
@@ -82,7 +83,7 @@ def thresholds(
 def rates(
     scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator
 ) -> Rates:
-    """False-alarm rate of these thresholds on axes like those of the healthy records, off by the allowance or not."""
+    """False-alarm rate of these thresholds on axes like that of the healthy records, with or without its errors."""
     h = [threshold.alpha2 for threshold in own]
     likely = np.array([tail.most_likely(h[i], float(scatter.offset[i])) for i, tail in enumerate(tails)])
     beyond = max(tail.log_known - rate for tail, rate in zip(tails, likely, strict=True))
@@ -95,11 +96,11 @@ def rates(
 
 
 class _DrawnRates:
-    """Draws (B,) of the rate of each parameter, for each resampling of the records."""
+    """Draws (B,) of the rate of each parameter: one for each resampling of the records."""
 
     def __init__(self, scatter: Scatter, tails: tuple[Tail, ...], rng: np.random.Generator) -> None:
         self._scatter, self._tails = scatter, tails
-        # Standard normal (p, B, 5): of both directions of the tail, and of the formula.
+        # Standard normal (p, B, 5): two for each direction of the tail, one for the formula.
         self._draws = rng.standard_normal((len(tails), len(scatter.power), 5))
 
     def _log_rates(self, i: int, h: float, spare: float = 0.0) -> Floats:
@@ -132,7 +133,9 @@ class _DrawnRates:
 
 def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
     """Root of f, which has different signs at low and high."""
-    from scipy.optimize import brentq  # costs the daemon half a second, which never calls it
+    from scipy.optimize import (
+        brentq,
+    )  # not at the top: the daemon never calls it, and the import takes half a second
 
     return float(brentq(f, low, high, xtol=xtol))
 

@@ -1,4 +1,4 @@
-"""Calibration: from healthy records of an axis and a false-alarm budget to thresholds and the faults that they detect.
+"""Calibration: computes thresholds, and the faults that they detect, from healthy records and a false-alarm budget.
 
 The steps: deviations of the estimates in the records (healthy_records.py) are checked (record_doubts.py).  Bootstrap
 copies of the records (copy_excursions.py) give the tails of the CUSUM sums (false_alarm_tail.py), from which the
@@ -46,8 +46,8 @@ PartialProgress = Callable[[float], None]
 """Receives the completed share, 0 to 1."""
 Task = Callable[[PartialProgress], BankLimits | None]
 Launcher = Callable[[Task], AbstractContextManager[Task]]
-"""Starts a task, at best on another core; to call what the context gives waits for the result and reports progress.
-Leaving the context ends the task."""
+"""Starts a task, if possible on another core.  The context gives a function that waits for the result and reports
+progress; leaving the context stops the task."""
 
 
 @dataclass(frozen=True)
@@ -56,12 +56,12 @@ class CalibrationOptions:
 
     Attributes:
         budget_s: mean time between false alarms of the axis that the thresholds must keep [s].
-        within_s: time within which changes must be found [s], as small ones as possible; None: ten memory lengths.
+        within_s: time within which changes of the smallest possible size must be found [s]; None: ten memory lengths.
         sizes: changes to try, as shares of the size of the parameter, upwards and downwards.
         onsets: number of onsets in the record for each change.
-        seed: of the bootstrap.
-        copies: samples of bootstrap copies for the CUSUM tests.
-        bank_copies: samples of bootstrap copies for the multi-model detector.
+        seed: seed of the bootstrap.
+        copies: number of samples of bootstrap copies for the CUSUM tests.
+        bank_copies: number of samples of bootstrap copies for the multi-model detector.
     """
 
     budget_s: float
@@ -144,7 +144,7 @@ def _bank_limits(
     copies: int,
     report: PartialProgress,
 ) -> BankLimits | None:
-    """Limits of the multi-model detector; None: the axis cannot have one."""
+    """Limits of the multi-model detector; None: it is not available for the axis."""
     return None if reason_unavailable(*axis) else bank_limits(axis, records, samples, rng, copies, report)
 
 
@@ -153,7 +153,7 @@ def _thresholds(
 ) -> tuple[tuple[Threshold, ...], Rates]:
     """Thresholds of the CUSUM tests, and their false-alarm rate.
 
-    Both use the same draws: with others the bound of a long budget, which is uncertain, would not be reproduced.
+    Both use the same random draws, so that the rate reproduces the bound with which the thresholds keep the budget.
     """
     own = thresholds(
         statistics.scatter, statistics.tails, statistics.allowance, samples, np.random.default_rng(seed)

@@ -28,22 +28,24 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
-"""Numbers of simulated samples: for the excursions, and at most for the error of the copies."""
+"""Numbers of simulated samples: for the excursions, and (at most) for the error of the copies."""
 MANY, FEW, FEWEST = 8.0, 0.125, 8
-"""Blocks of a copy over those of the record: with MANY all copies are alike, with FEW they differ.  FEWEST: the least
-number of blocks of a copy."""
+"""Ratio of the number of blocks of a copy to that of the record: with MANY all copies are alike, with FEW they differ.
+FEWEST: least number of blocks of a copy."""
 SETTLED = 3
 """Memories until the deviations have forgotten their start."""
 LEAST = 0.5
 """Only excursions above this are kept, in sigma times memory."""
-_ROOM, _KNOWN = 300_000, 50
+_CAPACITY, _SIGMA_MEMORIES = 300_000, 50
+"""Largest number of kept peaks; memories of deviations from which sigma is computed"""
 
 
 @dataclass(frozen=True)
 class Excursions:
-    """Peaks of the CUSUM sums in each excursion from zero, largest first; [direction][parameter].
+    """Peaks of the excursions of the CUSUM sums from zero, in sizes times samples.
 
-    In sizes times samples, of tests with nu over sigma = k (p,), in ``samples`` of each test.
+    ``largest``: the peaks by direction and parameter, the largest first.  The tests have nu over sigma = ``k`` (p,) and
+    ran over ``samples`` samples each.
     """
 
     k: Floats
@@ -64,18 +66,18 @@ def simulate_excursions(
     samples: int = SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Excursions:
-    """Excursions of the sums of tests with nu = k sigma, in ``samples`` of copies.
+    """Excursions of the sums of tests with nu = k sigma, over ``samples`` samples of copies.
 
     Raises:
-        ValueError: no record has innovations, or is long enough.
+        ValueError: no record has innovations, or no record is long enough.
     """
     sources = [source for record in records if (source := copy_source(axis, record)) is not None]
     if not sources:
         raise ValueError("nothing was learned from any record")
     copies = _Copies(axis)
     total = sum(len(source.u) for source in sources)
-    # sigma comes from the first memories; short records are run once more for it.
-    least = 1 if total > 4 * _KNOWN * axis.settings.memory else 2
+    # sigma comes from the first memories; short records need a second turn for it.
+    least = 1 if total > 4 * _SIGMA_MEMORIES * axis.settings.memory else 2
     turns = max(least, round(samples / total / LANES))
     error = _bootstrap_error(copies, sources, rng, min(OWN_SAMPLES, samples))
     watch = _PeakCounter(axis, k)
@@ -92,7 +94,7 @@ def simulate_excursions(
 def _bootstrap_error(
     copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator, samples: int
 ) -> Floats:
-    """Error covariance (2 p, 2 p) of the copies, scaled from copies with few of the innovations to all of them."""
+    """Error covariance (2 p, 2 p) of the copies: that of copies with few innovations, scaled to all innovations."""
     few = [_bootstrap_blocks(copies.axis.settings, source, FEW, rng) for source in sources]
     parts: list[PartSums] = []
     turns = math.ceil(samples / LANES / sum(len(source.u) for source in sources))
@@ -109,7 +111,7 @@ def _bootstrap_error(
 def _bootstrap_blocks(
     settings: Settings, source: CopySource, share: float, rng: np.random.Generator
 ) -> MatchedBlocks:
-    """Innovations for LANES copies of a record, each drawn from a share of those of the record."""
+    """Innovations for LANES copies of a record; each copy uses this share of the record's innovations."""
     length = block_length(settings)
     return MatchedBlocks(source.eps, length, max(FEWEST, round(share * len(source.eps) / length)), LANES, rng)
 
@@ -146,13 +148,13 @@ class _PeakCounter:
         p = len(axis.model.scale)
         self._memory, self._k, self._q = axis.settings.memory, k, stride(axis.settings.memory)
         self._g, self._top = np.zeros((2, p, LANES)), np.zeros((2, p, LANES))
-        self._largest, self._found = np.zeros((2, p, _ROOM)), np.zeros((2, p), np.int64)
+        self._largest, self._found = np.zeros((2, p, _CAPACITY)), np.zeros((2, p), np.int64)
         self._sums, self._counted, self._tested = np.zeros((3, p)), 0, 0
         self._alpha1: Floats | None = None
         self._begun = 0
 
     def begin(self) -> None:
-        """Start with other copies."""
+        """Start the sums again, for other copies."""
         self._begun += 1
         self._g[...] = self._top[...] = 0.0
 
@@ -161,7 +163,7 @@ class _PeakCounter:
         self._sums += [d.sum(axis=(0, 2)), (d * d).sum(axis=(0, 2)), s.sum(axis=(0, 2))]
         self._counted += len(d) * LANES
         if self._alpha1 is None:
-            if self._counted * self._q < _KNOWN * self._memory * LANES and self._begun < 2:
+            if self._counted * self._q < _SIGMA_MEMORIES * self._memory * LANES and self._begun < 2:
                 return  # sigma must be known first
             self._alpha1 = self._k * self._sigma() / (self._sums[2] / self._counted)
         least = LEAST * self._sigma() * self._memory / self._q
@@ -173,10 +175,10 @@ class _PeakCounter:
         return np.asarray(np.sqrt(self._sums[1] / self._counted - mean**2))
 
     def found(self, error: Floats) -> Excursions:
-        """All excursions found, with the error of the copies."""
+        """All excursions, with the given error of the copies."""
         assert self._alpha1 is not None
         kept = tuple(
-            tuple(self._q * np.sort(row[: min(n, _ROOM)])[::-1] for row, n in zip(rows, ns, strict=True))
+            tuple(self._q * np.sort(row[: min(n, _CAPACITY)])[::-1] for row, n in zip(rows, ns, strict=True))
             for rows, ns in zip(self._largest, self._found, strict=True)
         )
         nu = self._alpha1 * self._sums[2] / self._counted
@@ -184,15 +186,16 @@ class _PeakCounter:
         return Excursions(nu / self._sigma(), self._sigma(), mean, error, kept, samples)
 
 
-# --- The error of the copies, because the records are short -----------------------------------------------------------
+# --- Error of the copies, because the records are short ---------------------------------------------------------------
 
 
-# Copies that each have only a few of the innovations, blocks drawn with replacement, differ from each other by the
-# chance of these blocks.  All the innovations of the records are chance, too, but less so the more there are (bootstrap
-# of a bootstrap: Hall 1992; m out of n: Bickel, Goetze and van Zwet 1997).
+# Copies made of only a few blocks of innovations, drawn with replacement, differ from each other by the choice of these
+# blocks.  The innovations of the records are a random choice, too, with an error that falls with their number.  So the
+# differences between such copies, scaled by the numbers, give the error of the copies (bootstrap of a bootstrap: Hall
+# 1992; m out of n: Bickel, Goetze and van Zwet 1997).
 
 PartSums = tuple[Floats, float]
-"""Of a part of the records: sums of the deviations and of their squares (2, p, W), and number of samples."""
+"""Sums over a part of the records of the deviations and of their squares (2, p, W), and its number of samples"""
 
 
 def part_sums(d: Floats) -> PartSums:
@@ -201,9 +204,10 @@ def part_sums(d: Floats) -> PartSums:
 
 
 def own_error(parts: Sequence[PartSums]) -> Floats:
-    """Covariance (2 p, 2 p) between copies due to their blocks: of the means, over sigma, and of log sigma.
+    """Covariance (2 p, 2 p) between copies due to their blocks, of the means over sigma and of log sigma.
 
-    More colour makes more bias and more scatter of all parameters that it reaches, so these errors are correlated.
+    These errors are correlated: stronger autocorrelation of the innovations increases the bias and the scatter of all
+    parameters that it affects.
     """
     sums, n = np.array([s for s, _ in parts]), np.array([n for _, n in parts])[:, np.newaxis, np.newaxis]
     of_copy, square = sums.sum(axis=0) / n.sum()
@@ -221,10 +225,10 @@ def own_error(parts: Sequence[PartSums]) -> Floats:
 
 
 def excess_covariance(seen: Floats, chance: Floats, times: int) -> Floats:
-    """The significant part of a covariance (n, n) beyond that of chance (n, n).
+    """The significant part of an observed covariance ``seen`` (n, n) beyond that of chance (n, n).
 
-    A spiked covariance (Donoho, Gavish and Johnstone 2018): of the eigenvalues, in units of chance, those above what
-    chance alone would give with ``times`` draws, less its contribution to them.
+    Uses the spiked covariance model (Donoho, Gavish and Johnstone 2018): only eigenvalues, in units of chance, above
+    the largest that chance alone would give with ``times`` draws are kept, less the contribution of chance.
     """
     root = np.linalg.cholesky(chance)
     half = np.linalg.solve(root, seen)

@@ -31,7 +31,7 @@ def log_mean_time(k: Floats, h: Floats, tau: Floats) -> Floats:
     """Logarithm of the mean number of samples between two alarms of one test.
 
     Args:
-        k: drift nu over the standard deviation sigma of what is tested.
+        k: drift nu over the standard deviation sigma of the tested deviation.
         h: threshold over sigma tau.
         tau: memory, in samples: the long-run variance is 2 sigma^2 tau.
     """
@@ -54,23 +54,23 @@ def log_single(k: Floats, h: Floats) -> Floats:
 
 
 ENOUGH, FEW = 300, 15
-"""Number of highest excursions that are used at most; with fewer than FEW a rate is known by the formula only."""
+"""Largest number of highest excursions that are used; with fewer than FEW a rate comes from the formula only."""
 LEAST_H = 1.0
-"""Lowest threshold, in sigma times memory, at which the formula is good enough to be fitted."""
+"""Lowest threshold, in sigma times memory, at which the formula is accurate enough to be fitted."""
 TAU_SD, LEVEL_SD = 0.2, 0.2
 """Prior standard deviations of the logs of memory and rate, around those of white noise."""
 _FAR = 2.0
-"""In prior standard deviations: where few excursions lead to a fit farther away than this, the formula does not hold at
-their low thresholds.  They then say nothing about higher thresholds, and the prior is used."""
+"""Prior standard deviations.  If a fit to few excursions is farther away than this, the formula does not hold at their
+low thresholds.  They then contain no information about higher thresholds, and the prior is used."""
 _STEP, _TINY = 1e-3, 1e-300
 _LEAST_K = 0.1
 
 
 class PeakFit(NamedTuple):
-    """Fit of one direction: log of the memory, and log of the rate over that of the formula with this memory."""
+    """Fit of one direction: log of the memory, and log of the rate relative to the formula with this memory."""
 
     best: Floats  # (2,)
-    root: Floats  # (2, 2) of their covariance: L with L L'
+    root: Floats  # (2, 2) L, with the covariance L L'
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Tail:
 
     @property
     def nu(self) -> float:
-        """In sizes."""
+        """Drift of the test, in sizes."""
         return self.k * self.sigma
 
     def most_likely(self, h: float, offset: float, spare: float = 0.0) -> float:
@@ -102,9 +102,9 @@ class Tail:
 
         Args:
             h: threshold, in sizes times samples.
-            offset: of the mean of the deviation, in sizes (B,).
+            offset: mean of the deviation, in sizes (B,).
             power: variance of the deviation over that of the records (B,).
-            spare: part of the allowance in nu that the deviations do not use, in sizes.
+            spare: part of the allowance that the offset of the axis does not use up, in sizes.
             chance: standard normal (B, 4), for the uncertainty of memory and rate of both directions; None: the
                 most likely values.
         """
@@ -137,11 +137,15 @@ def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
 
 
 def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakFit:
-    """Memory and rate of one direction from the peaks of its excursions in so many samples.
+    """Memory and rate of one direction from the peaks of its excursions in ``samples`` samples.
 
-    The excursions are a Poisson process; the posterior is approximated by Laplace's method.  k is nu, less the part
-    that the mean uses, over sigma; ``heights`` are the peaks over sigma times memory, falling; ``memory`` is that
-    of white noise that is forgotten, in samples.
+    The excursions are a Poisson process; the posterior is approximated by Laplace's method.
+
+    Args:
+        k: (nu - mean) / sigma in this direction.
+        heights: the peaks over sigma times memory, in falling order.
+        memory: memory of the recursion [samples], which holds for white innovations.
+        samples: number of samples with these excursions.
     """
     from scipy.optimize import minimize  # as in budget.py
 

@@ -1,4 +1,4 @@
-"""Faults injected at many onsets of a healthy record: when a detector detects them, and under which name."""
+"""Trials of faults injected at many onsets of a healthy record: detection delay and name of the alarm."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -22,23 +22,23 @@ from monitor_core.monitoring import AxisBatch, AxisMonitor
 from monitor_core.samples import SampleBlock
 
 PARTS = 20
-"""The samples after an onset are run in this number of parts; once the cause is named, the rest is left out."""
+"""The samples after an onset are run in this number of parts; after the name is known, the rest is skipped."""
 PROBES = 20
-"""Onsets at which the multi-model detector is tried first."""
+"""Number of onsets at which the multi-model detector is tried first."""
 
 
 @dataclass(frozen=True)
 class TrialResult:
     """Detection of one fault, at each onset.
 
-    ``exact``: injected by the torque that the same motion would have needed; otherwise simulated with the identified
-    model.  ``torque_peak``: the largest torque needed, where it is exact.
+    ``exact``: the fault was injected by the torque that the same motion would have needed; otherwise it was simulated
+    with the identified model.  ``torque_peak``: the largest torque needed, if ``exact``.
     """
 
     fault: Fault
     exact: bool
-    delay_s: Floats  # (onsets,) until the first alarm, inf: none
-    first: tuple[str, ...]  # (onsets,) whose alarm came first, "" for none
+    delay_s: Floats  # (onsets,) time until the first alarm; inf: no alarm
+    first: tuple[str, ...]  # (onsets,) name of the first alarm; "": no alarm
     direction: tuple[str, ...]  # (onsets,) "up", "down" or ""
     torque_peak: float
 
@@ -69,16 +69,16 @@ def run_trials(
     limits: Sequence[Limit] | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
-    """Start each fault at ``onsets`` samples of the record and watch for so many seconds.
+    """Start each fault at ``onsets`` samples of the record, and run a detector for ``seconds`` after each onset.
 
-    The detector is the CUSUM tests, or the multi-model one with these ``limits``: then ``first`` is its final name.
-    Where a change is found at no onset, smaller ones of the same parameter and direction are not tried: they count as
+    The detector is the CUSUM tests, or the multi-model detector with these ``limits``; then ``first`` is its final
+    name.  If a change is found at no onset, smaller ones of the same parameter and direction are not tried and count as
     not found.
 
     Returns the results, and the number of onsets that were possible.
 
     Raises:
-        ValueError: the record is too short for that.
+        ValueError: the record is too short.
     """
     N = round(seconds / axis.settings.interval_s)
     first = first_tested(AxisMonitor(*axis), record) + round(3 * axis.settings.memory)
@@ -134,13 +134,13 @@ class _Tests:
 
 
 def _crossings(batch: AxisBatch, blocks: Sequence[SampleBlock]) -> list[tuple[int, Crossing]]:
-    """What the tests of each axis of a batch find in its block; all blocks have the same arrays."""
-    together = {
+    """Crossings of each axis of a batch in its block; all blocks must have the same arrays."""
+    columns = {
         name: np.stack([getattr(block, name) for block in blocks], axis=-1)
         for name in ("t_us", "u", "y", "shift", "gate", "weight")
         if getattr(blocks[0], name) is not None
     }
-    return batch.crossings(**together)
+    return batch.crossings(**columns)
 
 
 class _Bank:
@@ -158,8 +158,8 @@ class _Bank:
     def first_alarms(self, windows: Sequence[SampleBlock]) -> list[FirstAlarm]:
         """The first alarm in the samples after each onset, with its final name if that comes within them.
 
-        Where none of ``PROBES`` onsets over the record has one, the others are taken to have none: to watch in vain
-        takes longest.
+        If there is no alarm at any of ``PROBES`` onsets over the record, the others are taken to have none: trials
+        without an alarm take longest.
         """
         onsets = range(len(windows))
         first = {k: self._first_alarm(k, windows[k]) for k in onsets[:: max(1, len(windows) // PROBES)]}
@@ -189,5 +189,5 @@ class _Bank:
 
 
 def _delay_s(samples: SampleBlock, time_us: int, interval_s: float) -> float:
-    """Time from the onset, which is an interval before the first of these samples, to an alarm."""
+    """Time [s] from the onset, one interval before the first of these samples, to an alarm."""
     return float(time_us - samples.t_us[0]) * 1e-6 + interval_s

@@ -1,4 +1,4 @@
-"""The recursion over healthy records: deviations of the estimates from the nominal values."""
+"""Runs the recursion over healthy records: deviations of the estimates from the nominal values."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,9 +27,9 @@ class RecordDeviations:
     seeding: int
     """Number of samples before P(0) was found"""
     gated: int
-    """Number of samples after that which a gate or ``min_speed`` leaves out"""
+    """Number of later samples that are excluded by a gate or ``min_speed``"""
     confounded: tuple[str, ...]
-    """What could not be distinguished at the end, in words"""
+    """Sentences on parameters that could not be distinguished at the end"""
     uncertain: tuple[str, ...] = ()
     """Parameters that could not be determined within the memory, so that P(0) was not found"""
 
@@ -37,13 +37,13 @@ class RecordDeviations:
 def deviations(
     axis: MonitoredAxis, records: Sequence[SampleBlock], progress: Callable[[float], None] = lambda _: None
 ) -> list[RecordDeviations]:
-    """Run all records one after the other, as the daemon would run an axis."""
+    """Run all records one after the other through one monitor, as the daemon would; returns their deviations."""
     monitor = AxisMonitor(*axis.without_tests)
-    total, done, found = sum(len(record.t_us) for record in records), 0, []
+    total, done, results = sum(len(record.t_us) for record in records), 0, []
     for record in records:
-        found.append(_deviations(monitor, record, lambda part, at=done: progress((at + part) / total)))  # type: ignore[misc]
+        results.append(_deviations(monitor, record, lambda part, at=done: progress((at + part) / total)))  # type: ignore[misc]
         done += len(record.t_us)
-    return found
+    return results
 
 
 def _deviations(
@@ -53,7 +53,7 @@ def _deviations(
     N, p, step = len(record.t_us), len(model.scale), monitor.settings.span
     d, s, tested = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_)
     seeding = gated = 0
-    # In pieces as short as the spans after which parameters are classified as observed.
+    # In pieces no longer than a span, after which parameters are classified as observed or not.
     for k in range(0, N, step):
         part = record.select(slice(k, k + step))
         before, seeds = st.shift[:, 0].copy(), bool(st.seed_left[0])
@@ -77,7 +77,7 @@ def _deviations(
 
 
 def first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:
-    """Run a record until the tests run.  Returns the number of samples until then; all, if they never run."""
+    """Run a record until the tests start; returns the number of samples until then (all, if they never start)."""
     st, step = monitor.batch.state, monitor.settings.span
     for k in range(0, len(record.t_us), step):
         monitor.update(record.select(slice(k, k + step)))

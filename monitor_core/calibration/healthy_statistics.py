@@ -1,4 +1,4 @@
-"""Statistics of healthy records: from deviations to the tails of the CUSUM sums, without thresholds."""
+"""Statistics of healthy records, from which thresholds are computed: scatter, allowance, tails of the CUSUM sums."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,11 +18,11 @@ from monitor_core.settings import ALLOWED
 
 @dataclass(frozen=True)
 class HealthyStatistics:
-    """Of p parameters: scatter of the estimates, allowance of the tests, and tails of the sums."""
+    """Scatter of the estimates, allowance of the tests, and tails of the sums, for p parameters."""
 
     scatter: Scatter
     alone: Scatter
-    """The same scatter with the uncertainty that the records alone leave, without the knowledge of the copies"""
+    """The same scatter with the larger uncertainty that the records alone leave, without the copies"""
     allowance: Floats  # (p,), in sizes
     tails: tuple[Tail, ...]
 
@@ -38,11 +38,11 @@ def healthy_statistics(
 ) -> HealthyStatistics:
     """Statistics from which thresholds are computed.
 
-    ``found`` are the deviations of the records; ``k`` is nu over sigma (``nu_over_sigma``); ``copies``: samples of
+    ``found``: deviations of the records.  ``k``: nu over sigma (``nu_over_sigma``).  ``copies``: number of samples of
     bootstrap copies.
 
     Raises:
-        ValueError: no parameter was tested, or nothing was learned, in any record.
+        ValueError: in no record a parameter was tested, or estimates were updated.
     """
     excursions = simulate_excursions(axis, records, k, rng, copies, progress)
     seen = scatter(found, axis.settings.memory, rng)
@@ -60,9 +60,9 @@ LEVEL = 0.99
 def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     """Allowance of each parameter (p,), in sizes.
 
-    The means of parts of all records scatter by sigma sqrt(2 / memories) if there is only noise.  What exceeds that
-    (DerSimonian and Laird 1986; nothing where chance explains it) is a bias that comes and goes, with the pose or the
-    temperature.  The lasting bias, of nominal values that are not quite those of the axis, is added.
+    If there is only noise, the means of parts of the records scatter by sigma sqrt(2 / memories).  A larger scatter
+    (DerSimonian and Laird 1986; only if chance does not explain it) is a variable bias, by the pose or the temperature.
+    The constant bias, by inexact nominal values, is added.
     """
     means, weights = [], []
     for record in found:
@@ -74,7 +74,7 @@ def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     m, w = np.array(means), np.array(weights)[:, np.newaxis]
     if len(m) < 2:
         return scatter.beyond
-    # The scatter within the parts, as that between them is what is tested.
+    # The scatter within the parts, as the scatter between them is tested.
     inside = np.sqrt(np.maximum(scatter.sigma**2 - m.var(axis=0), 0.1 * scatter.sigma**2))
     w = w / inside**2
     mean = (w * m).sum(axis=0) / w.sum(axis=0)
@@ -84,32 +84,32 @@ def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     return np.asarray(scatter.beyond + np.where(real, ALLOWED * np.sqrt(np.maximum(excess, 0.0)), 0.0))
 
 
-# --- The scatter of the records, shrunk towards that of their copies --------------------------------------------------
+# --- Scatter of the records, shrunk towards that of their copies ------------------------------------------------------
 
 
-# The copies determine the scatter much better than a record, which is short, and they contain the bias of the recursion
-# under coloured innovations, as the recursion itself runs over them; but they contain no model errors.  So the
-# difference between a record and its copies is treated as chance as far as chance explains it, and otherwise as real.
-# The copies themselves have an error from the innovations that they are made of (``copy_excursions.own_error``).
+# The copies determine the scatter much better than a short record does.  They contain the bias of the recursion under
+# coloured innovations, as the recursion itself runs over them; but they contain no model errors.  So a difference
+# between a record and its copies is treated as chance if chance explains it, and otherwise as real.  The copies
+# themselves have an error from the innovations that they are made of (``copy_excursions.own_error``).
 #
 # The prior of the differences is the horseshoe (Carvalho, Polson and Scott 2010): numbers N(0, tau^2 zeta_i^2) with
-# half Cauchy zeta_i.  All share one tau: where all are far from zero, none is shrunk; where none is, all are.  The
-# prior of tau is half Cauchy with the scale tau_0 for the expected number of nonzero ones among n (Piironen and Vehtari
-# 2017).
+# half Cauchy zeta_i and a common tau.  If all differences are far from zero, none is shrunk; if none is, all are.  The
+# prior of tau is half Cauchy with the scale tau_0 for the expected number of nonzero differences among n (Piironen and
+# Vehtari 2017).
 
-MOST_OWN = 0.5
-"""Largest share of the error of the copies in the chance of a record."""
+MAX_COPY_ERROR = 0.5
+"""The error of the copies accounts for at most this share of the standard deviation of a record."""
 EXPECTED = 0.25
 """Prior number of nonzero differences: one in four axes.  A large difference is not shrunk in any case."""
 _STEPS, _SCALES, _WIDE = 120, 60, 9.0
-"""Points of zeta and of tau in equal steps of their logarithms, and the largest logarithm."""
+"""Numbers of points of zeta and of tau, in equal steps of their logarithms, and the largest logarithm."""
 _FARTHEST = 1e3
-"""In standard deviations: beyond it nothing is shrunk, and the weights would underflow."""
+"""Standard deviations.  A larger difference is not shrunk anyway, and its weights would underflow."""
 _TINY = 1e-300
 
 
 def shrink(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Scatter:
-    """Scatter of the records, shrunk towards the mean and size that the bootstrap copies give."""
+    """Scatter of the records, with mean and standard deviation shrunk towards those of the bootstrap copies."""
     p, times = len(scatter.sigma), len(scatter.power)
     own = rng.multivariate_normal(np.zeros(2 * p), found.error, size=times)
     differs = [(scatter.mean_d - found.mean) / found.sigma, np.log(scatter.sigma / found.sigma)]
@@ -127,25 +127,25 @@ def shrink(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Sca
 def _shrinkage(
     differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """What to add to the numbers of the copies (n,), and draws of the remaining error (B, n).
+    """Corrections to the numbers of the copies (n,), and draws of the remaining error (B, n).
 
-    ``differs`` (n,): numbers of the record less those of the copies; ``chance`` of the record, and ``own`` error of the
-    copies (B, n).  The chance of a record contains the error of the copies, as both come from the same innovations.  So
-    that error is not part of their difference, and stays.
+    ``differs`` (n,): numbers of the record minus those of the copies.  ``chance`` (B, n): draws of the error of the
+    record; ``own`` (B, n): draws of the error of the copies.  Both errors come from the same innovations, so the error
+    of the record contains that of the copies, which cancels in their difference and remains in the result.
     """
     sd, sd_own = chance.std(axis=0), own.std(axis=0)
-    most = np.minimum(sd_own, MOST_OWN * sd)
-    rest = np.sqrt(sd**2 - most**2)
-    lacks = rest * draw_posterior(differs / rest, chance / sd, rng)
-    centre = lacks.mean(axis=0)
-    return centre, lacks - centre + own * most / np.maximum(sd_own, _TINY)
+    common = np.minimum(sd_own, MAX_COPY_ERROR * sd)
+    rest = np.sqrt(sd**2 - common**2)
+    correction = rest * draw_posterior(differs / rest, chance / sd, rng)
+    centre = correction.mean(axis=0)
+    return centre, correction - centre + own * common / np.maximum(sd_own, _TINY)
 
 
 def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Floats:
     """Draws of the true numbers (B, n) from the posterior.
 
-    ``e`` (n,), n > 1, are observed, in standard deviations of their chance.  ``chance`` (B, n) is standard normal, for
-    what is unknown given kappa; shared by numbers observed with the same chance.
+    ``e`` (n,), n > 1: observed numbers, in standard deviations of their errors.  ``chance`` (B, n): standard normal
+    draws for the uncertainty given kappa; correlated if the errors of the numbers are.
     """
     B, n = chance.shape
     tau, of_tau = _half_cauchy(_SCALES)
@@ -163,15 +163,16 @@ def _draw_kappa(kappa: Floats, weights: Floats, which: Ints, rng: np.random.Gene
     """One kappa for each row (B, 1), drawn by its probability within the row."""
     up_to = np.cumsum(weights, axis=1)
     up_to /= up_to[:, -1:]
-    all_rows = (up_to + np.arange(len(kappa))[:, np.newaxis]).ravel()  # rising, all the way
+    all_rows = (
+        up_to + np.arange(len(kappa))[:, np.newaxis]
+    ).ravel()  # ascending, so that one search serves all rows
     return np.asarray(kappa.ravel()[np.searchsorted(all_rows, which + rng.random(len(which)))])[:, np.newaxis]
 
 
 def _likelihood(e: Floats, kappa: Floats) -> Floats:
     """Likelihood of kappa = 1 / (1 + tau^2 zeta^2) (T, S), for each number (T, S, n).
 
-    Given kappa the observation is N(0, 1 / kappa), and the number has the mean (1 - kappa) e and the variance 1 -
-    kappa.
+    Given kappa, the observation is N(0, 1 / kappa), and the true number is N((1 - kappa) e, 1 - kappa).
     """
     log = np.log(kappa)[:, :, np.newaxis] / 2 - kappa[:, :, np.newaxis] * _shrink_factor(e) ** 2 / 2
     return np.asarray(np.maximum(np.exp(log - log.max(axis=(0, 1))), _TINY))

@@ -1,4 +1,4 @@
-"""Faults injected into a healthy record: exactly, where the same motion would only have needed another torque.
+"""Injection of faults into a healthy record: exactly, if the same motion would only have needed another torque.
 
 The motor torque enters the drive by a vector b: x' = A x + b u + ...  A fault may change A, and the columns of the
 other inputs, by -b times a measured quantity (friction of the motor: its speed), or b itself by a factor (the torque
@@ -34,12 +34,12 @@ class Fault:
 
 @dataclass(frozen=True)
 class EquivalentLoad:
-    """u' = (u + viscous speed + sum of (coefficient, input)) / factor, in N m at the motor."""
+    """u' = (u + viscous * speed + sum of coefficient * input) / factor, in N m at the motor."""
 
     factor: float
     viscous: float
     inputs: Mapping[int, float]
-    """Coefficient of each further input"""
+    """Coefficients of further inputs, by index of the input"""
 
 
 def changed_values(model: AxisModel, name: str, change: float) -> dict[str, float]:
@@ -62,8 +62,8 @@ def inject(
 ) -> Iterator[tuple[Fault, EquivalentLoad | None, Floats, Floats | None]]:
     """Each fault, injected into the record.
 
-    Yields the equivalent load of the fault where that is known exactly, with the torque of the whole record under it;
-    otherwise the outputs (N, onsets) from each onset on.
+    Yields for each fault its equivalent load if that is known exactly, with the torque of the whole record and no
+    outputs; otherwise no load, the recorded torque, and the outputs (N, onsets) from each onset on.
     """
     before = innovations(axis, record, at.tolist())
     for fault in faults:
@@ -94,7 +94,7 @@ def _faulty_outputs(plants: Plants, record: SampleBlock, at: Ints, N: int, befor
 
 
 def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> EquivalentLoad | None:
-    """Change of the torque for the same motion with these values; None: it is not known exactly."""
+    """Change of the torque that gives the same motion with these values; None: there is no exact one."""
     if values.get(DELAY, 0.0) != model.nominal.get(DELAY, 0.0):
         return None
     drive = model.drive
@@ -111,7 +111,7 @@ def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> Equivalent
 
 
 def _share(change: Floats, b: Floats) -> float | None:
-    """Factor of b that gives a vector; None: there is none."""
+    """The factor with which b gives the vector ``change``; None: there is none."""
     share = float(change @ b / (b @ b))
     return (
         share
@@ -144,7 +144,7 @@ def faulty_torque(axis: MonitoredAxis, record: SampleBlock, load: EquivalentLoad
 
 
 def _input(axis: MonitoredAxis, record: SampleBlock, c: int, scale: float, speed: Floats) -> Floats:
-    """Mean of an input besides the torque over the interval that begins with each sample (N,)."""
+    """Mean of input c, not the torque, over the interval that begins with each sample (N,)."""
     model, settings = axis
     kind, output = model.drive.inputs[c], model.drive.output
     if kind == ONE:

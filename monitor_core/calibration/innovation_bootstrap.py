@@ -1,9 +1,9 @@
-"""Innovations for bootstrap copies of a record, with the colour of its own: in matched blocks, or by a sieve.
+"""Innovations for bootstrap copies of a record, with its autocorrelation: in matched blocks, or by a sieve.
 
-The colour of the innovations causes a bias of the estimates, which would be lost if any block could follow any other.
-So the next block is chosen whose past predicts the same as the end of the block before (matched blocks: Carlstein et
-al. 1998).  But a burst of noise within a block occurs in copies only as it occurred in the record, again and again:
-the sieve has no blocks.
+The autocorrelation ("colour") of the innovations causes a bias of the estimates.  This would be lost if any block could
+follow any other.  So the next block is one whose past predicts the same as the end of the block before (matched blocks:
+Carlstein et al. 1998).  But with blocks, a burst of noise in the record would recur unchanged in the copies; the sieve
+bootstrap has no blocks.
 """
 
 import numpy as np
@@ -21,19 +21,21 @@ _RIDGE = 1e-6
 
 
 class MatchedBlocks:
-    """Endless innovations of copies, from those of the record, eps (N,), at least two, in blocks of ``length`` samples.
+    """Endless innovations for copies, in blocks of ``length`` samples from the record's innovations eps (N,), N > 1.
 
-    Each copy has its own blocks, ``many``, drawn with replacement, and uses them again and again.
+    Each copy has its own ``many`` blocks, drawn with replacement, and uses them repeatedly.
     """
 
     def __init__(self, eps: Floats, length: int, many: int, copies: int, rng: np.random.Generator) -> None:
         self._eps, self._length, self._rng = eps, min(length, len(eps) - 1), rng
         self._near = min(max(LEAST_ALIKE, round(ALIKE * many)), many)
-        promised = predicted_sum(eps, min(max(1, self._length // 2), LONGEST))
+        predicted = predicted_sum(eps, min(max(1, self._length // 2), LONGEST))
         first = rng.integers(1, len(eps) - self._length + 1, (copies, many))
-        order = np.argsort(promised[first - 1], axis=1)
-        self._first = np.take_along_axis(first, order, axis=1)  # (copies, blocks), by what came before
-        before, at_end = promised[self._first - 1], promised[self._first + self._length - 1]
+        order = np.argsort(predicted[first - 1], axis=1)
+        self._first = np.take_along_axis(
+            first, order, axis=1
+        )  # (copies, blocks), sorted by the prediction before
+        before, at_end = predicted[self._first - 1], predicted[self._first + self._length - 1]
         self._next = np.array([np.searchsorted(*source) for source in zip(before, at_end, strict=True)])
         self._at = rng.integers(0, first.shape[1], copies)
         self._left = np.zeros((0, copies))
@@ -44,7 +46,7 @@ class MatchedBlocks:
         return self._length * int(self._first.shape[1])
 
     def take(self, count: int) -> Floats:
-        """The next (count, copies)."""
+        """The next innovations (count, copies)."""
         copies, blocks = np.arange(len(self._at)), self._first.shape[1]
         while len(self._left) < count:
             rows = self._first[copies, self._at] + np.arange(self._length)[:, np.newaxis]
@@ -68,22 +70,22 @@ def predicted_sum(eps: Floats, lags: int) -> Floats:
     return np.asarray(irfft(F * rfft(weights, size), size)[:N])
 
 
-# --- Without blocks: a sieve bootstrap of any length, with the spectrum and the shocks of a record --------------------
+# --- Sieve bootstrap: any length, without blocks, with the spectrum and the shocks of a record ------------------------
 
 
-# The colour is removed by an autoregression, the shocks that are left are drawn in pieces too short to hold a burst,
-# and the colour is restored (Buehlmann 1997).
+# The autocorrelation is removed by an autoregression.  The remaining shocks are drawn in pieces too short to contain a
+# burst.  Then the autocorrelation is restored (Buehlmann 1997).
 
 _ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
 _SAMPLES_EACH = 20
 """Least number of samples of the record for each coefficient."""
 _TOGETHER = 10
-"""Samples that are drawn in one piece, which keeps what they have in common beside their colour."""
+"""Samples that are drawn in one piece, which keeps their dependence beyond the autocorrelation."""
 _SETTLING = 1000
 
 
 class SieveBootstrap:
-    """Endless innovations of copies, from those of the record, eps (N,), at least two, of mean zero."""
+    """Endless innovations for copies, from the record's innovations eps (N,), N > 1, of mean zero."""
 
     def __init__(self, eps: Floats, copies: int, rng: np.random.Generator) -> None:
         self._copies, self._rng = copies, rng
@@ -94,11 +96,11 @@ class SieveBootstrap:
         self._state = np.repeat(start[:, np.newaxis], copies, axis=1)
         self._left, self._left_of = np.zeros((0, copies)), np.zeros((0, copies), np.int64)
         self.origin = self._left_of
-        """Of what was taken last (count, copies): which sample of the record each is drawn from"""
+        """Sample of the record that each innovation of the last ``take`` was drawn from (count, copies)"""
         self.take(_SETTLING)
 
     def take(self, count: int) -> Floats:
-        """The next (count, copies)."""
+        """The next innovations (count, copies)."""
         piece = min(_TOGETHER, len(self._shocks))
         while len(self._left) < count:
             many = (count - len(self._left)) // piece + 1
@@ -115,9 +117,9 @@ class SieveBootstrap:
 def whitening_filter(eps: Floats) -> Floats:
     """Coefficients (1 + order,) of the whitening filter of eps (N,) (Yule and Walker).
 
-    The order is twice that of the smallest AIC: coloured innovations have no finite order.  The AIC order predicts them
-    best (Shibata 1980), but has a bias where their power is large or small, which no interval covers; at twice the
-    order the error is chance.
+    The order is twice that of the smallest AIC.  Coloured innovations have no finite order.  The AIC order predicts
+    them best (Shibata 1980), but its spectrum has a bias at peaks and dips, which the intervals do not cover; at twice
+    the order the error is random.
     """
     N = len(eps)
     longest = min(2 * _ORDERS[-1], N // _SAMPLES_EACH)
@@ -132,20 +134,20 @@ def whitening_filter(eps: Floats) -> Floats:
     return np.append(1.0, -solve_toeplitz(r[:best], r[1 : best + 1])) if best else np.ones(1)
 
 
-# --- Shocks drawn from a record's, and the largest as they might as well have been ------------------------------------
+# --- Shocks of a record, with random sizes of the largest -------------------------------------------------------------
 
 
-# A record has few large shocks, and their effect on its copies depends on how large these few happened to be.
-# Exceedances of a high level have a generalised Pareto distribution (Pickands 1975), which all of them together
-# determine better than each alone: so each gets another size each time it is drawn, among those of its rank (after
-# McNeil and Frey 2000, who draw the tails of residuals in this way).
+# A record has few large shocks, whose sizes are random.  Exceedances of a high level have a generalised Pareto
+# distribution (Pickands 1975), which all of them together determine better than each alone.  So a large shock gets
+# another size each time it is drawn, from the part of the distribution that belongs to its rank (after McNeil and Frey
+# 2000, who draw the tails of residuals in this way).
 
 _SHARE = 0.02
 """Share of the shocks on each side that count as large."""
 _FEWEST = 500
-"""With fewer large shocks their shape is known no better than within 0.05: then all stay as they are."""
+"""With fewer large shocks the error of their shape exceeds 0.05; then no shock is changed."""
 _MOST_SHAPE = 0.45
-"""From a shape of 0.5 on the exceedances have no variance, and their moments do not determine the shape."""
+"""Largest shape: from 0.5 on the exceedances have no finite variance, and their moments do not determine the shape."""
 _NO_SHAPE = 1e-6
 
 
@@ -156,14 +158,14 @@ class Shocks:
         self._shocks = shocks
         self._many = many if (many := int(_SHARE * len(shocks))) >= _FEWEST else 0
         self._rank = np.zeros(len(shocks), np.int64)
-        """Of the large ones: 1 the largest, -1 the lowest"""
+        """Rank of large shocks: 1, 2 .. from the largest, -1, -2 .. from the lowest; 0 for all others"""
         self._tails = [self._tail(sign) for sign in (1, -1)] if self._many else []
 
     def __len__(self) -> int:
         return len(self._shocks)
 
     def _tail(self, sign: int) -> tuple[int, float, float, float]:
-        """Of the largest, or the smallest, shocks: the sign, the level, and scale and shape of their exceedances."""
+        """Tail of the largest (sign 1) or lowest (-1) shocks: sign, level, and scale and shape of the exceedances."""
         falling = np.argsort(-sign * self._shocks)
         self._rank[falling[: self._many]] = sign * np.arange(1, self._many + 1)
         level = float(sign * self._shocks[falling[self._many]])
@@ -171,7 +173,7 @@ class Shocks:
         return sign, level, sigma, xi
 
     def drawn(self, which: Ints, rng: np.random.Generator) -> Floats:
-        """Shocks at the indices ``which``, of any shape."""
+        """Shocks at the indices ``which`` (an array of any shape), the large ones with random sizes."""
         out = self._shocks[which]
         for sign, level, sigma, xi in self._tails:
             rank = sign * self._rank[which]

@@ -1,4 +1,4 @@
-"""What is calibrated: an axis, and how it is monitored."""
+"""The axis to calibrate, and how it is monitored."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class MonitoredAxis(NamedTuple):
 
     @property
     def without_tests(self) -> MonitoredAxis:
-        """The same with tests that never alarm and so never change the state."""
+        """The same axis with tests that never alarm, and so never change the state."""
         settings = replace(
             self.settings, thresholds=(), alpha2=OUT_OF_REACH, covariance_reset=0.0, run_on=False
         )

@@ -1,4 +1,4 @@
-"""The multi-model detector over healthy records, and over as many bootstrap copies of them as its tails need.
+"""Runs the multi-model detector over healthy records, and over enough bootstrap copies of them to know its tails.
 
 The copies have the motion of the records, because model errors depend on the motion, and synthetic innovations
 (innovation_bootstrap.py).
@@ -27,9 +27,9 @@ from monitor_core.settings import MODEL_ERRORS, Settings
 COPIES = 8_000_000
 """Number of samples of copies over which the bank is run."""
 PARTS = 8
-"""Number of parts of a record; in none of them may the mean evidence for a hypothesis be positive."""
+"""Number of parts of a record; the allowance makes the mean evidence for a hypothesis negative in each of them."""
 LOOK = 2
-"""Blocks over which the power of the innovations is estimated: an offset needs the power close to frequency zero."""
+"""Length, in blocks, of the segments for the power of the innovations: an offset needs it close to frequency zero."""
 _CHUNK = 10_000
 
 
@@ -37,8 +37,8 @@ _CHUNK = 10_000
 class MultiModelStatistics:
     """Excursions of a bank on healthy records (``recorded``) and on copies of them.
 
-    Without copies the records count twice.  ``allowance``, ``size_error`` (H,): as of HealthyEvidence; ``covariance``
-    (H, H) of log r (spectra.py); ``places``: number of blocks of the motion.
+    Without copies the records also stand for them.  ``allowance``, ``size_error`` (H,): see HealthyEvidence.
+    ``covariance`` (H, H): covariance of log r (spectra.py).  ``places``: number of blocks of the motion.
     """
 
     hypotheses: tuple[Hypothesis, ...]
@@ -63,7 +63,7 @@ def multimodel_statistics(
         ValueError: the detector is not available for the axis; no record has tested samples.
     """
     bank = HypothesisBank(*axis, default_hypotheses(*axis))
-    found = [healthy_evidence(bank, moved) for moved in _as_they_may_be(axis, records)]
+    found = [healthy_evidence(bank, moved) for moved in _with_moved_nominal(axis, records)]
     allowance = np.max([each.allowance for each in found], axis=0)
     bank = HypothesisBank(*axis, bank.hypotheses, allowance=allowance)
     variance = axis.settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
@@ -83,18 +83,18 @@ def multimodel_statistics(
 
 
 class HealthyEvidence(NamedTuple):
-    """What log-likelihood ratios of healthy records say for each hypothesis (H,)."""
+    """Evidence for each hypothesis (H,) in healthy records."""
 
     allowance: Floats
-    """Amount to be subtracted from each ratio: with it the mean is positive in no part of a record"""
+    """Subtracted from each log-likelihood ratio, so that its mean is positive in no part of a record"""
     size_error: Floats
-    """Standard deviation of the size of its cause that a healthy axis seems to have, beside that by the likelihood"""
+    """Standard deviation of the apparent size of the cause on a healthy axis, beyond that of the likelihood"""
 
 
 def healthy_evidence(bank: HypothesisBank, records: Sequence[SampleBlock]) -> HealthyEvidence:
     """Evidence of a bank without allowances in healthy records.
 
-    Sizes are read where alarms read theirs, from the evidence of so many memory lengths.
+    Sizes are computed from the evidence of MEMORIES memory lengths, as in alarms.
     """
     most = np.zeros(len(bank.hypotheses))
     window, spans = round(MEMORIES * bank.settings.memory), list[Floats]()
@@ -120,7 +120,7 @@ def healthy_evidence(bank: HypothesisBank, records: Sequence[SampleBlock]) -> He
 
 
 def _size_errors(hypotheses: Sequence[Hypothesis], evidence: Floats) -> Floats:
-    """As of HealthyEvidence (H,), from the evidence of spans of the records (spans, H)."""
+    """``HealthyEvidence.size_error`` (H,) from the evidence in spans of the records (spans, H)."""
     causes, found = CausePosterior(hypotheses), dict[str, list[float]]()
     for of_span in evidence:
         for share in causes.shares(of_span):
@@ -130,8 +130,10 @@ def _size_errors(hypotheses: Sequence[Hypothesis], evidence: Floats) -> Floats:
     return np.array([errors.get(hypothesis.cause, 0.0) for hypothesis in hypotheses])
 
 
-def _as_they_may_be(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iterator[Sequence[SampleBlock]]:
-    """The records; and the records with nominal values moved by the allowed model error, each way."""
+def _with_moved_nominal(
+    axis: MonitoredAxis, records: Sequence[SampleBlock]
+) -> Iterator[Sequence[SampleBlock]]:
+    """The records; then the records with each nominal value moved up and down by its allowed model error."""
     yield records
     p = len(axis.model.monitored)
     for i, error in enumerate(axis.settings.model_errors(p) * axis.model.scale):
@@ -144,7 +146,7 @@ def _as_they_may_be(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iter
 def _with_model_error(found: Sequence[HealthyEvidence]) -> Floats:
     """Errors of sizes (H,), from the records and from those with moved nominal values.
 
-    The allowed model error is so many times its standard deviation, and sizes are off in proportion.
+    The nominal values were moved by MODEL_ERRORS standard deviations, and the errors of sizes are proportional to that.
     """
     first, *moved = (each.size_error**2 for each in found)
     more = np.max([np.maximum(squared - first, 0.0) for squared in moved], axis=0, initial=0.0)
@@ -152,7 +154,7 @@ def _with_model_error(found: Sequence[HealthyEvidence]) -> Floats:
 
 
 class _Blocks:
-    """Numbered blocks of the records, as long as a block of innovations."""
+    """Numbers the blocks of the records; a block is as long as a block of innovations."""
 
     def __init__(self, settings: Settings, records: Sequence[SampleBlock]) -> None:
         self._length = block_length(settings)
@@ -172,7 +174,7 @@ def _run_record(
     course, found = heights.course(), []
     for k in range(0, len(record.t_us), _CHUNK):
         part = record.select(slice(k, k + _CHUNK))
-        _, trace = bank.run_traced(part, what_holds=True)
+        _, trace = bank.run_traced(part, reference=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
@@ -228,9 +230,9 @@ class _Copies:
         origin: Ints,
         weight: Floats | None = None,
     ) -> None:
-        """Run the next samples, u and y (N, LANES), weight (N,), from the sample ``at``.
+        """Run the next samples, u and y (N, LANES), weight (N,), which begin with sample number ``at``.
 
-        ``place`` (N,) are the blocks of the motion, ``origin`` (N, LANES) those of the innovations.
+        ``place`` (N,): blocks of the motion.  ``origin`` (N, LANES): blocks of the innovations.
         """
         for a in range(LANES):
             self._bank.memory = self._memories[a]

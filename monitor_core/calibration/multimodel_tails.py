@@ -1,4 +1,4 @@
-"""The tail of g of each hypothesis of a bank: its highest excursions on copies of records, and what lies beyond.
+"""The tail of g of each hypothesis of a bank: its highest excursions on copies of records, and their extrapolation.
 
 The excursions are found piece by piece along g, over all copies of the records; only a limited number is kept.
 """
@@ -12,9 +12,9 @@ from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.kernel.excursions import ORIGIN, PEAK, PLACE, START, excursion_peaks
 
 TOP = 500
-"""Number of highest excursions that are used: lower ones have another distribution than the tail."""
+"""Number of highest excursions that are used; lower ones do not have the distribution of the tail."""
 LEAST_HEIGHT = 2.0
-"""Lower excursions are left out: they say nothing about the tail."""
+"""Lower excursions are left out, as they contain no information about the tail."""
 
 
 class ExcursionPeaks:
@@ -27,10 +27,10 @@ class ExcursionPeaks:
         self._top, self._now = np.zeros(many), np.zeros((4, many), np.int64)
         self.largest = np.zeros(many)
         self.samples = 0
-        """Tested ones."""
+        """Number of tested samples"""
 
     def course(self) -> tuple[Floats, Ints]:
-        """State of a new course of g, to be given to ``take`` with each of its pieces."""
+        """State of a new course of g, to be passed to ``take`` with each of its pieces."""
         return np.zeros_like(self._top), np.zeros_like(self._now)
 
     def take(self, g: Floats, clock: int, place: Ints, origin: Ints, going_on: tuple[Floats, Ints]) -> None:
@@ -55,16 +55,17 @@ class ExcursionPeaks:
     def highest(self, i: int) -> tuple[float, Floats, Ints]:
         """The highest excursions of hypothesis i.
 
-        Returns the level that they exceed, by how much (n,), falling, and place and origin of the peaks (2, n).
+        Returns the level that they exceed, the excesses (n,) in falling order, and place and origin of the peaks (2,
+        n).
         """
         order = np.argsort(self._largest[i])[::-1]
         base = float(self._largest[i][order[TOP]]) if len(order) > TOP else LEAST_HEIGHT
         return base, self._largest[i][order[:TOP]] - base, self._times[i][[PLACE, ORIGIN]][:, order[:TOP]]
 
     def events(self, i: int, many: int) -> Floats:
-        """First sample, and the sample at which they reach the lowest of them (2, n), of the highest excursions.
+        """First sample of each of the highest excursions, and the sample at which it reaches the lowest peak (2, n).
 
-        The latter is interpolated from the peak, as if g rose linearly.
+        The second sample is interpolated from the peak, as if g rose linearly.
         """
         order = np.argsort(self._largest[i])[::-1][:many]
         heights, times = self._largest[i][order], self._times[i][:, order]
@@ -72,36 +73,38 @@ class ExcursionPeaks:
         return np.stack([times[START], times[START] + share * (times[PEAK] - times[START])])
 
 
-# --- The tail of g above them, extrapolated ---------------------------------------------------------------------------
+# --- Extrapolation of the tail of g -----------------------------------------------------------------------------------
 
 
-# Exceedances of a high level have a generalised Pareto distribution (Pickands 1975) of shape xi: 0 (exponential) for an
-# exact model; above 0 where small excursions come from noise and high ones from model errors, so that the tail becomes
-# flatter.  The shape of one hypothesis alone is uncertain: it is shrunk towards the mean of all as far as they do not
-# differ by more than chance (empirical Bayes, Efron and Morris 1975).  The tail does not become flatter for ever: g
-# rises against a drift and falls exponentially far out.  So the shape is used for as far again as it was seen, and from
-# there on the slope stays.
+# Exceedances of a high level have a generalised Pareto distribution (Pickands 1975) of shape xi.  The shape is 0
+# (exponential) for an exact model.  It is above 0, so that the tail becomes flatter, if small excursions come from
+# noise and high ones from model errors.  The shape of one hypothesis alone is uncertain, so it is shrunk towards the
+# mean of all hypotheses if they do not differ by more than chance (empirical Bayes, Efron and Morris 1975).  The tail
+# does not become flatter for ever: g rises against a drift, so far out the tail falls exponentially.  So the shape is
+# used over twice the observed range; beyond that the slope is constant.
 #
 # Excursions at the same place of the motion, or from the same few large innovations of the record, are not independent.
-# So the uncertainty of a tail is that of other places and other innovations: drawn with random weights (Bayesian
+# So the uncertainty of a tail comes from the choice of places and innovations: both get random weights (Bayesian
 # bootstrap, Rubin 1981), the same for all hypotheses, as their excursions are correlated.  The product of both weights
-# counts the variance of each single excursion three times (Owen 2007); that is computed from its influence and
-# subtracted.
+# counts the variance of each single excursion three times (Owen 2007); the surplus is computed from the influence of
+# the excursions and subtracted.
 
 ALIKE = 10
-"""Where there are fewer than TOP excursions, this number is added, distributed as for an exact model."""
+"""If there are fewer than TOP excursions, this number is added, distributed as for an exact model."""
 _LEAST_SHAPE, _MOST_SHAPE = -0.1, 0.45
-"""Bounds of the shape.  No tail falls faster than an exponential, but chance makes half of its shapes negative."""
+"""Bounds of the shape.  No tail falls faster than an exponential, but the estimate of a zero shape is negative in half
+of the cases."""
 _NO_SHAPE = 1e-6
 _UNSURE = 0.25
-"""Relative standard deviation of the shapes beyond the range in which they were seen."""
+"""Relative standard deviation of the shapes beyond the observed range."""
 
 
 @dataclass(frozen=True)
 class BankTails:
-    """Tails of H hypotheses; draws (B, H) over motion and innovations, the first is the estimate.
+    """Tails of H hypotheses: draws (B, H) over motion and innovations, of which the first is the estimate.
 
-    Excursions above ``base`` (H,) occur at the rate exp(log_rate) per sample and exceed it by ``mean`` on average.
+    Excursions above ``base`` (H,) occur at the rate exp(log_rate) per sample and exceed ``base`` by ``mean`` on
+    average.
     """
 
     base: Floats
@@ -109,10 +112,10 @@ class BankTails:
     mean: Floats
     shape: Floats
     seen: float
-    """Logarithm of the factor by which the rate of excursions above ``base`` falls within the range that was seen"""
+    """Logarithm of the factor by which the rate of excursions above ``base`` falls within the observed range"""
 
     def log_rates(self, h: Floats, steeper: Floats) -> Floats:
-        """Logarithms (B, H) of the rates of excursions above h (H,), where g is steeper by a factor (B, H)."""
+        """Logarithms (B, H) of the rates of excursions above h (H,), if the slope r is larger by ``steeper`` (B, H)."""
         sigma, xi, end, slope = self._form
         above = h * steeper - self.base
         fallen = np.log1p(xi / sigma * np.clip(above, 0.0, end)) / xi
@@ -122,7 +125,7 @@ class BankTails:
 
     @cached_property
     def _form(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Scale, shape, end of the range of the shape, slope of -log of the survival function beyond; each (B, H)."""
+        """Scale, shape, end of the range with this shape, and slope of -log(survival) beyond the range; (B, H) each."""
         xi = np.where(np.abs(self.shape) > _NO_SHAPE, self.shape, _NO_SHAPE)
         sigma = self.mean * (1 - xi)
         end = sigma * np.expm1(2 * self.seen * xi) / xi
@@ -132,7 +135,11 @@ class BankTails:
 def bank_tails(
     heights: ExcursionPeaks, many: int, weights: tuple[Floats, Floats], farther: Floats
 ) -> BankTails:
-    """Tails of ``many`` hypotheses; weights (B, places) of motion and innovations; ``farther`` (B,) standard normal."""
+    """Tails of ``many`` hypotheses.
+
+    ``weights``: random weights (B, places) of the blocks of motion and of innovations.  ``farther`` (B,): standard
+    normal draws for the uncertainty of the shapes beyond the observed range.
+    """
     highest = [heights.highest(i) for i in range(many)]
     base = np.array([pair[0] for pair in highest])
     number = np.array([len(pair[1]) for pair in highest])
@@ -141,13 +148,13 @@ def bank_tails(
     own = np.array([_own_variances(above, ALIKE * (len(above) < TOP)) for _, above, _ in highest])
     for i, (_, above, (place, origin)) in enumerate(highest):
         w = weights[0][:, place] * weights[1][:, origin]
-        higher = np.cumsum(w, axis=1) - w / 2  # as they fall
+        higher = np.cumsum(w, axis=1) - w / 2  # weight of the higher ones, as ``above`` is in falling order
         count[i], first[i], lower[i] = w.sum(axis=1), w @ above, (w * higher) @ above
     mean = (first + alike) / (count + alike)
     # By probability-weighted moments (Hosking and Wallis 1987):  xi = 2 - m / (m - 2 a),  a the mean of x (1 - F).
     a = (lower + alike * count / 4) / (np.maximum(count, 1e-12) * (count + alike))
     shape = 2 - mean / np.maximum(mean - 2 * a, 1e-12 * mean)
-    # With fewer excursions the base would lie among the small ones, outside of the tail.
+    # Only with TOP excursions the base lies in the tail; other hypotheses get the mean shape.
     shape = np.clip(_shrink_to_mean(_with_chance(shape, own[:, 2]), number == TOP), _LEAST_SHAPE, _MOST_SHAPE)
     shape *= np.maximum(1 + _UNSURE * farther, 0.0)
     log_rate = _with_chance(np.log(np.maximum(count, 1.0) / max(heights.samples, 1)), own[:, 0])
@@ -158,7 +165,7 @@ def bank_tails(
 def _own_variances(falling: Floats, alike: int) -> tuple[float, float, float]:
     """Variances of the logs of number and mean, and of the shape, for independent excursions (n,).
 
-    The sums of the squares of their influences (Hampel 1974).
+    Each is the sum of the squared influences of the excursions (Hampel 1974).
     """
     n = len(falling)
     if not n:
@@ -172,9 +179,9 @@ def _own_variances(falling: Floats, alike: int) -> tuple[float, float, float]:
 
 
 def _with_chance(drawn: Floats, own: Floats) -> Floats:
-    """Draws (H, B) around the estimate with the chance of single excursions, ``own`` (H,), counted once.
+    """Draws (H, B) with the variance of single excursions, ``own`` (H,), counted once, and centred on the estimate.
 
-    They are centred on the estimate: where few innovations make a tail, most draws lack some of them.
+    Without centring they would be biased: if few innovations make up a tail, most draws lack some of them.
     """
     differs = drawn[:, 1:] - drawn[:, 1:].mean(axis=1, keepdims=True)
     found = differs.var(axis=1)
@@ -183,7 +190,7 @@ def _with_chance(drawn: Floats, own: Floats) -> Floats:
 
 
 def _shrink_to_mean(shape: Floats, tell: Bools) -> Floats:
-    """Each shape shrunk towards the mean of all (H, B); those that are undetermined get the mean."""
+    """Shapes (H, B), each shrunk towards the mean of all; shapes that are not determined (``tell``) get the mean."""
     out = np.zeros_like(shape)
     if tell.any():
         own, mean = shape[tell, :1], shape[tell].mean(axis=0)

@@ -1,12 +1,12 @@
 """Thresholds of the multi-model detector from healthy records and a false-alarm budget.
 
-For an exact model g exceeds h at about the rate exp(-h).  For a real axis it is exp(-r h), with an r of each hypothesis
-(multimodel_tails.py): from the records themselves, as model errors depend on their motion, and from copies of them
-(multimodel_healthy.py), of which there are as many as the tail needs.  What speaks for a hypothesis throughout a part
-of a healthy record is subtracted from its log-likelihood ratios: the allowance.
+For an exact model g exceeds h at about the rate exp(-h).  For a real axis the rate is exp(-r h), with its own r for
+each hypothesis (multimodel_tails.py).  The rate comes from the records themselves, as model errors depend on their
+motion, and from enough copies of them to know the tail (multimodel_healthy.py).  Evidence for a hypothesis that lasts
+throughout a part of a healthy record is subtracted from its log-likelihood ratios: the allowance.
 
-The rate is uncertain because the record is finite: it determines the power of the innovations only as well as its
-length allows (spectra.py), and the next motion and the next large innovations are others (multimodel_tails.py).
+The rate is uncertain because the record is finite: its length limits how well the power of the innovations is known
+(spectra.py), and future motions and large innovations will differ (multimodel_tails.py).
 """
 
 import math
@@ -35,7 +35,7 @@ _HALVINGS = 14
 
 @dataclass(frozen=True)
 class BankLimits:
-    """Limits of all hypotheses; false alarms per sample of the detector, most likely, and a 90 % interval."""
+    """Limits of all hypotheses, and false alarms per sample of the detector: most likely value and 90 % interval."""
 
     own: tuple[Limit, ...]
     total: float
@@ -51,7 +51,7 @@ def bank_limits(
     copies: int = COPIES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> BankLimits:
-    """Thresholds from records with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
+    """Thresholds from records, for at most one false alarm of the detector in ``samples`` with a certainty of 95 %.
 
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
@@ -62,7 +62,7 @@ def bank_limits(
 def limits_for_budget(
     statistics: MultiModelStatistics, samples: float, rng: np.random.Generator
 ) -> BankLimits:
-    """Thresholds with one false alarm of the detector in ``samples``, kept with a certainty of 95 %.
+    """Thresholds for at most one false alarm of the detector in ``samples`` with a certainty of 95 %.
 
     Every hypothesis gets the same share of the budget.
     """
@@ -114,30 +114,30 @@ def _weights(places: int, rng: np.random.Generator) -> Floats:
 
 
 def _height_for_rate(log_rate: Callable[[Floats], Floats], share: float, least: Floats) -> Floats:
-    """Height (H,), at least ``least``, where the log of a falling rate equals the share."""
+    """Heights (H,), at least ``least``, at which the log of the rate, which falls with height, equals the share."""
     low, high = least, least
     while (above := log_rate(high) > share).any():
         high = np.where(above, 2 * high, high)
     return bisected(lambda h: log_rate(h) > share, low, high, _HALVINGS)
 
 
-# --- Alarms of a bank are fewer than those of its hypotheses: what several of them take for theirs is one alarm -------
+# --- Alarms of a bank are fewer than those of its hypotheses: an event that alarms several of them is one alarm -------
 
 
-# After an alarm all hypotheses restart. The higher the thresholds, the rarer this is: -log of the share of the
-# remaining alarms falls as a power of their rate, which two counts determine.
+# After an alarm all hypotheses restart.  The higher the thresholds, the rarer are common alarms: -log of the share of
+# the remaining alarms falls as a power of their rate, and two counts determine this power.
 
 _OFTEN, _FEW = TOP, TOP // 20
-"""Excursions of each hypothesis for the two counts: so different that the two shares are hardly ever in wrong order."""
+"""Numbers of excursions of each hypothesis for the two counts, which differ enough for two distinct shares"""
 _STEEPEST = 1.0
 _UNSURE = 0.2
 """Relative standard deviation of the logarithm of the share."""
 
 
 def log_share(found: ExcursionPeaks, hypotheses: int, log_rate: float, draws: Floats) -> Floats:
-    """Logarithm (B,) of the alarms of the detector over those of its hypotheses, whose total rate is exp(log_rate).
+    """Logarithm (B,) of the ratio of the detector's alarms to those of its hypotheses, with total rate exp(log_rate).
 
-    ``draws`` (B,) are standard normal.
+    ``draws`` (B,): standard normal draws for its uncertainty.
     """
     often, seldom = (_merged_share(found, hypotheses, many) for many in (_OFTEN, _FEW))
     if not seldom[0] < 0 or not often[0] < seldom[0]:

@@ -1,4 +1,4 @@
-"""Checks of healthy records: long enough, with excitation, without a change inside."""
+"""Checks of healthy records: they must be long enough, have excitation, and contain no change of the axis."""
 
 import math
 from collections.abc import Sequence
@@ -21,27 +21,29 @@ FEWEST = 20
 LEAST_TESTED = 0.5
 """Least share of tested samples among those after P(0) was found."""
 STEP = 5.0
-"""In standard deviations of the estimate: a larger change inside a record, or constant deviation, is a fault."""
+"""Standard deviations of the estimate: a larger change inside a record, or a larger constant deviation, is a fault."""
 OFF = 0.1
-"""A constant deviation is a fault only beyond this share of the size: nu allows for less, as no values are exact."""
+"""A constant deviation is a fault only beyond this share of the size: nu allows for a smaller one, as no nominal values
+are exact."""
 _SURE = 6.0
-"""In standard deviations of the difference of two means: a larger one is not chance."""
+"""Standard deviations of the difference of two means: a larger difference is not chance."""
 MIN_WITHIN_MEMORIES = 2.0
 _EDGE = 5
-"""Memories at each end in which no change is looked for."""
+"""Memories at each end of a record that are not searched for a change."""
 WIDEST = 1000.0
-"""Largest ratio of the upper bound of the rate to the most likely rate; beyond it nothing is promised.  For a
-budget of more than its square in memories it is the root of their number: no record of minutes knows a year better."""
+"""Largest ratio of the upper bound of the rate to the most likely rate with which a calibration is accepted.  For a
+long budget it is the square root of the budget in memories, if that is larger: a record of minutes cannot support a
+year better."""
 
 
 class CalibrationError(Exception):
     """Records that yield no thresholds; the text says why, with numbers, and what would be right.
 
     Attributes:
-        budget_s: the budget of one false alarm in this time [s] that the records would support; None: not known.
-        memory_s: the memory for which they would suffice [s]; None: not known.
-        joint_state: that memory needs ``joint_state = true``.
-        without: parameters that they do not show; the others they may.
+        budget_s: time between false alarms [s] that the records would support as a budget; None: not known.
+        memory_s: memory for which the records would suffice [s]; None: not known.
+        joint_state: whether that memory needs ``joint_state = true``.
+        without: parameters that the records do not determine; without them the records may suffice.
     """
 
     def __init__(
@@ -60,20 +62,20 @@ class CalibrationError(Exception):
 
 
 def check_settings(settings: Settings) -> None:
-    """Check that the settings test the parameters at all.
+    """Check that the settings allow tests.
 
     Raises:
-        CalibrationError: the nominal values do not allow it.
+        CalibrationError: some nominal values cannot be distinguished.
     """
     for words in unidentifiable_words(settings.unidentifiable):
         raise CalibrationError(words)
 
 
 def check_within(settings: Settings, within_s: float) -> None:
-    """Check that the memory is short enough to find a change within so many seconds.
+    """Check that the memory is short enough to find a change within ``within_s`` seconds.
 
     Raises:
-        CalibrationError: it is not.
+        CalibrationError: it is too long.
     """
     memory_s = settings.memory * settings.interval_s
     if within_s < MIN_WITHIN_MEMORIES * memory_s:
@@ -87,7 +89,7 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
     """Check that the records are long enough and move the axis.
 
     Raises:
-        CalibrationError: they are not or do not.
+        CalibrationError: the records are too short, or the axis moves too little.
     """
     model, settings = axis
     h, memory = settings.interval_s, settings.memory
@@ -125,7 +127,7 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
             )
     tested_samples = tested.all(axis=1).sum()
     if tested_samples < FEWEST * memory:
-        # With another memory another part of the records is taken to find P(0).
+        # With another memory, P(0) takes another part of the records.
         usable_s = (tested_samples + SEEDING_MEMORIES * memory * len(found)) * h
         shorter, joint = fitting_memory(
             slowest_s, settings, usable_s / (FEWEST + SEEDING_MEMORIES * len(found) + 1)
@@ -145,10 +147,10 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
 
 
 def check_healthy(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> None:
-    """Check that nothing changes inside a record, and that the nominal values are those of the axis.
+    """Check that no parameter changes inside a record, and that the nominal values fit the axis.
 
     Raises:
-        CalibrationError: a parameter changes or is off.
+        CalibrationError: a parameter changes, or deviates throughout.
     """
     for deviations in found:
         _check_no_change(axis, deviations)
@@ -179,7 +181,7 @@ def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
         f"{deviations.name}: {model.monitored[i]} changes by {step * model.scale[i]:+.3g}"
         f"{'' if unit == '1' else f' {unit}'}"
         f" ({100 * step:+.1f} % of its size, {ratio:.0f} standard deviations of the estimate) about {seconds:.4g} s"
-        f" after the beginning: this is no healthy record. Leave that out, as with"
+        f" after the beginning: this is no healthy record. Use only the part before it, as with"
         f" {deviations.name}@0:{max(seconds - 1, 0):.0f}"
     )
 
@@ -213,10 +215,10 @@ def _check_no_offset(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> 
 def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, interval_s: float) -> None:
     """Check that records of this length can support the budget.
 
-    The copies rely on the model, so the records ``alone`` must not contradict them.
+    The copies rely on the model, so the rates from the records ``alone`` must not contradict them.
 
     Raises:
-        CalibrationError: they cannot.
+        CalibrationError: the records cannot support the budget.
     """
     most = max(rates.upper, alone.upper) / rates.total
     widest = max(WIDEST, math.sqrt(samples / scatter.memory))

@@ -21,8 +21,8 @@ FOUND_SHARE = 0.9
 class DetectorResult:
     """Performance of one detector.
 
-    ``between_s``: mean time between false alarms [s], most likely value and bounds of the 90 % interval.  ``caught``:
-    every change that was tried, with the name of its alarm: the first name of the CUSUM tests, the final name of the
+    ``between_s``: mean time between false alarms [s]: most likely value and bounds of the 90 % interval.  ``caught``:
+    trials of all changes, with the names of the alarms: the first name of the CUSUM tests, the final name of the
     multi-model detector.
     """
 
@@ -38,9 +38,9 @@ class DetectorResult:
         return f"one false alarm in {most}, with 90 % certainty between one in {low} and one in {high}"
 
     def smallest(self, name: str) -> tuple[float | None, float | None]:
-        """Smallest increase and decrease, in sizes of the parameter, found in time; None: none of those tried."""
-        mine = (trial for trial in self.caught if trial.fault.parameter == name)
-        found = [t.fault.size for t in mine if t.found_within(self.within_s) >= FOUND_SHARE]
+        """Smallest increase and decrease, in sizes of the parameter, that were found in time; None: none was found."""
+        own = (trial for trial in self.caught if trial.fault.parameter == name)
+        found = [t.fault.size for t in own if t.found_within(self.within_s) >= FOUND_SHARE]
         return min((v for v in found if v > 0), default=None), max((v for v in found if v < 0), default=None)
 
     def confusion(self) -> dict[str, dict[str, int]]:
@@ -66,8 +66,8 @@ class MultiModelCalibration:
 class CalibrationResult:
     """Result of ``calibrate``; times in seconds.
 
-    ``settings`` contain the thresholds.  ``onsets`` is the number of onsets of each change.  ``caught`` is empty if the
-    records are too short for trials.  ``records_s`` is the total length of the records.
+    ``settings``: include the thresholds.  ``onsets``: number of onsets of each change.  ``caught``: trials of the CUSUM
+    tests; empty if the records are too short for trials.  ``records_s``: total length of the records.
     """
 
     model: AxisModel
@@ -81,7 +81,7 @@ class CalibrationResult:
     onsets: int
     records_s: float
     bank: MultiModelCalibration | None = None
-    """None: the axis cannot have a multi-model detector"""
+    """None: the multi-model detector is not available for the axis"""
 
     @property
     def tests(self) -> DetectorResult:

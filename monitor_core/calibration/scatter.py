@@ -1,7 +1,7 @@
-"""Scatter of the estimates in healthy records around the nominal values, and how well the records determine it.
+"""Scatter of the estimates in healthy records around the nominal values, and its uncertainty.
 
-It is the recorded one, not that of P: it contains the colour of the innovations and model errors.  Its uncertainty
-comes from resampling blocks of several memories (block bootstrap; Kuensch 1989).
+This is the scatter observed in the records, not that of P: it includes the autocorrelation of the innovations and model
+errors.  Its uncertainty comes from resampling blocks of several memories (block bootstrap; Kuensch 1989).
 """
 
 import math
@@ -14,22 +14,22 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy_records import RecordDeviations
 
 BINS = 50
-"""Samples that are used in each memory; the others are left out, as the deviations are correlated."""
+"""Number of samples used per memory; more would add little, as the deviations are correlated."""
 OFFSET = 0.3
-"""In standard deviations: the part of the mean deviation that the rates include; the allowance covers the rest."""
+"""Largest mean deviation, in standard deviations, that the rates include; the allowance covers the rest."""
 _SMALL = 1e-12
 _RESAMPLINGS = 1000
 LONGEST, MOST_BLOCKS = 5, 30
-"""Memories in a block at most, and number of blocks at least."""
+"""Largest number of memories in a block; number of blocks from which blocks have this length."""
 
 
 @dataclass(frozen=True)
 class Scatter:
     """Scatter of p parameters in healthy records, in sizes of the parameters; times in samples.
 
-    ``mean_d``, ``mean_s``, ``sigma``: of the deviation and of s = sqrt(lambda_0 P_ii).  ``power`` (B, p): draws of the
-    true variance over sigma^2.  ``off`` (B, p): draws of the true mean less ``mean_d``.  Both are correlated between
-    parameters whose estimates are.
+    ``mean_d``, ``sigma``: mean and standard deviation of the deviation.  ``mean_s``: mean of s = sqrt(lambda_0 P_ii).
+    ``power`` (B, p): draws of the true variance over sigma^2.  ``off`` (B, p): draws of the true mean minus ``mean_d``.
+    The draws of different parameters are correlated if their estimates are.
     """
 
     mean_d: Floats  # (p,)
@@ -42,18 +42,18 @@ class Scatter:
 
     @property
     def offset(self) -> Floats:
-        """Offset of the deviations (p,), as far as the rates include it."""
-        most = OFFSET * self.sigma
-        return np.clip(self.mean_d, -most, most)
+        """The part of the mean deviation (p,) that the rates include."""
+        largest = OFFSET * self.sigma
+        return np.clip(self.mean_d, -largest, largest)
 
     @property
     def beyond(self) -> Floats:
-        """Lasting offset of the deviations (p,) that the rates do not include: covered by the allowance."""
+        """Magnitude of the rest of the mean deviation (p,), which the allowance covers."""
         return np.abs(self.mean_d - self.offset)
 
 
 def stride(memory: float) -> int:
-    """Number of samples from one that is used to the next."""
+    """Number of samples from one used sample to the next."""
     return max(1, round(memory / BINS))
 
 
@@ -78,19 +78,19 @@ def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Gen
     variance = (around**2).mean(axis=0)
     power = _mirrored_variance(squares / variance, memories)
     chance = rng.multivariate_normal(np.zeros(d.shape[1]), _correlation(means), size=_RESAMPLINGS)
-    variance *= 1 + 2 / memories  # the mean is of the same record
+    variance *= 1 + 2 / memories  # as the mean was estimated from the same record
     off = np.sqrt(2 * variance / memories) * chance
     return Scatter(mean, s.mean(axis=0), np.sqrt(variance), power, off, memories, memory)
 
 
 def looked_at(deviations: RecordDeviations, memory: float) -> Ints:
-    """Indices of the samples that are used: of the tested ones, BINS in a memory."""
+    """Indices of the used samples: BINS per memory, of those that were tested."""
     q = stride(memory)
     return np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
 
 
 def binned(deviations: RecordDeviations, memory: float) -> Floats:
-    """Deviation and s (n, 2, p) at these samples."""
+    """Deviation and s (n, 2, p) at the used samples."""
     use = looked_at(deviations, memory)
     return np.stack([deviations.d[use], deviations.s[use]], axis=1)
 
@@ -102,9 +102,10 @@ def _correlation(values: Floats) -> Floats:
 
 
 def _mirrored_variance(resampled: Floats, memories: float) -> Floats:
-    """Draws of the true variance over that of the record, mirrored from the resampled ones (B, p).
+    """Draws of the true variance over that of the record, from the resampled variances (B, p) by mirroring their logs.
 
-    Few blocks scatter too little: at least as much as normal deviations that are forgotten within a memory.
+    Few blocks scatter too little.  So the scatter is at least that of normal deviations with the memory of the
+    recursion.
     """
     log = np.log(resampled)
     return np.asarray(
@@ -113,7 +114,7 @@ def _mirrored_variance(resampled: Floats, memories: float) -> Floats:
 
 
 def _blocks(values: Floats, starts: Sequence[int], length: int) -> tuple[Floats, Floats]:
-    """Sums (blocks, p) over blocks, within each record, and their lengths (blocks,)."""
+    """Sums (blocks, p) over blocks, none of which spans two records, and the lengths of the blocks (blocks,)."""
     ends = [*starts[1:], len(values)]
     edges = [
         edge

@@ -17,14 +17,14 @@ from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 
 _ENDLESS = 1 - 1e-6
-"""lambda with which the search for P(0) lasts longer than any record, so that theta stays nominal."""
+"""Forgetting factor with which finding P(0) takes longer than any record, so that theta stays nominal."""
 
 
 @dataclass(frozen=True)
 class Innovations:
-    """Innovations eps (N,) of the predictor with nominal values along a record, NaN where nothing was learned.
+    """Innovations eps (N,) of the predictor with nominal values along a record; NaN for samples that were not used.
 
-    ``x`` (len(at), n) are the states after the sample before each of ``at``.
+    ``x`` (len(at), n): states just before the samples ``at``.
     """
 
     eps: Floats
@@ -54,7 +54,7 @@ def innovations(axis: MonitoredAxis, record: SampleBlock, at: Sequence[int]) -> 
 class Plants:
     """Drives of one structure in innovations form with the gain of the monitor.
 
-    ``values``: parameter values of each drive, with the delay of the torque where that is a parameter.
+    ``values``: parameter values of each drive, including the delay of the torque if that is a parameter.
     """
 
     def __init__(self, axis: MonitoredAxis, values: Sequence[Mapping[str, float]]) -> None:
@@ -71,10 +71,15 @@ class Plants:
     def run(
         self, which: Ints, x: Floats, u_before: Floats, u: Floats, eps: Floats, weight: Floats | None = None
     ) -> tuple[Floats, Floats]:
-        """Outputs y (N, W) and final states (W, n) of the drives with the numbers ``which`` (W,).
+        """Simulate the drives with the indices ``which`` (W,); returns outputs y (N, W) and final states (W, n).
 
-        From the states x (W, n) at the first sample and the torques u_before (W,) of the sample before, with torques u
-        and innovations eps (N, W); ``weight`` (N, W): torque of the weight, None: 0.
+        Args:
+            which: index of the drive of each lane.
+            x: states at the first sample (W, n).
+            u_before: torques of the sample before (W,).
+            u: torques (N, W).
+            eps: innovations (N, W).
+            weight: torques of the weight (N, W); None: 0.
         """
         y, state = np.empty(u.shape), np.ascontiguousarray(x.T).copy()
         held = np.zeros(u.shape) if weight is None else np.nan_to_num(weight)
@@ -90,7 +95,7 @@ class Plants:
 
 
 def _side_by_side(drives: Floats, which: Ints) -> Floats:
-    """The numbers of the drive of each axis (.., W), from those of all drives (F, ..)."""
+    """Numbers of the drive of each lane (.., W), from those of all drives (F, ..)."""
     return np.ascontiguousarray(np.moveaxis(drives[which], 0, -1))
 
 

@@ -1,10 +1,10 @@
-"""Uncertainty of the slope r of g of each hypothesis, from that of the spectrum of the innovations.
+"""Uncertainty of the slope r of each hypothesis, from the uncertainty of the spectrum of the innovations.
 
 g exceeds h at about the rate exp(-r h), where r is the root of the cumulant generating function of a log-likelihood
-ratio (Lundberg).  It depends on the power S of the innovations e_0 at the frequencies that the hypothesis uses.  The
-innovations of the hypothesis are  e_i = (1 + F) e_0 + d:  its predictor filters the noise, and differs by d, of power
-D, where there is motion.  For Gaussian noise, and innovations with the stated variances lambda and lambda_i, the
-function of r is the mean over all frequencies of
+ratio (Lundberg).  The slope depends on the power S of the innovations e_0 at the frequencies that the hypothesis uses.
+The innovations of the hypothesis are  e_i = (1 + F) e_0 + d:  its predictor filters the noise, and during motion it
+differs by d, of power D.  For Gaussian noise, and innovations with the stated variances lambda and lambda_i, the
+cumulant generating function at r is the mean over all frequencies of
 
     -log(1 - x) / 2 - r D / (2 lambda_i) + B / (1 - x) - r level,
 
@@ -12,8 +12,8 @@ x = r S (1 / lambda - |1 + F|^2 / lambda_i),  B = r^2 D S |1 + F|^2 / (2 lambda_
 log(lambda_i / lambda) plus the allowance.  With F = 0 and lambda_i = lambda, r is lambda times the mean of D over that
 of D S; for hypotheses of more noise, r falls several times as fast with S.
 
-A record determines the power at each frequency by as many periodogram ordinates as it is long (Priestley 1981, 6.2): r
-is well known for a hypothesis that uses all frequencies, but not for an offset, which uses those next to zero.
+The number of periodogram ordinates per frequency band grows with the length of the record (Priestley 1981, 6.2).  So r
+is well known for a hypothesis that uses all frequencies, but not for an offset, which uses only those next to zero.
 """
 
 from collections.abc import Callable
@@ -32,8 +32,8 @@ _MOST = 0.5
 class Spectra:
     """Spectra of the innovations (N, 1 + H) of the reference and of each hypothesis, in segments of ``length`` samples.
 
-    ``variance`` (1 + H,) is the stated one of the innovations; ``allowance`` (H,) is subtracted from each
-    log-likelihood ratio.
+    ``variance`` (1 + H,): stated variances of the innovations.  ``allowance`` (H,): subtracted from each log-likelihood
+    ratio.
     """
 
     def __init__(self, variance: Floats, allowance: Floats, length: int) -> None:
@@ -65,7 +65,7 @@ class Spectra:
         self._samples, self._segments = self._samples + len(kept), self._segments + segments
 
     def r(self) -> Floats:
-        """Slope of each hypothesis (H,): 1 for an exact model; very large where nothing ever speaks for it."""
+        """Slope of each hypothesis (H,): 1 for an exact model; very large if there is never evidence for it."""
         D, slack, moved = self._parts()
 
         def cumulant(r: Floats) -> Floats:
@@ -76,7 +76,7 @@ class Spectra:
         return _root(cumulant, 1 / np.maximum(slack.max(axis=0), _LEAST))
 
     def covariance(self) -> Floats:
-        """Covariance of log r (H, H); infinite for hypotheses without evidence."""
+        """Covariance of log r (H, H), with standard deviations limited to ``_MOST``."""
         share = self._shares()
         own = (share / self._bands).T @ share * self._length / max(self._samples, 1)
         less = _MOST / np.maximum(np.sqrt(np.diag(own)), _MOST)
@@ -97,7 +97,7 @@ class Spectra:
         """D, x and B of each frequency and hypothesis (F, H), at r = 1."""
         many = max(self._segments, 1)
         S, difference = np.maximum(self._eps / many, _LEAST * self._lam), self._difference / many
-        # Chance correlates motion with F: its expected part is subtracted.
+        # F has a chance part, from the random correlation with the motion: its expected value is subtracted.
         chance = difference * S / np.maximum(np.abs(self._cross) ** 2 / many, np.finfo(float).tiny)
         F = self._cross / many / S * np.maximum(1 - chance, 0.0)
         D, gain = np.maximum(difference - np.abs(F) ** 2 * S, 0.0), np.abs(1 + F) ** 2

@@ -1,6 +1,6 @@
-"""Surrogate records: the motion of a healthy record, its innovations in another order, run through the monitor.
+"""Surrogate records ("copies"): the motion of a healthy record, with resampled innovations.
 
-Residual bootstrap (Kreiss and Lahiri 2012) in blocks of the innovations, which keeps their colour.  The recursion
+This is a residual bootstrap (Kreiss and Lahiri 2012) that keeps the autocorrelation of the innovations.  The recursion
 itself runs over the copies, so the autocorrelation and the asymmetry of the estimates are reproduced.
 """
 
@@ -20,14 +20,15 @@ from monitor_core.settings import Settings
 LANES = 64
 CHUNK = 4000
 BLOCK = 1.0
-"""Memories in a block of innovations.  Longer blocks repeat chance patterns, shorter ones lose colour."""
+"""Length of a block of innovations in memories.  Longer blocks repeat chance patterns, shorter ones lose
+autocorrelation."""
 LEAST_PARTS = 8
 """Least number of chunks of a record."""
 
 
 @dataclass(frozen=True)
 class CopySource:
-    """What copies of a record are made from, starting where the estimates run."""
+    """Data of a record from which copies are made; they start where the tests start."""
 
     u: Floats
     eps: Floats
@@ -39,14 +40,14 @@ class CopySource:
 
 
 def copy_source(axis: MonitoredAxis, record: SampleBlock) -> CopySource | None:
-    """What copies of a record are made from; None where too little was learned in it.
+    """Source for copies of a record; None if too few of its samples were used.
 
-    What a gate or ``min_speed`` leaves out of the tests is left out of the copies.
+    Samples that a gate or ``min_speed`` excludes from the tests are left out.
     """
     monitor = AxisMonitor(*axis.without_tests)
     start = first_tested(monitor, record)
-    found = innovations(axis, record, (start,))
-    eps = found.eps[start:]
+    predicted = innovations(axis, record, (start,))
+    eps = predicted.eps[start:]
     eps = eps[np.isfinite(eps)]
     if len(eps) < 2 * axis.settings.memory:
         return None
@@ -55,15 +56,15 @@ def copy_source(axis: MonitoredAxis, record: SampleBlock) -> CopySource | None:
     if record.gate is not None:
         tested = tested[record.gate[start:]]
     weight = None
-    if record.weight is not None:  # the last known one at each sample; 0 before there is one
+    if record.weight is not None:  # the last known weight at each sample; 0 before the first
         weight = forward_fill(record.weight[:, np.newaxis], np.zeros(1))[tested, 0]
     return CopySource(
-        record.u[tested], eps - eps.mean(), found.x[0], float(record.u[start - 1]), column, t_us, weight
+        record.u[tested], eps - eps.mean(), predicted.x[0], float(record.u[start - 1]), column, t_us, weight
     )
 
 
 def block_length(settings: Settings) -> int:
-    """Samples of a block of innovations."""
+    """Number of samples in a block of innovations."""
     return max(2, round(BLOCK * settings.memory))
 
 
@@ -76,7 +77,7 @@ def bootstrap_copies(
     """
     plants = Plants(axis, [axis.model.nominal])
     which = np.zeros(LANES, np.int64)
-    # From the sample before, whose torque acts until the first one.
+    # Start one sample earlier, as its torque acts until the first sample.
     before = np.full((1, LANES), source.u_before)
     start = np.repeat(source.x[np.newaxis], LANES, axis=0)
     _, x = plants.run(which, start, before[0], before, np.zeros((1, LANES)))

@@ -2,11 +2,12 @@
 
 * ``alarm``: an alarm and its parts; the form in which alarms are saved.
 * ``cusum``: the paper's two CUSUM tests of each parameter.  The kernel computes g; here they become alarms.
-* ``multimodel``: parallel hypotheses, one predictor for each possible fault; finds sensor faults, too.
-* ``isolation``: the likeliest single fault; ``onset``: when it began, suddenly or gradually.
+* ``multimodel``: parallel hypotheses, one predictor for each possible fault; also detects sensor faults.
+* ``isolation``: the likeliest single fault; ``onset``: the time at which it began, and whether suddenly or gradually.
 
-A detector has a ``name``, the ``causes`` that its alarms may name, and the ``leading`` one of them; ``interpret`` turns
-what it has found into alarms raised, changed or ended, and ``adopt`` takes over alarms that are open.
+A detector has a ``name``, the ``causes`` that its alarms may name, and the ``leading`` cause, which is nearest its
+threshold.  ``interpret`` turns its events into alarms that are raised, changed or ended; ``adopt`` takes open alarms,
+as after a restart.
 """
 
 from monitor_core.detection.alarm import (

@@ -1,7 +1,7 @@
-"""Alarms: what a monitor reports of a change of its axis, and the form in which open alarms are saved.
+"""Alarms: reports of a change of an axis, and the form in which open alarms are saved.
 
 An alarm has two stages.  When a test crosses its threshold, something has *changed*.  The cause is *named* later, when
-there is enough evidence: of large changes, the first test that crosses is often not that of the changed parameter.
+there is enough evidence: after a large change, the first test that crosses often belongs to another parameter.
 """
 
 import json
@@ -30,8 +30,8 @@ is about to reach a limit."""
 
 Doubt = Literal["", "several", "model", "sign", "still"]
 """several: no single parameter explains the change; model: the model no longer holds, so a sensor fault is more likely
-than any parameter; sign: as if torque or motion had changed its sign, or were stuck; still: the axis does not move when
-torque is applied."""
+than any parameter; sign: the data look as if torque or motion had changed its sign, or were stuck; still: the axis does
+not move when torque is applied."""
 
 NO_PARAMETER: tuple[Doubt, ...] = ("model", "sign", "still")
 """With these doubts a sensor or a wire is a more likely cause than any parameter."""
@@ -39,7 +39,7 @@ NO_PARAMETER: tuple[Doubt, ...] = ("model", "sign", "still")
 MAX_EARLIER_NAMES = 20
 
 MODEL_ERROR = 0.05
-"""Share of a size by which it is off because the model is not the axis: no size is stated to be better known."""
+"""Error of a size, as a share of it, because no model is exact; part of each reported standard deviation."""
 
 MIN_PROBABILITY = 0.01
 """Causes below this probability are not reported."""
@@ -56,9 +56,9 @@ TORQUE_OFFSET, OUTPUT_OFFSET = "torque offset", "output offset"
 TORQUE_STUCK, TORQUE_LOST = "torque stuck", "torque lost"
 OUTPUT_STUCK, OUTPUT_NOISE = "output stuck", "output noise"
 INERTIA = "inertia"
-"""The inertia on the side of the arm, over the nominal one, where no inertia is monitored: with another payload an axis
-that bears no weight differs in nothing else, and without this cause that would be called a fault of another one.
-An axis that bears a weight has LOAD for that, where the weight is not monitored."""
+"""Ratio of the inertia on the arm side to its nominal value, if no inertia is monitored.  On an axis that bears no
+weight, another payload changes nothing else; without this cause it would be reported as another fault.  An axis that
+bears a weight has the cause LOAD for this, if the weight is not monitored."""
 SENSOR_FAULTS = (
     *(TORQUE_SCALE, OUTPUT_SCALE, TORQUE_SIGN, OUTPUT_SIGN, TORQUE_OFFSET, OUTPUT_OFFSET),
     *(TORQUE_STUCK, TORQUE_LOST, OUTPUT_STUCK, OUTPUT_NOISE, DELAY),
@@ -66,7 +66,7 @@ SENSOR_FAULTS = (
 
 
 class Cause(NamedTuple):
-    """A possible cause.  ``alike`` lists causes that produce the same data: it is this one or one of those."""
+    """A possible cause.  ``alike``: other causes that produce the same data; any of them may be the true one."""
 
     parameter: str
     probability: float
@@ -80,13 +80,13 @@ class Cause(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """When a parameter reaches a limit that the user has set; see monitor_core.trend.limit_forecast."""
+    """Forecast of when a parameter reaches a limit of the user; see monitor_core.trend.limit_forecast."""
 
     name: str
     unit: str
     limit: float
     above: bool
-    """The limit is an upper one"""
+    """True for an upper limit"""
     state: str
     low_us: int
     high_us: int | None
@@ -102,7 +102,7 @@ class Name(NamedTuple):
 
 
 class Onset(NamedTuple):
-    """Time of a change [us] with its 90 % interval; None: that end is unknown.  Fields as in ``Alarm``."""
+    """Time of a change [us] with its 90 % interval; an unknown end of the interval is None.  Fields as in ``Alarm``."""
 
     onset_us: int
     onset_low_us: int | None
@@ -110,14 +110,17 @@ class Onset(NamedTuple):
 
     @classmethod
     def within(cls, best_us: int, low_us: int | None, high_us: int | None) -> "Onset":
-        """The likeliest time, moved into its interval; an interval that ends before it begins is as short as can be."""
+        """An onset with the likeliest time moved into its interval; if low is above high, low becomes high."""
         if high_us is not None:
             best_us = min(best_us, high_us)
             low_us = None if low_us is None else min(low_us, high_us)
         return cls(best_us if low_us is None else max(best_us, low_us), low_us, high_us)
 
     def until(self, latest_us: int) -> "Onset":
-        """The onset of a change that was there at this time: of an interval after it nothing is known but that."""
+        """The onset, limited to ``latest_us``, at which the change was already present.
+
+        If the whole interval is later, only this limit is known.
+        """
         if self.onset_low_us is not None and self.onset_low_us > latest_us:
             return Onset(latest_us, None, latest_us)
         high_us = None if self.onset_high_us is None else min(self.onset_high_us, latest_us)
@@ -154,24 +157,24 @@ class Alarm:
     crossings: int
     stage: Stage = "changed"
     causes: tuple[Cause, ...] = ()
-    """The likeliest first; causes below one percent are left out"""
+    """Possible causes, the likeliest first; causes below one percent are left out"""
     doubt: Doubt = ""
     onset_low_us: int | None = None
-    """The onset lies between these two with a probability of 90 %; None: unknown"""
+    """The onset lies between low and high with a probability of 90 %; None: unknown"""
     onset_high_us: int | None = None
     kind: Kind = ""
     past: tuple[Name, ...] = ()
     """Earlier names"""
     reaches: tuple[Reach, ...] = ()
-    """Of a forecast: the limit"""
+    """The limit, for a forecast"""
     inside_calibration: bool | None = None
-    """Whether it was raised in the conditions of the calibration; None: unknown"""
+    """Whether the alarm was raised within the calibrated conditions; None: unknown"""
     reopened_us: int | None = None
-    """When its cause was detected again after the alarm had ended; None: it was not"""
+    """Time at which the cause was detected again after the alarm had ended; None: the alarm was not reopened"""
 
     @property
     def since_us(self) -> int:
-        """When the cause was detected, the last time that it came."""
+        """Time of the last detection of the cause: the reopening, or else the first detection."""
         return self.raised_us if self.reopened_us is None else self.reopened_us
 
     @property
@@ -183,7 +186,7 @@ class Alarm:
 
     @property
     def key(self) -> AlarmKey:
-        """Identity: it stays the same whatever the alarm is renamed to."""
+        """Identity of the alarm, which does not change when the alarm is renamed."""
         return self.raised_us, *self.first
 
     @property
@@ -191,38 +194,38 @@ class Alarm:
         """Onset with its interval."""
         return Onset(self.onset_us, self.onset_low_us, self.onset_high_us)
 
-    def onset_by(self, found: Onset) -> Onset:
-        """The onset by later evidence, as far as that is of the change that raised this alarm.
+    def onset_by(self, estimate: Onset) -> Onset:
+        """The onset after a later estimate of it; the present one if the estimate belongs to another change.
 
-        What began after the alarm was raised did not raise it: evidence for a cause that only later explained more, or
-        the same cause when it is back.
+        A change that began after the alarm was raised did not raise it.  Such an estimate comes from a cause that
+        explains more only later, or from the same cause when it is back.
         """
-        later = found.onset_low_us is not None and found.onset_low_us > self.raised_us
-        return self.onset if later or self.reopened_us is not None else found.until(self.raised_us)
+        later = estimate.onset_low_us is not None and estimate.onset_low_us > self.raised_us
+        return self.onset if later or self.reopened_us is not None else estimate.until(self.raised_us)
 
     def detected_again(self, time_us: int, crossings: int = 1) -> "Alarm":
         """The alarm after its tests have crossed their thresholds again."""
         return replace(self, updated_us=time_us, crossings=self.crossings + crossings)
 
     def named(self, time_us: int, parameter: str, direction: Direction, **changes: Any) -> "Alarm":
-        """The alarm with its likeliest cause as its name from now on; ``changes``: of further fields."""
+        """The alarm, named after its likeliest cause from now on; ``changes``: values of further fields."""
         same = (self.stage, self.parameter, self.direction) == ("named", parameter, direction)
         name: dict[str, Any] = {"stage": "named", "parameter": parameter, "direction": direction}
         past = self.past if same else self._earlier_names(time_us)
         return replace(self, updated_us=time_us, past=past, **(name | changes))
 
     def turned(self, time_us: int, direction: Direction) -> "Alarm":
-        """The alarm of a parameter that has changed in this direction."""
+        """The alarm with this direction of the change."""
         if direction == self.direction:
             return self
         return replace(self, updated_us=time_us, direction=direction, past=self._earlier_names(time_us))
 
     def ended(self, time_us: int) -> "Alarm":
-        """The alarm when its cause is gone, or when it turns out to belong to another one."""
+        """The alarm, ended because its cause is gone, or because it belongs to another alarm."""
         return replace(self, ended_us=time_us)
 
     def reopened(self, again: "Alarm") -> "Alarm":
-        """This alarm, which has ended, when its cause is back as ``again`` has it; it keeps its onset and names."""
+        """This ended alarm, reopened by the new alarm ``again`` of the same cause; it keeps its onset and names."""
         now = {name: getattr(again, name) for name in ("updated_us", "size", "size_sd", "causes", "doubt")}
         crossings = self.crossings + again.crossings
         return replace(self, ended_us=None, reopened_us=again.raised_us, crossings=crossings, **now)
@@ -234,12 +237,12 @@ class Alarm:
 
 
 def direction_of(size: float) -> Direction:
-    """Direction of a change; up where it has no size (NaN)."""
+    """Direction of a change; up for an unknown size (NaN)."""
     return "down" if size < 0 else "up"
 
 
 def known(value: float | None) -> float | None:
-    """A number, or None where it is not finite: not known.  Earlier versions have saved NaN."""
+    """The value, or None if it is not finite, which means unknown.  Earlier versions have saved NaN."""
     return value if value is not None and math.isfinite(value) else None
 
 
@@ -249,7 +252,7 @@ def alarms_to_array(alarms: Iterable[Alarm]) -> NDArray[np.generic]:
 
 
 def alarms_from_array(array: NDArray[np.generic], causes: Collection[str]) -> list[Alarm]:
-    """Alarms from the bytes that ``alarms_to_array`` made; those of other causes than ``causes`` are left out.
+    """Alarms from the bytes of ``alarms_to_array``; alarms whose cause is not in ``causes`` are left out.
 
     Raises:
         ValueError: the array does not hold alarms.
@@ -269,15 +272,18 @@ def _alarm(fields: dict[str, Any]) -> Alarm:
     return Alarm(**fields, causes=causes, past=past, reaches=reaches)
 
 
-# --- Another payload, not a fault of one drive: the axes of a robot that carry it show it at the same time ------
+# --- Another payload, which is no fault: all axes of the robot that carry it show it at the same time -----------------
 
 
 PAYLOAD_WITHIN_S = 600.0
-"""Within this time the axes that carry another payload detect it: it took them up to 214 s (docs/validation.md)."""
+"""Time within which all axes that carry another payload detect it; up to 214 s were measured (docs/validation.md)."""
 
 
 def payload_change(alarm: Alarm) -> Direction | None:
-    """The change of the payload that an alarm may be: up for a heavier one; None: it is none, or has no cause yet."""
+    """Change of the payload that may have caused an alarm: up for a heavier one.
+
+    None: the payload is not a possible cause, or the cause is not known yet.
+    """
     if alarm.stage != "named" or alarm.doubt or alarm.kind == "forecast":
         return None
     if alarm.parameter in (LOAD, INERTIA):
@@ -291,10 +297,12 @@ def payload_change(alarm: Alarm) -> Direction | None:
 
 
 def same_payload(alarm: Alarm, others: Iterable[tuple[str, Alarm]]) -> tuple[str, ...]:
-    """The axes whose alarms the same change of the payload explains, which is likelier than a fault of each drive.
+    """The other axes whose alarms the same change of the payload explains.
+
+    One change of the payload is likelier than a fault of each drive.
 
     Args:
-        alarm: of an axis.
+        alarm: alarm of an axis.
         others: alarms of the other axes of its robot, each with its axis.
     """
     change = payload_change(alarm)

@@ -1,46 +1,47 @@
-"""Which parameter has changed: likelihood ratios of single faults, with the full covariance of the estimates.
+"""Isolation of the changed parameter: likelihood ratios of single faults, with the full covariance of the estimates.
 
 If only theta_i has changed, by delta, then d = theta - theta_0 has the mean delta e_i.  With V = cov(d) and R = V^-1
 
     T_i = (R d)_i^2 / R_ii        is twice the logarithm of the likelihood ratio, chi-square(1) if nothing has changed
     delta = (R d)_i / R_ii        +/- 1 / sqrt(R_ii), the likeliest size
-    d' R d - T_i                  what a change of theta_i leaves unexplained, chi-square(p - 1) if it is the cause
+    d' R d - T_i                  the part that a change of theta_i does not explain, chi-square(p - 1) if it is the
+    cause
 
-(with V = lambda_0 P / (1 + lambda) this is the T_i of the CUSUM's own parameters).  exp(T_i / 2), made to sum to one,
-are the probabilities of the causes, by their odds beforehand, or each being as likely as any other.  A change that is
-known already, of any size, is left out together with its parameter: what remains of d and V is that of the others.
+where V = lambda_0 P / (1 + lambda) for the estimates of the recursion.  The probabilities of the causes are exp(T_i /
+2) times their prior odds (equal by default), normalized to the sum one.  A parameter that is known to have changed, by
+any amount, is left out: only the elements of d and V of the other parameters are used.
 """
 
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, chdtri  # not scipy.stats: to import that takes seconds
+from scipy.special import chdtrc, chdtri  # importing scipy.stats instead takes seconds
 
 from monitor_core.arrays import Floats
 
 RIDGE = 1e-9
-"""Beside a correlation of one: what cannot be distinguished at all stays a matrix that can be inverted."""
+"""Added to the eigenvalues of a correlation matrix, so that it can be inverted for indistinguishable parameters too"""
 
-LEAST_TOLERANCE = 3.3
+MIN_TOLERANCE = 3.3
 """Standard deviations; one estimate in a thousand is farther off."""
 
 
 class Causes(NamedTuple):
-    """Evidence for each parameter, in their order; those known before have T = 0 and probability 0."""
+    """Evidence for each parameter (p,); parameters known to have changed have T = 0 and probability 0."""
 
     T: Floats  # (p,) chi-square
-    size: Floats  # (p,) if it alone has changed
+    size: Floats  # (p,) size of the change, if the parameter alone has changed
     size_sd: Floats  # (p,)
     probability: Floats  # (p,)
     rest: float
-    """Chi-square of what the likeliest cause leaves unexplained"""
+    """Chi-square of the deviations that the likeliest cause does not explain"""
     freedom: int
-    """Its degrees of freedom"""
+    """Degrees of freedom of ``rest``"""
 
     @property
     def best(self) -> int:
-        """The likeliest."""
+        """Index of the likeliest cause."""
         return int(self.probability.argmax())
 
     def explains(self, tolerance: float) -> bool:
@@ -48,7 +49,7 @@ class Causes(NamedTuple):
         return bool(self.rest <= limit(tolerance, self.freedom))
 
     def stands_out(self, tolerance: float) -> bool:
-        """Whether there is anything to be explained."""
+        """Whether the evidence for the likeliest cause exceeds ``tolerance`` standard deviations."""
         return bool(self.T[self.best] > limit(tolerance, 1))
 
 
@@ -56,14 +57,14 @@ def limit(tolerance: float, freedom: int) -> float:
     """The chi-square with the same tail probability as ``tolerance`` standard deviations."""
     if not freedom:
         return np.inf
-    tail = chdtrc(1, max(tolerance, LEAST_TOLERANCE) ** 2)
+    tail = chdtrc(1, max(tolerance, MIN_TOLERANCE) ** 2)
     return float(chdtri(freedom, tail)) if tail > 0 else np.inf
 
 
 def single_faults(d: Floats, V: Floats, known: Collection[int] = (), prior: Floats | None = None) -> Causes:
-    """Evidence for single causes of d (p,) of covariance V (p, p), given those known.
+    """Evidence for single causes of the deviations d (p,) with covariance V (p, p).
 
-    ``prior`` (p,) are the prior odds, equal by default.
+    ``known``: indices of parameters known to have changed.  ``prior`` (p,): prior odds, equal by default.
     """
     p = len(d)
     rest = [i for i in range(p) if i not in known]
@@ -81,7 +82,7 @@ def single_faults(d: Floats, V: Floats, known: Collection[int] = (), prior: Floa
 
 
 def sizes(d: Floats, V: Floats, changed: Sequence[int]) -> tuple[Floats, Floats]:
-    """Sizes and standard deviations of the ``changed`` parameters, if no others have changed."""
+    """Sizes and standard deviations of the changes of the parameters ``changed``, if no others have changed."""
     R, scale = _information(V)
     J = list(changed)
     covariance = np.linalg.inv(R[np.ix_(J, J)])
@@ -89,9 +90,10 @@ def sizes(d: Floats, V: Floats, changed: Sequence[int]) -> tuple[Floats, Floats]
 
 
 def _information(V: Floats) -> tuple[Floats, Floats]:
-    """The inverse of V in units of its standard deviations, and these; parameters differ by many orders of magnitude.
+    """The inverse of V in units of its standard deviations, and these standard deviations.
 
-    Rounding may leave V, of a diverging predictor, with a direction of negative variance.
+    Without the units the inverse would be inexact, as parameters differ by many orders of magnitude.  For a diverging
+    predictor, rounding may give V a direction of negative variance, which counts as zero.
     """
     scale = np.sqrt(np.diag(V))
     values, vectors = np.linalg.eigh(V / np.outer(scale, scale))

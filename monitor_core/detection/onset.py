@@ -1,9 +1,9 @@
 """Onset and kind of a change, from the past of the estimates.
 
-theta and P at two times give the information of the samples between them: R theta is the sum of psi (eps + psi' theta),
-forgotten like R = P^-1.  So R_k theta_k - lam^n R_(k-1) theta_(k-1) has no memory left: its mean is dR theta and its
-covariance lambda_0 dR, dR = R_k - lam^n R_(k-1), white from stretch to stretch.  In these white means of stretches the
-change is found by Bayes (``find_change``).
+theta and P at two times give the information of the samples between them, called a stretch.  R theta, with R = P^-1, is
+the sum of psi (eps + psi' theta) with the same forgetting as R.  So R_k theta_k - lam^n R_(k-1) theta_(k-1) depends on
+the samples of the stretch only.  Its mean is dR theta and its covariance lambda_0 dR, with dR = R_k - lam^n R_(k-1); it
+is white from stretch to stretch.  ``find_change`` finds the change in the means of the stretches by Bayes' rule.
 """
 
 from functools import cache
@@ -14,17 +14,17 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.state import NEVER
 
-FEWEST = 8
+MIN_STRETCHES = 8
 """Least number of stretches."""
 
-APART = 4
-"""Stretches that are hardly correlated any more."""
+LAG = 4
+"""Distance of two stretches that are hardly correlated any more."""
 
 ROUNDING = 1e-9
-"""Information that is so small a share of all is a matter of rounding."""
+"""Information below this share of the total is a rounding error."""
 
-LEAST_SHARE = 1e-4
-"""Of the information of the others; a stretch with less says nothing."""
+MIN_INFORMATION = 1e-4
+"""A stretch with less than this share of the median information is ignored."""
 
 
 COVERED = 0.9
@@ -32,7 +32,7 @@ COVERED = 0.9
 
 
 class Change(NamedTuple):
-    """A change of a series: the moment in an interval of probability COVERED, the size at the end, and its kind."""
+    """A change of a series: its time ``best`` in an interval of probability COVERED, its size at the end, its kind."""
 
     low: float
     best: float
@@ -44,24 +44,24 @@ class Change(NamedTuple):
 
 
 class Past(NamedTuple):
-    """Deviations and P at several times, with the same number of learned samples in between."""
+    """Deviations and P at several times, with equal numbers of learned samples between them."""
 
     t_us: Ints  # (N,)
     d: Floats  # (N, p)
     P: Floats  # (N, p, p)
     lam: float
-    """lambda, over all samples of a stretch; 1 where parameters are a random walk"""
+    """lambda to the power of the samples of a stretch; 1 if parameters are random walks"""
     walk: Floats
-    """What that adds to the diagonal of P in a stretch (p,); else 0"""
+    """Increase of the diagonal of P in a stretch by the random walk (p,); 0 without one"""
     lam0: float
     lag_us: float
-    """So much later than a parameter changes its estimate may begin to move: the predictor's slowest time constant"""
+    """Longest delay from a change of a parameter until its estimate moves: the predictor's slowest time constant"""
 
 
 def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float) -> Past:
-    """Past from the arrays of the kernel: t_us (N,), NEVER where there is nothing; kept (N, p + p (p + 1) / 2).
+    """Past from the arrays of the kernel: t_us (N,), NEVER for empty entries; kept (N, p + p (p + 1) / 2).
 
-    It begins where the clock was last set back: times before that say nothing of what came first.
+    The past begins where the clock was last set back, as earlier times cannot be ordered.
     """
     first = int(np.count_nonzero(t_us == NEVER))  # what is known follows
     set_back = np.flatnonzero(np.diff(t_us) < 0)
@@ -72,7 +72,7 @@ def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: fl
 
 @cache
 def _square(p: int) -> Ints:
-    """Where P (p, p) is in what the kernel keeps: after the deviations (p,), its upper triangle."""
+    """Index of each element of P (p, p) in the kernel's rows: the upper triangle follows the deviations (p,)."""
     places = np.empty((p, p), np.int64)
     rows, columns = np.triu_indices(p)
     places[rows, columns] = places[columns, rows] = p + np.arange(len(rows))
@@ -80,11 +80,11 @@ def _square(p: int) -> Ints:
 
 
 def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
-    """Deviations (p,) that fit the last stretches with equal weights, with their covariance; None: too little is known.
+    """Deviations (p,) that fit the last stretches with equal weights, and their covariance; None: too little is known.
 
-    Its variances are those of P times the scatter that the stretches show.
+    The covariance is that of the information times the scatter found in the stretches.
     """
-    if len(past.t_us) <= FEWEST:
+    if len(past.t_us) <= MIN_STRETCHES:
         return None
     dR, ds = _of_stretches(past)
     R, s = dR[-stretches:].sum(0), ds[-stretches:].sum(0)
@@ -99,14 +99,14 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
 
 
 def _of_stretches(past: Past) -> tuple[Floats, Floats]:
-    """Information dR (N, p, p) and R theta (N, p) of each single stretch."""
+    """Information dR (N, p, p) and dR theta (N, p) of each single stretch."""
     R, before = _inverses(past.P), past.lam * _inverses(past.P[:-1] + np.diag(past.walk))
     ds = np.einsum("kij,kj->ki", R[1:], past.d[1:]) - np.einsum("kij,kj->ki", before, past.d[:-1])
     return R[1:] - before, ds
 
 
 def _inverses(P: Floats) -> Floats:
-    """Inverses of matrices (N, p, p); NaN where there is none: a diverging predictor may make P singular."""
+    """Inverses of matrices (N, p, p); NaN for a singular P, as a diverging predictor may have."""
     try:
         return np.asarray(np.linalg.inv(P))
     except np.linalg.LinAlgError:
@@ -116,28 +116,28 @@ def _inverses(P: Floats) -> Floats:
 
 
 def change_of(past: Past, i: int, alone: bool) -> Change | None:
-    """The change of parameter i, in microseconds after the last of the past; None: too little is known.
+    """The change of parameter i, with times in microseconds from the end of the past; None: too little is known.
 
-    ``alone``: only it has changed; otherwise nothing is assumed of the others, which gives less information.
+    ``alone``: no other parameter has changed; otherwise the others may have changed, which leaves less information.
     """
     edges, value, sd = _stretches(past, i, alone)
-    if len(value) < FEWEST:
+    if len(value) < MIN_STRETCHES:
         return None
-    found = find_change(edges, value, sd, float(np.sqrt(past.lam0 * past.P[-1, i, i] / 2)))
-    low, best = found.low - past.lag_us, found.best - min(past.lag_us / 2, found.best - found.low)
-    return found._replace(low=low, best=best)
+    change = find_change(edges, value, sd, float(np.sqrt(past.lam0 * past.P[-1, i, i] / 2)))
+    low, best = change.low - past.lag_us, change.best - min(past.lag_us / 2, change.best - change.low)
+    return change._replace(low=low, best=best)
 
 
 def scatter(past: Past, i: int) -> float:
-    """Scatter of the estimate of parameter i over that of P, from differences of the stretches; at least 1.
+    """Ratio of the scatter of the estimate of parameter i to that of P, from differences of stretches; at least 1.
 
-    A single change hardly affects differences of neighbours.  They are smaller where neighbours are correlated, but
-    then the mean also converges more slowly.
+    A single change hardly affects differences of neighbours.  These are smaller if neighbours are correlated; the
+    result is corrected for that, as the mean then converges more slowly.
     """
     _, value, sd = _stretches(past, i, alone=True)
-    if len(value) < 4 * APART:
+    if len(value) < 4 * LAG:
         return 1.0
-    near, far = _variance(value, sd, 1), _variance(value, sd, APART)
+    near, far = _variance(value, sd, 1), _variance(value, sd, LAG)
     if far == 0.0:
         return 1.0
     r = min(max(1 - near / far, 0.0), 0.5)
@@ -145,24 +145,24 @@ def scatter(past: Past, i: int) -> float:
 
 
 def scatters(past: Past) -> Floats:
-    """The scatter of each parameter (p,)."""
+    """``scatter`` of each parameter (p,)."""
     return np.array([scatter(past, i) for i in range(past.d.shape[1])])
 
 
 def _variance(value: Floats, sd: Floats, apart: int) -> float:
-    """Variance of values over their sd, from differences; without the largest, which may be a change."""
+    """Variance of values in units of their sd, from differences; the largest are left out, as they may be a change."""
     square = (value[apart:] - value[:-apart]) ** 2 / (sd[apart:] ** 2 + sd[:-apart] ** 2)
     return float(np.mean(np.sort(square)[:-apart]))
 
 
 def _stretches(past: Past, i: int, alone: bool) -> tuple[Floats, Floats, Floats]:
-    """Edges (N + 1,), us after the last, values (N,) and their sd (N,) of the stretches with information."""
-    if len(past.t_us) <= FEWEST:
+    """Stretches with information on parameter i: edges (N + 1,) [us from the end], values (N,) and their sd (N,)."""
+    if len(past.t_us) <= MIN_STRETCHES:
         return np.zeros(1), np.zeros(0), np.zeros(0)
     dR, ds = _of_stretches(past)
     value, information = _of_itself(dR, ds, i) if alone else _beside_others(dR, ds, i)
     use = np.isfinite(value) & np.isfinite(information) & (information > 0)
-    use &= information > LEAST_SHARE * (np.median(information[use]) if use.any() else 0.0)
+    use &= information > MIN_INFORMATION * (np.median(information[use]) if use.any() else 0.0)
     t_us = past.t_us - past.t_us[-1]  # absolute times have more digits than a float
     edges = np.append(t_us[0], t_us[1:][use]).astype(float)
     return edges, value[use], np.sqrt(past.lam0 / information[use])
@@ -175,7 +175,7 @@ def _of_itself(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
 
 
 def _beside_others(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
-    """Value and sd of each stretch alone; a stretch that does not separate the parameters has no information."""
+    """Value and information of each stretch, whatever the other parameters are; 0 if it does not separate them."""
     value, information = np.zeros(len(dR)), np.zeros(len(dR))
     for k, (A, b) in enumerate(zip(dR, ds, strict=True)):
         scale = np.sqrt(np.abs(np.diag(A)))
@@ -187,17 +187,17 @@ def _beside_others(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
     return value, information
 
 
-# --- When a series left its level, and whether suddenly or gradually --------------------------------------------------
+# --- Change of a series: time, and step or drift ----------------------------------------------------------------------
 
 
-# Each moment has the same prior probability; the level before and the size of the change are integrated out, both
-# Gaussian.
+# All times have the same prior probability.  The level before and the size of the change, both Gaussian, are integrated
+# out.
 
 PARTS = 4
-"""Moments that are considered in each stretch."""
+"""Number of possible times of a change in each stretch"""
 
 SURE = 3.0
-"""Logarithm of the odds from which on a change is called a step, or a drift."""
+"""Logarithm of the odds from which a change is called a step, or a drift"""
 
 
 def find_change(edges: Floats, values: Floats, sd: Floats, level_sd: float) -> Change:
@@ -205,8 +205,8 @@ def find_change(edges: Floats, values: Floats, sd: Floats, level_sd: float) -> C
 
     Args:
         edges: (N + 1,) in any unit of time, increasing.
-        values: white but for the change.
-        sd: lower bound; a larger scatter around the best fit is used instead.
+        values: white, apart from the change.
+        sd: lower bound of the standard deviations; a larger scatter around the best fit is used instead.
         level_sd: standard deviation of the level before, around zero.
     """
     moments = _moments(edges)
@@ -241,7 +241,7 @@ def _ramps(edges: Floats, moments: Floats) -> Floats:
 
 
 def _fit(f: Floats, values: Floats, sd: Floats, level_sd: float) -> tuple[Floats, Floats, Floats]:
-    """Logarithm of the evidence for each moment, size and its standard deviation; f (moments, N)."""
+    """Logarithm of the evidence, size and its standard deviation, for each moment; f (moments, N): unit changes."""
     w = 1 / sd**2
     large = 10 * (np.abs(values).max() + sd.max())
     a, b, c = f**2 @ w + large**-2, f @ w, w.sum() + level_sd**-2
@@ -263,8 +263,10 @@ def _excess(f: Floats, values: Floats, sd: Floats, level_sd: float) -> float:
 
 
 def _interval(edges: Floats, p: Floats) -> tuple[float, float]:
-    """The central interval of probability COVERED of p (moments,), uniform within the parts of the stretches."""
-    at = np.append((edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS).ravel(), edges[-1])
+    """Central interval of probability COVERED, for p (moments,), which is uniform within each part of a stretch."""
+    times = np.append(
+        (edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS).ravel(), edges[-1]
+    )
     total = np.append(0.0, np.cumsum(p))
-    low, high = np.interp([(1 - COVERED) / 2, (1 + COVERED) / 2], total, at)
+    low, high = np.interp([(1 - COVERED) / 2, (1 + COVERED) / 2], total, times)
     return float(low), float(high)

@@ -5,12 +5,12 @@
   ``lane_status`` reads them off a batch.
 * ``not_tested``: parameters that are not tested, why, and what would help.
 * ``calibrated_range``: ranges of the conditions at calibration, and whether an axis is within them.
-* ``alarm_life_cycle``: what operators have done about an alarm: acknowledged, shelved, suppressed.
-* ``alarm_tracker``: the open alarms of an axis, what became of each, and their circumstances.
+* ``alarm_life_cycle``: states of an alarm: acknowledged, shelved, suppressed.
+* ``alarm_tracker``: the open alarms of an axis, their changes, and the conditions in which they were raised.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
 * ``recommended_settings``: settings for a real axis.
-* ``heat_observer``: the heat of an axis without a thermometer, as its estimates show it.
+* ``heat_observer``: the heat of an axis without a thermometer, observed from its estimates.
 * ``trend_monitor``: long-term trends of an axis, and alarms about limits.
 """
 

@@ -1,13 +1,14 @@
-"""Life cycle of an alarm: what an operator has done about it (ISA-18.2 and IEC 62682, the state model of alarms).
+"""Life cycle of an alarm (the state model of ISA-18.2 and IEC 62682).
 
-A detector says whether the cause of an alarm is there.  This is the other half: whether a person has seen the alarm,
-and whether it is to be shown.  An alarm that is shelved, suppressed by design or out of service is hidden; its cause is
-still followed, so that it comes back as it is by then.
+A detector decides whether the cause of an alarm is present.  The life cycle adds whether a person has acknowledged the
+alarm, and whether it is shown.  An alarm that is shelved, suppressed by design or out of service is hidden; its cause
+is still followed, so that the alarm reappears in its then present state.
 
-An alarm returns when its cause has been away for the off-delay.  A cause that is back sooner was there all the time:
-its alarm stays as it is, and who has acknowledged it is not asked again.
+An alarm returns to normal when its cause has been absent for the off-delay.  If the cause comes back sooner, it counts
+as present all the time: the alarm keeps its state and need not be acknowledged again.
 
-The letters are those of the standards' diagram.  What is not in ``_SHOWN``, ``_HIDDEN`` or ``_OVERLAYS`` is illegal.
+The letters are those of the standards' diagram.  Transitions that are not in ``_SHOWN``, ``_HIDDEN``, ``_OVERLAYS`` or
+``_UNCOVERS`` are illegal.
 """
 
 from __future__ import annotations
@@ -23,23 +24,23 @@ PRIORITIES: tuple[Priority, ...] = ("low", "medium", "high")
 
 MAX_SHELF_S = 7 * 86400.0
 """Longest time for which an alarm may be shelved [s]: until the next planned maintenance, not until it is forgotten."""
-_SET_S = 3600.0
-"""The clock may be set back by this much meanwhile [s]"""
+_MAX_CLOCK_STEP_S = 3600.0
+"""The clock may be set back by this time [s] while an alarm is shelved."""
 
 
 class AlarmState(StrEnum):
     """States of an alarm."""
 
     NORMAL = "normal"
-    """A: the cause is gone, and the alarm needs no person"""
+    """A: the cause is absent, and nothing has to be acknowledged"""
     UNACKNOWLEDGED = "unacknowledged"
-    """B: the cause is there, nobody has acknowledged it"""
+    """B: the cause is present, nobody has acknowledged the alarm"""
     ACKNOWLEDGED = "acknowledged"
-    """C: the cause is there, a person knows"""
+    """C: the cause is present, a person has acknowledged the alarm"""
     RETURNED = "returned"
-    """D: the cause is gone, nobody has acknowledged it ("RTN unacknowledged")"""
+    """D: the cause is absent, nobody has acknowledged the alarm ("RTN unacknowledged")"""
     LATCHED = "latched"
-    """E: the cause is gone; the alarm stays active until it is acknowledged, also if it was before"""
+    """E: the cause is absent; the alarm stays active until it is acknowledged (again)"""
     SHELVED = "shelved"
     """G: hidden by a person until a time"""
     SUPPRESSED = "suppressed"
@@ -53,12 +54,12 @@ ACTIVE_STATES = (AlarmState.UNACKNOWLEDGED, AlarmState.ACKNOWLEDGED, AlarmState.
 
 
 class AlarmEvent(StrEnum):
-    """Events that change the state of an alarm, except that a comment and a name change none."""
+    """Events in the life of an alarm.  All but COMMENT and NAME change its state."""
 
     RAISE = "raise"
     CLEAR = "clear"
     LATCH = "latch"
-    """The cause of a latched alarm is gone"""
+    """The cause of a latched alarm is absent"""
     ACKNOWLEDGE = "acknowledge"
     SHELVE = "shelve"
     UNSHELVE = "unshelve"
@@ -69,11 +70,11 @@ class AlarmEvent(StrEnum):
     RETURN = "return to service"
     COMMENT = "comment"
     NAME = "name"
-    """The cause has been found, or corrected; the state stays"""
+    """The cause has been identified, or corrected; the state stays the same"""
 
 
 class AlarmTransitionError(ValueError):
-    """The event is not possible in the present state; the text says why, and what would be right."""
+    """The event is not possible in the present state; the text says why, and what is possible."""
 
 
 class ShelfEndError(ValueError):
@@ -81,9 +82,9 @@ class ShelfEndError(ValueError):
 
 
 _S, _E = AlarmState, AlarmEvent
-_Steps = Mapping[tuple[AlarmState, AlarmEvent], AlarmState]
+_Transitions = Mapping[tuple[AlarmState, AlarmEvent], AlarmState]
 
-_SHOWN: _Steps = {
+_SHOWN: _Transitions = {
     (_S.NORMAL, _E.RAISE): _S.UNACKNOWLEDGED,
     (_S.RETURNED, _E.RAISE): _S.UNACKNOWLEDGED,
     (_S.LATCHED, _E.RAISE): _S.UNACKNOWLEDGED,
@@ -95,19 +96,19 @@ _SHOWN: _Steps = {
     (_S.RETURNED, _E.ACKNOWLEDGE): _S.NORMAL,
     (_S.LATCHED, _E.ACKNOWLEDGE): _S.NORMAL,
 }
-_HIDDEN: _Steps = {
+_HIDDEN: _Transitions = {
     **{(state, event): to for (state, event), to in _SHOWN.items() if event in (_E.RAISE, _E.LATCH)},
-    # What came and went while it was hidden needs no person.
+    # A cause that came and went while the alarm was hidden need not be acknowledged.
     (_S.UNACKNOWLEDGED, _E.CLEAR): _S.NORMAL,
     (_S.ACKNOWLEDGED, _E.CLEAR): _S.NORMAL,
 }
-"""What becomes of the state to which a hidden alarm returns."""
+"""Transitions of the state below a hidden one, to which the alarm returns."""
 _OVERLAYS: Mapping[AlarmEvent, tuple[AlarmState, tuple[AlarmState, ...]]] = {
     _E.SHELVE: (_S.SHELVED, ()),
     _E.SUPPRESS: (_S.SUPPRESSED, (_S.SHELVED, _S.OUT_OF_SERVICE)),
     _E.REMOVE: (_S.OUT_OF_SERVICE, (_S.SHELVED, _S.SUPPRESSED)),
 }
-"""The state that hides the alarm, and the hidden states which it may replace."""
+"""By event: the state that hides the alarm, and the hidden states that it may replace."""
 _UNCOVERS = {
     _E.UNSHELVE: _S.SHELVED,
     _E.SHELF_ENDED: _S.SHELVED,
@@ -127,7 +128,10 @@ _ADVICE: Mapping[AlarmState, str] = {
 
 
 class AlarmLife(NamedTuple):
-    """The state of an alarm.  ``returns_to``: of a hidden one, the state below; ``until_us``: of a shelved one."""
+    """The state of an alarm.
+
+    ``returns_to``: the state below a hidden one; otherwise None.  ``until_us``: end of a shelf [us]; otherwise None.
+    """
 
     state: AlarmState = AlarmState.NORMAL
     returns_to: AlarmState | None = None
@@ -135,30 +139,31 @@ class AlarmLife(NamedTuple):
 
     @property
     def below(self) -> AlarmState:
-        """The state without what hides it."""
+        """The state apart from hiding: ``returns_to`` of a hidden alarm."""
         return self.state if self.returns_to is None else self.returns_to
 
     @property
     def active(self) -> bool:
-        """Whether its cause is there, or it is latched."""
+        """Whether the cause is present, or the alarm is latched."""
         return self.below in ACTIVE_STATES
 
     @property
     def hidden(self) -> bool:
-        """Whether it is shelved, suppressed or out of service."""
+        """Whether the alarm is shelved, suppressed or out of service."""
         return self.state in HIDDEN_STATES
 
     def at(self, now_us: int) -> AlarmLife:
-        """The state at a time: a shelf that is over hides nothing, even before its end is recorded.
+        """The state at a time.  A shelf that has ended no longer hides the alarm, even before its end is recorded.
 
-        Nor does one that would last too long from now: the clock was ahead when the alarm was shelved.
+        A shelf that would last too long from now has ended too: the clock was ahead when the alarm was shelved.
         """
-        over = self.until_us is not None and not 0 < self.until_us - now_us <= (MAX_SHELF_S + _SET_S) * 1e6
+        longest_us = (MAX_SHELF_S + _MAX_CLOCK_STEP_S) * 1e6
+        over = self.until_us is not None and not 0 < self.until_us - now_us <= longest_us
         return AlarmLife(self.below) if over else self
 
 
 class Transition(NamedTuple):
-    """A change of the state of an alarm.  ``before`` and ``after`` are equal for a comment and a name."""
+    """An event and the states before and after it, which are equal for a comment and a name."""
 
     event: AlarmEvent
     before: AlarmLife
@@ -166,7 +171,10 @@ class Transition(NamedTuple):
 
 
 class AlarmRules(NamedTuple):
-    """How the alarms of a parameter are handled.  ``off_delay_s``: for how long its cause is away before it returns."""
+    """How the alarms of a parameter are handled.
+
+    ``off_delay_s``: time for which the cause must be absent before the alarm returns to normal.
+    """
 
     priority: Priority = "medium"
     latched: bool = False
@@ -176,12 +184,12 @@ class AlarmRules(NamedTuple):
 
 
 def transition(life: AlarmLife, event: AlarmEvent, until_us: int | None = None) -> Transition:
-    """What an event makes of an alarm.
+    """The transition of an alarm by an event.
 
     Args:
-        life: before the event.
-        event: what has happened.
-        until_us: end of the shelf, of the event SHELVE.
+        life: state before the event.
+        event: the event.
+        until_us: end of the shelf [us], for the event SHELVE.
 
     Raises:
         AlarmTransitionError: the event is not possible now.
@@ -217,54 +225,55 @@ def check_shelf(until_us: int, now_us: int) -> None:
     Raises:
         ShelfEndError: it is not in the future, or too far in it.
     """
-    left_s = (until_us - now_us) / 1e6
-    if left_s <= 0:
+    remaining_s = (until_us - now_us) / 1e6
+    if remaining_s <= 0:
         raise ShelfEndError("an alarm can be shelved only until a time in the future")
-    if left_s > MAX_SHELF_S:
+    if remaining_s > MAX_SHELF_S:
         days = MAX_SHELF_S / 86400
         raise ShelfEndError(
-            f"an alarm can be shelved for at most {days:.0f} days; what has to stay hidden for longer belongs into "
+            f"an alarm can be shelved for at most {days:.0f} days; to hide it for longer, suppress it in "
             "[robot.axis.alarms] of the configuration"
         )
 
 
 def due(life: AlarmLife, present: bool, rules: AlarmRules) -> list[Transition]:
-    """The transitions after which an alarm agrees with its cause and with the configuration.
+    """The transitions that bring an alarm into agreement with its cause and with the configuration.
 
-    What the configuration hides was never shown: it is hidden before it is raised, and over when its cause is gone.
+    An alarm that the configuration hides is never shown: it is hidden before it is raised, and it is cleared without
+    latching when its cause is gone.
 
     Args:
-        life: the alarm so far.
-        present: whether the cause is there now.
-        rules: of its parameter.
+        life: the present state.
+        present: whether the cause is present now.
+        rules: rules of its parameter.
     """
-    found: list[Transition] = []
+    transitions: list[Transition] = []
 
-    def then(event: AlarmEvent) -> None:
-        found.append(transition(found[-1].after if found else life, event))
+    def add(event: AlarmEvent) -> None:
+        transitions.append(transition(transitions[-1].after if transitions else life, event))
 
     by_rule = life.state in _BY_RULE
     if not present and life.below in _PRESENT:
-        then(AlarmEvent.LATCH if rules.latched and not by_rule else AlarmEvent.CLEAR)
-    now = found[-1].after if found else life
-    wanted = _wanted(rules) if present or now.active else None
-    if now.state is not wanted:
-        if wanted is not None:
-            then(_OVERLAY_EVENTS[wanted])
+        add(AlarmEvent.LATCH if rules.latched and not by_rule else AlarmEvent.CLEAR)
+    now = transitions[-1].after if transitions else life
+    required = _required_hidden(rules) if present or now.active else None
+    if now.state is not required:
+        if required is not None:
+            add(_OVERLAY_EVENTS[required])
         elif by_rule:
-            then(_UNCOVERED_BY[now.state])
+            add(_UNCOVERED_BY[now.state])
     if present and life.below not in _PRESENT:
-        then(AlarmEvent.RAISE)
-    return found
+        add(AlarmEvent.RAISE)
+    return transitions
 
 
 def returns_us(life: AlarmLife, ended_us: int | None, rules: AlarmRules) -> int | None:
-    """When the off-delay of an alarm is over, if its cause stays away; None: it does not wait for that.
+    """End of the off-delay of an alarm [us], if its cause stays absent; None: no off-delay runs.
 
     Args:
-        life: the alarm so far.
-        ended_us: since when its cause is away; None: it is there.
-        rules: of its parameter.
+        life: the present state.
+        ended_us: time since which the cause is absent [us]; None: it is present.
+        rules: rules of its parameter.
     """
     if ended_us is None or life.below not in _PRESENT:
         return None
@@ -272,7 +281,7 @@ def returns_us(life: AlarmLife, ended_us: int | None, rules: AlarmRules) -> int 
 
 
 def is_present(life: AlarmLife, ended_us: int | None, at_us: int, rules: AlarmRules) -> bool:
-    """Whether the cause of an alarm counts as there: it is, or the off-delay is not over; arguments as before."""
+    """Whether the cause counts as present: it is, or the off-delay still runs; arguments as in ``returns_us``."""
     over_us = returns_us(life, ended_us, rules)
     return ended_us is None or (over_us is not None and at_us < over_us)
 
@@ -283,8 +292,8 @@ _OVERLAY_EVENTS = {hides: event for event, (hides, _) in _OVERLAYS.items()}
 _UNCOVERED_BY = {state: event for event, state in _UNCOVERS.items() if event is not AlarmEvent.SHELF_ENDED}
 
 
-def _wanted(rules: AlarmRules) -> AlarmState | None:
-    """The state in which the configuration hides an alarm; None: it does not."""
+def _required_hidden(rules: AlarmRules) -> AlarmState | None:
+    """The hidden state that the configuration requires for an alarm; None: it does not hide the alarm."""
     if rules.out_of_service:
         return AlarmState.OUT_OF_SERVICE
     return AlarmState.SUPPRESSED if rules.suppressed else None

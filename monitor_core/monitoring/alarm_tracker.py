@@ -1,10 +1,10 @@
-"""Open alarms of one axis: the alarms that a detector raises, changes or ends, and what became of each.
+"""Open alarms of one axis: keeps the alarms that a detector raises, changes or ends, and reports their changes.
 
-One change is one alarm:
+One change of the axis is one alarm:
 
-* While an alarm is open, or has ended not long ago, a further change is reported only when it has a name.  A detector
-  may find out that it belongs to the open alarm; then nothing was reported.
-* A cause that is found again not long after its alarm has ended is the same alarm, which is reopened.
+* While an alarm is open, or has ended not long ago, a further change is reported only after it has got a name.  Until
+  then the detector may find that the change belongs to the open alarm, and nothing is reported.
+* If a cause is detected again not long after its alarm has ended, that alarm is reopened.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -20,12 +20,13 @@ from monitor_core.samples import SampleBlock
 E = TypeVar("E")
 
 REOPEN_MEMORIES = 30
-"""Memory lengths after the end of an alarm in which the same cause reopens it: ten times what ends it.  The tests of a
-change that hardly stands out cross that seldom, and what the model lacks may look like its end."""
+"""Memory lengths after the end of an alarm during which the same cause reopens it: ten times the time after which an
+alarm ends.  The tests of a change that hardly stands out cross their thresholds as rarely as that, and model errors may
+look like its end."""
 
 
 class AlarmChange(NamedTuple):
-    """What became of an alarm in one update, and the alarm in its latest form."""
+    """The change of an alarm in one update, and the alarm after it."""
 
     kind: Literal["raised", "renamed", "updated", "ended", "reopened"]
     alarm: Alarm
@@ -34,8 +35,8 @@ class AlarmChange(NamedTuple):
 class AlarmTracker:
     """The alarms of one axis, the oldest first.
 
-    ``alarms``: those open, or ended not long ago.  ``unreported``: an open one that has no name yet.  An alarm that has
-    ended is reopened if its cause is detected again within ``reopen_us``, though it may be named later.
+    ``alarms``: alarms that are open, or have ended not long ago.  ``unreported``: open alarms that have no name yet.
+    An ended alarm is reopened if its cause is detected again within ``reopen_us``, even if it gets its name later.
     """
 
     def __init__(
@@ -59,15 +60,15 @@ class AlarmTracker:
 
     @property
     def unreported(self) -> tuple[Alarm, ...]:
-        """Changes without a name, that may belong to another alarm."""
+        """Changes without a name, which may belong to another alarm."""
         return tuple(self._unreported.values())
 
     def is_open(self, parameter: str) -> bool:
-        """Whether an open alarm names this parameter, or other cause."""
+        """Whether an open alarm names this parameter (or this other cause)."""
         return any(alarm.parameter == parameter for alarm in self._open.values())
 
     def adopt(self, open_alarms: Iterable[Alarm], ended: Iterable[Alarm] = ()) -> None:
-        """Replace the open alarms; those that have ended may be reopened, too."""
+        """Replace the open alarms, and add ``ended`` alarms that may be reopened."""
         self._open = {alarm.key: alarm for alarm in open_alarms if alarm.ended_us is None}
         self._ended |= {alarm.key: alarm for alarm in ended if alarm.ended_us is not None}
         for key in self._ended:
@@ -79,7 +80,10 @@ class AlarmTracker:
     def update(
         self, events: Iterable[E], interpret: Callable[[E, Sequence[Alarm]], Iterable[Alarm]]
     ) -> list[AlarmChange]:
-        """Take the events of a detector, interpreted with the alarms that are open then; each changed alarm once."""
+        """Take the events of a detector; returns each changed alarm once.
+
+        ``interpret``: makes alarms of an event and of the alarms that are open at that event.
+        """
         before, latest = {**self._ended, **self._open}, dict[AlarmKey, Alarm]()
         for event in events:
             for alarm in interpret(event, (*self.open, *self.unreported)):
@@ -88,7 +92,7 @@ class AlarmTracker:
         return [_change(before.get(key), alarm) for key, alarm in latest.items()]
 
     def _take(self, alarm: Alarm) -> Alarm | None:
-        """Keep an alarm in its new form; returns what there is to report."""
+        """Keep the new form of an alarm; returns the alarm to report, or None if nothing is reported."""
         key = alarm.key
         if key in self._open:
             self._open[key] = alarm
@@ -96,7 +100,7 @@ class AlarmTracker:
                 self._ended[key] = self._open.pop(key)
             return alarm
         self._unreported.pop(key, None)
-        if alarm.ended_us is not None:  # it belonged to another one
+        if alarm.ended_us is not None:  # the change belonged to another alarm
             return None
         recent = [a for a in self._ended.values() if self._is_recent(a, alarm.raised_us)]
         if alarm.stage == "changed" and (self._open or recent):
@@ -110,11 +114,11 @@ class AlarmTracker:
         return alarm
 
     def _is_recent(self, ended: Alarm, raised_us: int) -> bool:
-        """Whether an alarm may be reopened by a change that was detected at this time, whenever that gets its name."""
+        """Whether a change detected at this time may reopen an ended alarm, no matter when the change gets its name."""
         return raised_us - (ended.ended_us or 0) <= self._reopen_us
 
     def _forget(self, raised_us: int) -> None:
-        """Drop the ended alarms that no change can reopen, neither one detected now nor one that has no name yet."""
+        """Discard the ended alarms that can no longer be reopened, by a change now or by one without a name yet."""
         oldest_us = min([raised_us, *(a.raised_us for a in self._unreported.values())])
         self._ended = {key: a for key, a in self._ended.items() if self._is_recent(a, oldest_us)}
 
@@ -130,38 +134,38 @@ def _change(before: Alarm | None, alarm: Alarm) -> AlarmChange:
     return AlarmChange("updated" if names[0] == names[1] else "renamed", alarm)
 
 
-# --- The circumstances of an alarm: whether it was raised in the conditions of the calibration, and what looks like it
+# --- Context of an alarm: whether it was raised in the calibrated conditions, and which other causes look alike
 
 
 Interpret = Callable[[E, Sequence[Alarm]], Iterable[Alarm]]
-"""The alarms that an event of a detector makes of the open ones."""
+"""Function that returns the new and changed alarms for an event of a detector and the open alarms."""
 
 
 def in_context(
     interpret: Interpret[E], samples: SampleBlock | None, look_alike: Mapping[str, str]
 ) -> Interpret[E]:
-    """As ``interpret``, with alarms that state their circumstances.
+    """``interpret`` with the context added to its alarms.
 
     Args:
-        interpret: of a detector.
-        samples: those of the events; None, or without ``inside``: nothing is known of the calibration.
-        look_alike: what else a change of a parameter may be, by its name.
+        interpret: function of a detector.
+        samples: the samples of the events; None, or without ``inside``: the calibrated conditions are not known.
+        look_alike: by name of a parameter: another cause that a change of it may have.
     """
     if (samples is None or samples.inside is None) and not look_alike:
         return interpret
 
-    def stated(event: E, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+    def interpret_in_context(event: E, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
         before = {alarm.key for alarm in open_alarms}
         for alarm in interpret(event, open_alarms):
             if samples is not None and alarm.key not in before and alarm.inside_calibration is None:
                 alarm = replace(alarm, inside_calibration=_inside(samples, alarm.raised_us))
             yield _with_alike(alarm, look_alike) if look_alike else alarm
 
-    return stated
+    return interpret_in_context
 
 
 def _inside(samples: SampleBlock, t_us: int) -> bool | None:
-    """Whether the conditions at that time were those of the calibration; None: not known."""
+    """Whether the conditions at that time were within the calibrated ranges; None: not known."""
     at = np.flatnonzero(samples.t_us == t_us)
     return bool(samples.inside[at[0]]) if samples.inside is not None and at.size else None
 
@@ -177,7 +181,7 @@ def _with_alike(alarm: Alarm, look_alike: Mapping[str, str]) -> Alarm:
 
 
 def last_open_us(samples: SampleBlock) -> int:
-    """Time of the last sample that no gate leaves out, and whose conditions are known [us]; NEVER: none."""
+    """Time [us] of the last sample with an open gate and known conditions; NEVER if there is none."""
     is_open = np.ones(samples.size, np.bool_) if samples.gate is None else samples.gate
     if samples.shift is not None:
         is_open = is_open & np.isfinite(samples.shift).all(axis=1)

@@ -1,4 +1,4 @@
-"""A batch of axes of equal structure: owns their state, runs blocks of their samples through the kernel."""
+"""A batch of axes with equal structure: owns their state and runs blocks of their samples through the kernel."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -22,26 +22,28 @@ from monitor_core.kernel.tables import constant_rows
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8
-"""From so many axes on the batch runs in lanes.  Lanes are faster from four on, twice as fast at eight (``make bench``
-measures it), but the six axes of one robot then save a thousandth of a core and wait 3 s longer for the compiler."""
+"""Number of axes from which a batch runs in lanes.  Lanes are faster from four axes on, twice as fast at eight (``make
+bench`` measures it).  But with lanes, the six axes of a robot would save a thousandth of a core and wait 3 s longer for
+the compiler."""
 
-MOST_LANES = 64
-"""Lanes side by side: what is done once for all of them hardly counts then, and their arrays fit the second cache."""
+MAX_LANES = 64
+"""Lanes side by side: with so many, the work done once for all lanes hardly counts, and their arrays fit the L2
+cache."""
 
 
 class MoreColumns(TypedDict, total=False):
-    """What may be known of the samples of a batch beside their times, torques and motion; None: as without it."""
+    """Optional data of the samples of a batch beside times, torque and motion; None is the same as leaving it out."""
 
     count: Ints | None
-    """(W,) how many samples each axis has; default: all N"""
+    """(W,) number of samples of each axis; default: all N"""
     shift: Floats | None
-    """(N, p, W) theta_0(s) - theta_0 at each sample, in theta's units; without it, what it was last.  NaN: the
-    conditions are not known"""
+    """(N, p, W) theta_0(s) - theta_0 at each sample, in theta's units; default: the last value.  NaN: the conditions
+    are not known"""
     gate: Bools | None
-    """(N, W) where False, or the conditions are not known, nothing is learned"""
+    """(N, W) the estimates are not updated where this is False, or where the conditions are not known"""
     weight: Floats | None
-    """(N, W) torque of the nominal weight [N m], of a drive that has it as an input; without it, and where it is NaN,
-    what it was last"""
+    """(N, W) torque of the nominal weight [N m], for a drive that has it as an input; default, and for NaN: the last
+    value"""
 
 
 class AxisBatch:
@@ -84,9 +86,9 @@ class AxisBatch:
         self.thresholds: Floats = named.h
         """h (p, W)"""
         self.allowance: Floats = named.allowance
-        """What nu allows for beside chance (p, W); ``allow`` changes it"""
+        """Part of nu that allows for more than chance (p, W); ``allow`` changes it"""
         self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
-        """Bounds of theta (p, W), each: the models' own, drawn in to where the predictors are stable."""
+        """Lower and upper bounds of theta (p, W): those of the models, narrowed to where the predictors are stable."""
         judged = named.lower, named.upper, self.state.P_nom
         self._untraced = self._trace(0)
         self._judges = tuple(EvidenceBuilder(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
@@ -114,9 +116,9 @@ class AxisBatch:
     def run(
         self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]
     ) -> list[tuple[int, BatchEvent]]:
-        """Run a block: t_us, u, y (N, W), axis last, and what else is known of the samples.
+        """Run a block: t_us, u, y (N, W), axis last, and optional columns.
 
-        Returns the events with the index of their axis, axis by axis in order of time.
+        Returns the events, each with the index of its axis: axis by axis, in order of time.
 
         Raises:
             ValueError: shapes that do not fit.
@@ -131,7 +133,7 @@ class AxisBatch:
         return self._run(self._samples(t_us, u, y, **more), trace), trace
 
     def trace(self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]) -> Trace:
-        """As ``run_traced`` without the events: to make them takes as long as to run many axes."""
+        """As ``run_traced`` without the events, which take as long to make as many axes take to run."""
         trace = self._trace(len(t_us))
         self._advance(self._samples(t_us, u, y, **more), trace)
         return trace
@@ -139,7 +141,7 @@ class AxisBatch:
     def crossings(
         self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]
     ) -> list[tuple[int, Crossing]]:
-        """As ``run``, but only the events that a test crossed its threshold, those of each axis in order of time."""
+        """As ``run``, but only the crossings of thresholds; those of each axis are in order of time."""
         events, _ = self._advance(self._samples(t_us, u, y, **more), self._untraced)
         return [self._event(events, k) for k in range(int(events.filled[0]))]
 
@@ -181,7 +183,10 @@ class AxisBatch:
         return events, noted
 
     def compile_parts(self) -> None:
-        """Compile parts of the kernel only, in another process than the whole, which is then compiled sooner."""
+        """Compile only parts of the kernel.
+
+        In a second process, this shortens the compilation of the whole kernel in the first one.
+        """
         compile_parts(
             _lanes(len(self.models)), self._tables, self._constants, *self._parts, self._kept,
             not self.settings[0].run_on, self._events(0), self._noted(0),
@@ -194,12 +199,12 @@ class AxisBatch:
         return Trace(g=np.empty((N, 2, p, W)), mode=np.zeros((N, W)), **own)
 
     def _events(self, N: int) -> Events:
-        """Room for two crossings of each parameter in each of N samples."""
-        most = 2 * self._tables.p * N * len(self.models)
-        return Events(np.zeros(1, np.int64), np.empty((5, most), np.int64))
+        """Arrays for two crossings of each parameter in each of N samples."""
+        capacity = 2 * self._tables.p * N * len(self.models)
+        return Events(np.zeros(1, np.int64), np.empty((5, capacity), np.int64))
 
     def _noted(self, N: int) -> EvidenceColumns:
-        """Room for the evidence that N samples of each axis can yield."""
+        """Arrays for the evidence that N samples of each axis can yield."""
         p = self._tables.p
         capacity = sum(N // s.naming_samples + 1 for s in self.settings)
         what, value = np.empty((4, capacity), np.int64), np.empty((noted_numbers(p), capacity))
@@ -207,7 +212,7 @@ class AxisBatch:
         return EvidenceColumns(np.zeros(1, np.int64), what, value, *before)
 
     def _named(self, events: Events, noted: EvidenceColumns) -> Iterator[tuple[int, BatchEvent]]:
-        """All events in their order, with the evidence that was noted between them."""
+        """All events in order, including the evidence that the kernel noted between the crossings."""
         done = 0
         for c in range(int(noted.filled[0])):
             before = int(noted.what[3, c])
@@ -222,17 +227,17 @@ class AxisBatch:
         return a, Crossing(self.models[a].monitored[i], DIRECTIONS[kind], t_us, onset_us)
 
     def judge(self, a: int, on: bool) -> None:
-        """Whether the estimates of an axis are tested from now on, and are readings for its trend."""
+        """Switch the tests of an axis, and the readings for its trend, on or off from now on."""
         self.judged[a] = on
         self._tested[a] = on and not self.settings[a].unidentifiable
 
     def allow(self, a: int, more: Floats) -> None:
-        """Allow in the tests of an axis for so much more (p,) than its settings do, until the next call."""
+        """Set an additional allowance (p,) for the tests of an axis, beyond its settings, until the next call."""
         p = len(self.models[a].scale)
         self.allowance[:, a] = self.settings[a].tests(p)[2] * self.models[a].scale + more
 
     def move_nominal(self, a: int, step: Floats) -> None:
-        """Move theta_0(s) of an axis by a step (p,), but not its estimates; former deviations are forgotten."""
+        """Move theta_0(s) of an axis by a step (p,), but not its estimates; kept deviations are discarded."""
         self.state.shift[:, a] += step
         self._kept.t[:, a] = NEVER
 
@@ -244,7 +249,7 @@ class AxisBatch:
         """Restore a state from ``column``.
 
         Raises:
-            ValueError: the arrays have another shape, or hold values no state can have.
+            ValueError: the arrays have another shape, or hold values that no state can have.
         """
         if floats.shape != self._floats[:, a].shape or ints.shape != self._ints[:, a].shape:
             raise ValueError(f"a state of {floats.size} + {ints.size} numbers does not fit this model")
@@ -255,31 +260,31 @@ class AxisBatch:
 
 
 def standard_deviation(s: Settings, P_ii: float) -> float:
-    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda)); with a drift, lambda is 1."""
+    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda)); for a random walk, lambda is 1."""
     return math.sqrt(s.lam0 * P_ii / s.divisor)
 
 
 def _lanes(axes: int) -> tuple[int] | Ints:
-    """A single lane for few axes, run one after the other; otherwise the number that shares the axes evenly."""
+    """Lanes of the kernel: (0,), which runs few axes one after the other, or indices that share the axes evenly."""
     if axes < FEWEST_LANES:
         return (0,)
-    turns = -(-axes // MOST_LANES)
+    turns = -(-axes // MAX_LANES)
     return np.arange(-(-axes // (turns * EIGHT)) * EIGHT)
 
 
-# --- What the kernel needs to know of an axis that does not change: settings and nominal values as its constants ------
+# --- Constants of the kernel for an axis: its settings and nominal values ---------------------------------------------
 
 
 SLOW_MEMORIES = 10
 
 
 def uninformed_P(model: AxisModel, s: Settings) -> Floats:
-    """Diagonal of P (p,) if no more is known of the parameters than their sizes."""
+    """Diagonal of P (p,) if only the sizes of the parameters are known."""
     return np.asarray((1 + s.lam) * model.scale**2 / s.lam0)
 
 
 def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str, Floats]:
-    """Values of kernel/tables.Constants by name: numbers, or as many rows as each needs.
+    """Values of kernel/tables.Constants by name: numbers and vectors.
 
     Raises:
         ValueError: settings that do not fit the drive.

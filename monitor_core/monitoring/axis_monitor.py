@@ -47,22 +47,22 @@ _NOT_PART_OF_STATE: dict[str, Any] = {
     "covariance_reset": 0.0,
     "unidentifiable": (),
 }
-"""Settings that may change between two runs without making a saved state invalid."""
+"""Settings that may change between two runs without making a saved state invalid, with a fixed value for the key"""
 Arrays = dict[str, NDArray[np.generic]]
 
 
 class AxisMonitor:
     """Estimates, tests and alarms of one axis.
 
-    ``AxisMonitor(model, settings)`` monitors an axis alone: ``changes = monitor.update(samples)``,
+    ``AxisMonitor(model, settings)`` monitors a single axis: ``changes = monitor.update(samples)``,
     ``monitor.status()``.
-    Of many axes, each monitor is a view of one lane of an ``AxisBatch`` (``of_lane``); see ``Fleet``.
+    With many axes, each monitor is a view of one lane of an ``AxisBatch`` (``of_lane``); see ``Fleet``.
 
     Args:
         model: nominal values and bounds.
         settings: predictor, forgetting, tests.
         multimodel: the multi-model detector; None: it does not run.
-        alarm_source: the detector whose alarms are those of the axis; the other one runs in shadow mode.
+        alarm_source: the detector that raises the alarms of the axis; the other one runs in shadow mode.
 
     Raises:
         ValueError: settings that do not fit the drive; alarms of a detector that does not run.
@@ -100,9 +100,9 @@ class AxisMonitor:
         self._tracker = AlarmTracker(reopen_us=self._reopen_us)
         self._status = LaneStatus(batch, lane, multimodel, source)
         self.look_alike: Mapping[str, str] = {}
-        """What else a change of a parameter may be, for its alarms, by its name"""
+        """By name of a parameter: another cause that a change of it may have; its alarms state it"""
         self.judged_us: int | None = None
-        """When its heat, which is not known, is known at the latest [us]; None: not known yet"""
+        """Time [us] at which the unknown heat is known at the latest; None: cannot be told yet"""
         self._models_wait = False
         self._open_us = NEVER  # time of the last sample that no gate left out
 
@@ -113,7 +113,7 @@ class AxisMonitor:
 
     @property
     def causes(self) -> tuple[str, ...]:
-        """Every cause that an alarm of the axis may name."""
+        """All causes that an alarm of the axis may name."""
         return self._source.causes
 
     @property
@@ -130,8 +130,8 @@ class AxisMonitor:
     def adopt(self, open_alarms: Iterable[Alarm], ended: Iterable[Alarm] = ()) -> None:
         """Replace the open alarms, as after a restart.
 
-        ``ended``: alarms that have ended; one whose cause comes back soon is reopened.  Without them a change that was
-        detected while such an alarm was open would be raised as a second one, from a time at which the first still was.
+        ``ended``: alarms that have ended; if the cause of one comes back soon, it is reopened.  Without them, a change
+        that was detected while such an alarm was still open would be raised as a second alarm.
         """
         before = (*self._tracker.open, *self._tracker.unreported)
         self._tracker.adopt(open_alarms, ended)
@@ -149,9 +149,9 @@ class AxisMonitor:
 
     @property
     def key(self) -> str:
-        """Identity of a saved state: schema, model, predictor.  States with equal keys are interchangeable.
+        """Key of a saved state: schema, model, predictor.  States with equal keys are interchangeable.
 
-        A user's drive may change and keep its name, so its structure is part of the key.
+        A user may change a drive and keep its name, so the structure of the drive is part of the key.
         """
         s = replace(self.settings, max_gap_s=self.settings.interval_s, **_NOT_PART_OF_STATE)
         m = self.model
@@ -159,19 +159,20 @@ class AxisMonitor:
 
     @property
     def history_key(self) -> str:
-        """Identity of a slow history.
+        """Key of a slow history.
 
-        Other nominal values or another predictor would move it, another memory would not.
+        Other nominal values or another predictor would shift the history, so they are part of the key; the memory is
+        not.
         """
         s = self.settings
-        # "None" is a former part of the key: it keeps the histories of earlier versions valid.
+        # Earlier versions had "None" in the key; with it their histories stay valid.
         predictor = f"K={s.K} delay={s.delay_s} speed_scale={s.speed_scale} None"
         return f"{_model_key(self.model)} {predictor}"
 
     def update(self, samples: SampleBlock) -> list[AlarmChange]:
         """Take samples (N,) of an axis that is monitored alone.
 
-        Returns what became of its alarms: each alarm that was raised, renamed, updated or ended, once.
+        Returns the changes of its alarms: each alarm that was raised, renamed, updated, ended or reopened, once.
 
         Raises:
             ValueError: arrays of shapes that do not fit.
@@ -186,33 +187,33 @@ class AxisMonitor:
         return changes, Trace(*(field[..., 0] for field in trace))
 
     def update_multimodel(self, samples: SampleBlock) -> list[AlarmChange]:
-        """Let only the multi-model detector take samples, as ``Fleet.update`` has left it out."""
+        """Let only the multi-model detector take samples, after ``Fleet.update(.., multimodel=False)``."""
         return self.apply(multimodel=self.multimodel_events(samples), samples=samples)
 
     def multimodel_events(self, samples: SampleBlock) -> Sequence[MultiModelEvent]:
-        """The events of the multi-model detector in these samples, if it runs."""
+        """Run the multi-model detector on these samples; returns its events, or none if it does not run."""
         return self.multimodel.bank.run(self.judged(samples)) if self.multimodel else ()
 
     def multimodel_events_traced(
         self, samples: SampleBlock
     ) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
-        """As ``multimodel_events``, with the values of every hypothesis at every sample."""
+        """As ``multimodel_events``, with the values of each hypothesis at each sample."""
         return self.multimodel.bank.run_traced(self.judged(samples)) if self.multimodel else ((), None)
 
     def judged(self, samples: SampleBlock) -> SampleBlock:
-        """The samples for the multi-model detector: with a closed gate while estimates are only made, or it waits."""
+        """The samples for the multi-model detector: with a closed gate while the axis is not tested or it must wait."""
         if self.batch.judged[self.lane] and not self._models_wait:
             return samples
         return samples._replace(gate=np.zeros(samples.size, np.bool_))
 
     def judge(self, on: bool) -> None:
-        """Whether estimates are tested from now on; otherwise they are only made."""
+        """Switch the tests on or off from now on; the estimates are updated in any case."""
         self.batch.judge(self.lane, on)
 
     def allow(self, more: Floats, models_wait: bool) -> None:
-        """Allow in the CUSUM tests for so much more (p,) than the settings do, until the next call.
+        """Set an additional allowance (p,) for the CUSUM tests, beyond that of the settings, until the next call.
 
-        The allowance of the multi-model detector is that of its records: it may have to wait meanwhile.
+        The multi-model detector has a fixed allowance from its records; ``models_wait`` makes it wait meanwhile.
         """
         self.batch.allow(self.lane, more)
         self._models_wait = models_wait
@@ -225,15 +226,15 @@ class AxisMonitor:
 
     @property
     def learned(self) -> int:
-        """Number of samples from which theta has been updated."""
+        """Number of samples that have updated theta."""
         return int(self.batch.state.counts[USED, self.lane])
 
     def deviations(self) -> Deviations | None:
-        """What the estimates show now; None: P(0) is not found yet."""
+        """Present deviations of the estimates; None: P(0) is not found yet."""
         return self._status.deviations()
 
     def move_nominal(self, step: Floats) -> None:
-        """Move the nominal values by a step (p,) under the estimates, which stay."""
+        """Move the nominal values by a step (p,); the estimates stay."""
         self.batch.move_nominal(self.lane, step)
 
     def apply(
@@ -244,7 +245,7 @@ class AxisMonitor:
     ) -> list[AlarmChange]:
         """Make alarms of the events of the alarm source, in order of time; events of the other detector are ignored.
 
-        ``samples``: those of the events, which state whether the axis was in the conditions of its calibration.
+        ``samples``: the samples of the events; they say whether the axis was in the calibrated conditions.
         """
         if samples is not None:
             self._open_us = max(self._open_us, last_open_us(samples))
@@ -252,11 +253,11 @@ class AxisMonitor:
             return self._tracker.update(
                 multimodel, in_context(self.multimodel.interpret, samples, self.look_alike)
             )
-        found = (event for event in cusum if not isinstance(event, Reading))
-        return self._tracker.update(found, in_context(self.cusum.interpret, samples, self.look_alike))
+        events = (event for event in cusum if not isinstance(event, Reading))
+        return self._tracker.update(events, in_context(self.cusum.interpret, samples, self.look_alike))
 
     def status(self) -> AxisStatus:
-        """Status of the axis now."""
+        """Present status of the axis."""
         detectors = tuple(
             DetectorStatus(detector.name, detector.name == self.alarm_source, *detector.leading())
             for detector in (self.cusum, self.multimodel)
@@ -269,11 +270,11 @@ class AxisMonitor:
 
     @property
     def multimodel_key(self) -> str:
-        """Identity of a saved state of the multi-model detector."""
+        """Key of a saved state of the multi-model detector."""
         return f"multimodel schema={MULTIMODEL_SCHEMA} {self.key}"
 
     def to_arrays(self) -> Arrays:
-        """The whole state except that of the multi-model detector, to be saved: arrays by name."""
+        """The state to save, as arrays by name; that of the multi-model detector is not included."""
         floats, ints = self.batch.column(self.lane)
         t = self._tracker
         alarms = {"alarms": (*t.ended, *t.open), "unreported": t.unreported}
@@ -281,22 +282,22 @@ class AxisMonitor:
         return own | {k: alarms_to_array(a) for k, a in alarms.items()}
 
     def from_arrays(self, arrays: Arrays) -> None:
-        """Continue from a saved state; alarms of causes that the axis no longer has are left out.
+        """Restore a saved state; alarms with causes that the axis no longer has are discarded.
 
         Raises:
             KeyError: an array is missing.
-            ValueError: it does not belong to this model, or is damaged.
+            ValueError: the state does not belong to this model, or is damaged.
         """
         alarms, unreported = (
             alarms_from_array(arrays[name], self.causes) for name in ("alarms", "unreported")
         )
-        opened = np.asarray(arrays.get("open_us", [NEVER]), np.int64)  # states of before do not have it
-        if opened.shape != (1,):
-            raise ValueError(f"open_us of shape {opened.shape} does not fit")
+        open_us = np.asarray(arrays.get("open_us", [NEVER]), np.int64)  # earlier versions did not save it
+        if open_us.shape != (1,):
+            raise ValueError(f"open_us of shape {open_us.shape} does not fit")
         self.batch.restore(
             self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
         )
-        self._open_us = int(opened[0])
+        self._open_us = int(open_us[0])
         self._tracker = AlarmTracker(alarms, unreported, self._reopen_us)
 
 
@@ -307,12 +308,12 @@ def _model_key(model: AxisModel) -> str:
 
 
 def _fingerprint(drive: Drive) -> int:
-    """Hash of all that the kernel sees of the structure of a drive; the same in every process."""
-    seen = ([state.name for state in drive.states], drive.inputs, drive.terms, drive.speed_state)
-    return int.from_bytes(repr(seen).encode(), "big") % _PRIME
+    """Hash of the structure of a drive as the kernel uses it; the same in every process."""
+    structure = ([state.name for state in drive.states], drive.inputs, drive.terms, drive.speed_state)
+    return int.from_bytes(repr(structure).encode(), "big") % _PRIME
 
 
 def _columns(samples: SampleBlock) -> dict[str, Any]:
-    """The arguments of ``AxisBatch.run`` for one axis: an axis last in every array."""
+    """Arguments of ``AxisBatch.run`` for a single axis: each array gets a last dimension of length 1."""
     values = zip(samples._fields[:6], samples[:6], strict=True)
     return {name: array[..., np.newaxis] for name, array in values if array is not None}

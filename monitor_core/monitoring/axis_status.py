@@ -21,13 +21,15 @@ class Status(StrEnum):
     SEEDING = "seeding"  # P(0) is being found
     TRACKING = "tracking"
     WEAK = "weakly observed"  # tracking, with less information than at commissioning
-    UNSEEN = "not observed"  # the last samples have almost no information on it
-    INVALID = "invalid"  # the model is wrong: an estimate at a bound, or errors far larger than before
-    ALARM = "alarm"  # an alarm episode is open
+    UNSEEN = "not observed"  # the last samples have almost no information on the parameter
+    INVALID = (
+        "invalid"  # the model is wrong: an estimate at a bound, or prediction errors far larger than expected
+    )
+    ALARM = "alarm"  # an alarm is open
 
 
 class Observation(StrEnum):
-    """How much the last samples say of a parameter, compared with commissioning."""
+    """Information of the last samples on a parameter, compared with commissioning."""
 
     OBSERVED = "observed"
     WEAK = "weakly observed"
@@ -42,9 +44,9 @@ class ParameterStatus:
     unit: str
     meaning: str
     nominal: float
-    """theta_0, which may follow measured conditions"""
+    """theta_0, which may depend on measured conditions"""
     estimate: float
-    """NaN where it is invalid"""
+    """NaN if it is invalid"""
     standard_deviation: float
     """sqrt(lambda_0 P_ii / (1 + lambda))"""
     p_diagonal: float
@@ -53,29 +55,29 @@ class ParameterStatus:
     """CUSUM for an increase; in the parameter's unit times samples"""
     g_down: float
     h: float
-    """Threshold of both"""
+    """Threshold of g_up and g_down"""
     nu: float
-    """Deviation per sample that is tolerated"""
+    """Deviation that each sample tolerates"""
     status: Status
     observation: Observation
     not_tested: NotTested | None = None
-    """Why no change of it would be found now; None: it is tested"""
+    """Reason why a change of the parameter would not be detected now; None: the parameter is tested"""
     tested_s: float = 0.0
-    """Time for which it has been tested since the start of the monitor [s]"""
+    """Time for which the parameter has been tested since the start of the monitor [s]"""
 
     @property
     def tested(self) -> bool:
-        """Whether a change of it would be found now."""
+        """Whether a change of the parameter would be detected now."""
         return self.not_tested is None
 
 
 @dataclass(frozen=True, slots=True)
 class DetectorStatus:
-    """Evidence of one detector now."""
+    """Present evidence of one detector."""
 
     name: DetectorName
     alarms: bool
-    """Whether the alarms of the axis come from it; otherwise it runs in shadow mode"""
+    """Whether this detector raises the alarms of the axis; otherwise it runs in shadow mode"""
     leading: str
     """The parameter, or other cause, that is nearest its threshold; empty: none yet"""
     evidence: float
@@ -84,39 +86,39 @@ class DetectorStatus:
 
 @dataclass(frozen=True, slots=True)
 class AxisStatus:
-    """One axis at the time of its last sample (microseconds since 1970, None before the first)."""
+    """Status of one axis at its last sample (``time_us``: microseconds since 1970, None before the first sample)."""
 
     time_us: int | None
     parameters: tuple[ParameterStatus, ...]
     innovation_variance: float
     """Running estimate of lambda_0, in the output's unit squared"""
     confounded: tuple[str, ...]
-    """What cannot be distinguished now, in words; empty where all is observed"""
+    """Sentences on parameters that are not observed or not distinguished now; empty if all are observed"""
     counters: Mapping[str, int]
-    """What became of the samples; see monitor_core.kernel.state.COUNTERS"""
+    """Counts of used and rejected samples; see monitor_core.kernel.state.COUNTERS"""
     detectors: tuple[DetectorStatus, ...] = ()
     remedy: Remedy | None = None
-    """What would help while P(0) is not found; None: it is"""
+    """What to do so that P(0) is found; None: it has been found"""
     memory_s: float = 0.0
     """Memory of the estimates [s]"""
     covariance: tuple[tuple[float, ...], ...] = ()
     """Covariance lambda_0 P / (1 + lambda) of the estimates, in order and units of the parameters; empty: unknown"""
     judged_in_s: float | None = None
-    """Where the heat is not known: time until it is, if friction does not show it sooner [s]; None: it is, or cannot be
-    said yet"""
+    """Time [s] until the unknown heat is known, if friction does not show it sooner; None: the heat is known, or the
+    time cannot be told yet"""
 
     def untested(self) -> dict[NotTested, tuple[str, ...]]:
         """Parameters that are not tested now, by reason."""
         return _by_reason((p.name, p.not_tested) for p in self.parameters)
 
     def untested_so_far(self) -> dict[NotTested, tuple[str, ...]]:
-        """Parameters whose tests ran for too short a time, since the start, to find and name a change; by reason."""
+        """Parameters whose tests have run for too short a time since the start to find and name a change, by reason."""
         least_s = MIN_TESTED_MEMORIES * self.memory_s
         missing = (p for p in self.parameters if p.tested_s < least_s or p.not_tested is NotTested.UNCERTAIN)
         return _by_reason((p.name, self._main_reason(p)) for p in missing)
 
     def _main_reason(self, p: ParameterStatus) -> NotTested:
-        """Why a parameter was not tested: at present, if that lasts; else what most samples were lost by."""
+        """Main reason why a parameter was not tested: its present one if that lasts, else the one of most samples."""
         if p.not_tested in _LASTING:
             return p.not_tested
         lost_by = {
@@ -129,7 +131,7 @@ class AxisStatus:
 
     @property
     def samples(self) -> int:
-        """Samples received; the other counters say what became of them."""
+        """Number of samples received: each is in one counter (``projected`` counts some of them again)."""
         return sum(v for k, v in self.counters.items() if k != "projected")
 
 
@@ -140,21 +142,25 @@ _LASTING = (
 """Reasons that do not change from sample to sample."""
 
 
-def _by_reason(found: Iterable[tuple[str, NotTested | None]]) -> dict[NotTested, tuple[str, ...]]:
+def _by_reason(reasons: Iterable[tuple[str, NotTested | None]]) -> dict[NotTested, tuple[str, ...]]:
     names = dict[NotTested, tuple[str, ...]]()
-    for name, reason in found:
+    for name, reason in reasons:
         if reason is not None:
             names[reason] = (*names.get(reason, ()), name)
     return names
 
 
-# --- Which combinations of parameters the last samples say nothing of, in words ---------------------------------------
+# --- Sentences on combinations of parameters that the last samples do not determine -----------------------------------
 
 
 def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) -> tuple[str, ...]:
-    """Parameters that are not observed now, or only in combination.
+    """Sentences on parameters that are not observed now, or only in combination.
 
-    From P (p, p) of the recursion, the commissioned P_ii (p,), sizes (p,) and names (p,) of the parameters.
+    Args:
+        P: matrix of the recursion (p, p).
+        P_nom: P_ii at commissioning (p,).
+        scale: sizes of the parameters (p,).
+        names: names of the parameters (p,).
     """
     size = np.sqrt(P_nom)
     values, vectors = np.linalg.eigh(P / np.outer(size, size))
@@ -163,7 +169,7 @@ def confounded(P: Floats, P_nom: Floats, scale: Floats, names: Sequence[str]) ->
 
 
 def unidentifiable_words(pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    """Why nothing is tested, where the nominal values do not allow it, and what would help."""
+    """Sentences on pairs of nominal values that are not distinguished, so that nothing is tested, and on what helps."""
     return tuple(
         sentence(
             "unidentifiable",

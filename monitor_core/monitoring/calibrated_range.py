@@ -1,7 +1,8 @@
-"""Conditions of an axis while it was calibrated: ranges of its speed and its signals; whether it is within them now.
+"""Ranges of the speed and the signals of an axis during calibration, and whether the axis is within them now.
 
-Thresholds keep their false-alarm budget in the conditions of the records that they are from.  A condition is the value
-of an auxiliary signal, or the root mean square of the speed over ten memories.  The torque is none: a fault changes it.
+Thresholds keep their false-alarm budget in the conditions of the records from which they were calibrated.  A condition
+is the value of an auxiliary signal, or the root mean square of the speed over ten memories.  The torque is not a
+condition, as a fault changes it.
 """
 
 import math
@@ -22,7 +23,7 @@ RMS_SPEED = "rms speed"
 """Root mean square of the speed [rad/s]; no signal can have this name."""
 RMS_MEMORIES = 10
 MARGIN = 0.1
-"""A value counts as inside up to this share of the width of a range, and of the magnitude of its ends, beyond them."""
+"""A value counts as inside if it is beyond an end by at most this share of the width and of the ends' magnitudes."""
 
 
 class Range(NamedTuple):
@@ -33,7 +34,7 @@ class Range(NamedTuple):
     high: float
 
     def holds(self, values: Floats) -> Bools:
-        """Whether values (N,) are inside, with a margin; unknown ones (NaN) count as inside."""
+        """Whether values (N,) are inside, with a margin; unknown values (NaN) count as inside."""
         reach = MARGIN * max(self.high - self.low, abs(self.low), abs(self.high))
         return np.asarray(~((values < self.low - reach) | (values > self.high + reach)), np.bool_)
 
@@ -62,29 +63,31 @@ class ConditionTracker:
             return np.zeros((0, len(self.names)))
         squares = self._speeds(block) ** 2
         known = np.isfinite(squares)
-        # A sample without a speed neither adds nor forgets.
+        # A sample without a speed leaves the sums as they are.
         total, count = self._sum(0, squares[known]), self._sum(1, np.ones(int(known.sum())))
-        found = np.full((N, len(self.names)), math.nan)
+        conditions = np.full((N, len(self.names)), math.nan)
         enough = count > self._samples * (1 - math.exp(-1))
-        found[known, 0] = np.where(enough, np.sqrt(total / count), math.nan)
-        found[:, :1] = forward_fill(found[:, :1], self._last[:1])
+        conditions[known, 0] = np.where(enough, np.sqrt(total / count), math.nan)
+        conditions[:, :1] = forward_fill(conditions[:, :1], self._last[:1])
         if block.signals is not None:
-            found[:, 1:] = block.signals
-        self._last = found[-1].copy()
-        return found
+            conditions[:, 1:] = block.signals
+        self._last = conditions[-1].copy()
+        return conditions
 
     def _sum(self, row: int, values: Floats) -> Floats:
-        """Running sum of values (n,) with the memory of the mean square; one of two, by row."""
+        """Running sum of values (n,) with exponential forgetting; ``row`` selects one of the two sums."""
         if not values.size:
             return values
-        kept = 1 - 1 / self._samples
-        sums = accumulate(values.tolist(), lambda total, value: kept * total + value, initial=self._sums[row])
+        factor = 1 - 1 / self._samples
+        sums = accumulate(
+            values.tolist(), lambda total, value: factor * total + value, initial=self._sums[row]
+        )
         out = np.fromiter(sums, float)[1:]
         self._sums[row] = float(out[-1])
         return out
 
     def _speeds(self, block: SampleBlock) -> Floats:
-        """Magnitude of the speed at each sample (N,); NaN: unknown, as after a gap of an angle."""
+        """Speed at each sample (N,); NaN: unknown, as after a gap of a measured angle."""
         steps = self._speed.take(block.t_us, block.y)
         if not self._angle:
             return steps.speed
@@ -94,18 +97,18 @@ class ConditionTracker:
 def ranges(
     output: Output, settings: Settings, signals: Sequence[str], records: Sequence[SampleBlock]
 ) -> list[Range]:
-    """Ranges of the conditions in records, one after the other; without those that were never known."""
+    """Ranges of the conditions in consecutive records; a condition that was never known has no range."""
     tracker = ConditionTracker(output, settings, signals)
-    found = np.concatenate([tracker.take(record) for record in records])
+    conditions = np.concatenate([tracker.take(record) for record in records])
     return [
         Range(name, float(np.nanmin(values)), float(np.nanmax(values)))
-        for name, values in zip(tracker.names, found.T, strict=True)
+        for name, values in zip(tracker.names, conditions.T, strict=True)
         if np.isfinite(values).any()
     ]
 
 
 class CalibratedRange:
-    """Whether an axis is within the conditions of its calibration, from sample to sample."""
+    """Tells whether an axis is within its calibrated conditions, from sample to sample."""
 
     def __init__(self, known: Sequence[Range], tracker: ConditionTracker) -> None:
         self._tracker = tracker
@@ -122,7 +125,7 @@ class CalibratedRange:
 
     @property
     def outside(self) -> tuple[str, ...]:
-        """What was outside at the last sample: "temperature = 41, calibrated from 20 to 35"; empty: nothing."""
+        """Conditions that were outside at the last sample, as "temperature = 41, calibrated from 20 to 35"."""
         return tuple(self._outside())
 
     def _outside(self) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""A fleet: axes of any drives, sample rates and settings, whose blocks of samples are taken in one call."""
+"""A fleet: axes with any drives, sample rates and settings, updated with their blocks of samples in one call."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from monitor_core.trend.entries import Reading
 
 _T = TypeVar("_T", bound=np.generic)
 _NO_AXIS = -1
-"""Number of the axis of a lane that takes no samples."""
+"""In place of the index of an axis, for a lane that takes no samples"""
 _NOTHING: Mapping[int, Any] = MappingProxyType({})
 
 
 class AxisTrace(NamedTuple):
-    """Values of an axis at every sample of a block."""
+    """Values of an axis at each sample of a block."""
 
     estimator: Trace
     """Values of the recursion, without the dimension of the axes"""
@@ -41,20 +41,20 @@ class AxisTrace(NamedTuple):
 
 
 class AxisUpdate(NamedTuple):
-    """Results of the samples of an axis."""
+    """Results of a block of samples of an axis."""
 
     changes: Sequence[AlarmChange]
     readings: Sequence[Reading]
-    """For the long-term trend"""
+    """Readings for the long-term trend"""
     trace: AxisTrace | None
-    """None: not asked for"""
+    """None: not requested"""
 
 
 class Fleet:
-    """Monitors of axes; axes of equal drive and equal monitored parameters share a batch, and so the kernel's lanes.
+    """Monitors of axes; those with equal drives and monitored parameters share a batch, and so the kernel's lanes.
 
-    ``monitors`` are in the order of the models.  ``multimodel``: the multi-model detectors of the axes that have one;
-    ``alarm_sources``: which detector an axis alarms by, default the CUSUM tests.
+    ``monitors`` are in the order of the models.  ``multimodel``: the multi-model detectors of the axes that have one,
+    by axis.  ``alarm_sources``: the detector that raises the alarms, by axis; default: the CUSUM tests.
 
     Raises:
         ValueError: models and settings of different number, none, or settings that do not fit the drive.
@@ -75,17 +75,17 @@ class Fleet:
             _Group(axes, AxisBatch([models[a] for a in axes], [settings[a] for a in axes]))
             for axes in _groups(models, settings)
         ]
-        placed = {axis: (group.batch, lane) for group in self._groups for lane, axis in enumerate(group.axes)}
+        lanes = {axis: (group.batch, lane) for group in self._groups for lane, axis in enumerate(group.axes)}
         self.monitors = tuple(
-            AxisMonitor.of_lane(*placed[axis], multimodel.get(axis), alarm_sources.get(axis, "cusum"))
+            AxisMonitor.of_lane(*lanes[axis], multimodel.get(axis), alarm_sources.get(axis, "cusum"))
             for axis in range(len(models))
         )
 
     @classmethod
     def of_monitors(cls, monitors: Sequence[AxisMonitor]) -> Fleet:
-        """A fleet of monitors that exist, each with the state it has; they may be those of several fleets.
+        """A fleet of existing monitors, which keep their states; they may come from several fleets.
 
-        The lanes of monitors that are left out take no samples any more.
+        Lanes of monitors that are not in the new fleet take no more samples.
         """
         fleet = cls.__new__(cls)
         lanes: dict[int, _Group] = {}
@@ -97,33 +97,33 @@ class Fleet:
 
     @property
     def batch_sizes(self) -> list[int]:
-        """How many lanes each batch has."""
+        """Number of lanes of each batch."""
         return [len(group.axes) for group in self._groups]
 
     def update(
         self, blocks: Mapping[int, SampleBlock], traced: bool = False, multimodel: bool = True
     ) -> dict[int, AxisUpdate]:
-        """Let axes take their blocks, of any lengths; an axis without a block takes no sample.
+        """Update axes with their blocks, which may differ in length; an axis without a block takes no sample.
 
-        Each axis gives exactly the results that it gives alone.  A trace takes memory for every sample: use short
-        blocks.  Without ``multimodel`` the multi-model detectors do not take them; ``AxisMonitor.update_multimodel``
-        gives the same blocks to them later, with the same alarms.
+        The results of each axis are exactly those of the axis alone.  A trace takes memory for each sample: use short
+        blocks.  With ``multimodel=False`` the multi-model detectors take no samples; pass the same blocks to
+        ``AxisMonitor.update_multimodel`` later, for the same alarms.
 
-        Returns the results by axis, for every axis with a block.
+        Returns the results by axis, for each axis with a block.
 
         Raises:
-            ValueError: an axis that does not exist, or arrays that do not fit; no axis has taken a sample then.
+            ValueError: an axis does not exist, or arrays do not fit; then no axis has taken a sample.
         """
         unknown = sorted(set(blocks) - set(range(len(self.monitors))))
         if unknown:
             raise ValueError(f"blocks for the axes {unknown}: there are {len(self.monitors)}, from 0 on")
         for axis, block in blocks.items():
             _check(axis, block, self.monitors[axis].model)
-        found: dict[int, AxisUpdate] = {}
+        updates: dict[int, AxisUpdate] = {}
         for group in self._groups:
             for axis, (events, trace) in group.run(blocks, traced).items():
-                found[axis] = _axis_update(self.monitors[axis], blocks[axis], events, trace, multimodel)
-        return {axis: found[axis] for axis in sorted(found)}
+                updates[axis] = _axis_update(self.monitors[axis], blocks[axis], events, trace, multimodel)
+        return {axis: updates[axis] for axis in sorted(updates)}
 
 
 class _Group(NamedTuple):
@@ -135,7 +135,7 @@ class _Group(NamedTuple):
     def run(
         self, blocks: Mapping[int, SampleBlock], traced: bool
     ) -> dict[int, tuple[list[BatchEvent], Trace | None]]:
-        """Events, and the trace if it is asked for, of each axis with a block."""
+        """Events of each axis with a block, and its trace if ``traced``."""
         taken = {lane: blocks[axis] for lane, axis in enumerate(self.axes) if axis in blocks}
         count = np.array([len(taken[a].t_us) if a in taken else 0 for a in range(len(self.axes))])
         shape = int(count.max()), len(self.axes)
@@ -152,12 +152,12 @@ class _Group(NamedTuple):
             events, trace = self.batch.run_traced(t_us, u, y, **more)
         else:
             events = self.batch.run(t_us, u, y, **more)
-        found: dict[int, list[BatchEvent]] = {lane: [] for lane in taken}
+        by_lane: dict[int, list[BatchEvent]] = {lane: [] for lane in taken}
         for lane, event in events:
-            found[lane].append(event)
+            by_lane[lane].append(event)
         return {
             self.axes[lane]: (own, trace and Trace(*(field[: count[lane], ..., lane] for field in trace)))
-            for lane, own in found.items()
+            for lane, own in by_lane.items()
         }
 
 
@@ -181,7 +181,7 @@ def _axis_update(
 def _filled(
     name: str, blocks: Mapping[int, SampleBlock], empty: Callable[[], NDArray[_T]]
 ) -> NDArray[_T] | None:
-    """An array of the blocks (N, ..., W), of the default value where a lane has none; None, where no lane has any."""
+    """Array ``name`` of all blocks (N, ..., W), with default values for lanes that lack it; None if all lack it."""
     given = {lane: values for lane, block in blocks.items() if (values := getattr(block, name)) is not None}
     if not given:
         return None
@@ -192,7 +192,7 @@ def _filled(
 
 
 def _groups(models: Sequence[AxisModel], settings: Sequence[Settings]) -> list[list[int]]:
-    """Axes that can share a batch, each group in the order of the axes."""
+    """Groups of axes that can share a batch; each group is in the order of the axes."""
     groups: dict[object, list[int]] = {}
     for axis, (model, s) in enumerate(zip(models, settings, strict=True)):
         groups.setdefault((model.drive, model.monitored, s.run_on), []).append(axis)

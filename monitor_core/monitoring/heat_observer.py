@@ -1,17 +1,17 @@
-"""The heat of an axis as its estimates show it, where nothing else determines it (``drive.thermal_state``).
+"""Observes the heat of an axis from its estimates, where nothing else determines it (``drive.thermal_state``).
 
-After a start or a pause of which nothing is known, the heat is uncertain by its whole range.  The parameters that
-follow it are then estimated, but not tested.  From their deviation d, the covariance C of the estimates and the slopes
-s of the nominal values over the heat, the heat is corrected as by a Kalman filter,
+After a start, or a pause of which nothing is known, the heat is uncertain by its whole range.  Meanwhile the axis is
+estimated, but not tested.  The heat is corrected as by a Kalman filter, from the deviation d of the estimates, their
+covariance C and the slopes s of the nominal values over the heat,
 
     heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(allowance^2),
 
-until what is left of its uncertainty moves no nominal value by more than a part of what the tests tolerate.  Only the
-parameters that follow the heat are used: a change of another one does not affect it.  A change of friction that is
-there already cannot be distinguished from heat, unless it is larger than heat could be.
+until the remaining uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.
+Only the parameters that depend on the heat are used, so a change of another parameter does not affect it.  A change of
+friction that is already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
 
-What the thermal model lacks is part of what the tests tolerate (``Settings.model_error``).  Beyond the heat of the
-records they tolerate all that the straight lines change there, too.
+The tests also tolerate the error of the thermal model (``Settings.model_error``).  Beyond the heat of the records,
+where the straight lines are extrapolated, the tests also tolerate the whole extrapolated change.
 """
 
 import math
@@ -34,17 +34,17 @@ LOOKS_PER_MEMORY = 2
 MEMORIES = 4
 """Memories of motion until the estimates belong to the present heat."""
 SHARE = 0.5
-"""Share of what the tests tolerate by which the uncertainty of the heat may move a nominal value."""
+"""Share of the tolerated deviation by which the uncertainty of the heat may move a nominal value."""
 FARTHEST = 3.0
-"""In standard deviations: friction that is farther from what any heat explains has changed, and is no sign of heat."""
+"""Limit in standard deviations: friction that is farther from any value that heat explains has changed by a fault."""
 LOOKS_ALIKE = "a warmer or colder gearbox"
-"""Than its motion makes it: what a change of a parameter that follows the heat may also be, for alarms."""
+"""Other possible cause, in alarms, of a change of a parameter that depends on the heat"""
 _STEP = 1e-3
 """Step for slopes, as a share of the largest heat."""
 
 
 class WarmUp:
-    """Lets an axis take its samples part by part, so that its heat is observed at times that depend on them alone.
+    """Splits the samples of an axis into parts, so that the heat is observed at times that depend on the samples only.
 
     Args:
         operating: the conditions of the axis, with a thermal model.
@@ -66,22 +66,22 @@ class WarmUp:
             round(MEMORIES * s.memory),
             self._every_us * LOOKS_PER_MEMORY * MEMORIES,
         )
-        self._since_us: int | None = None  # when the heat that is being observed became unknown
-        self._learned = 0  # samples, at that time or at the last observation
+        self._since_us: int | None = None  # time at which the heat became unknown
+        self._learned = 0  # number of learned samples at that time, or at the last observation
         self._last_us: int | None = None
         self.widened = ""
-        """A sentence if the heat is far beyond that of the records, where friction is tested with a wider allowance"""
+        """A sentence if the heat is far beyond that of the records, so that friction has a wider allowance"""
 
     def part(self, block: SampleBlock) -> tuple[SampleBlock, SampleBlock | None]:
-        """The first samples of a block, with their conditions, for the monitor; and the others, if any.
+        """The next part of a block for the monitor, with its conditions; and the remaining samples, or None.
 
-        The monitor must take the part before the next one is asked for.
+        The monitor must take the part before the next call.
         """
         if not block.size:
             return self._operating.conditioned(block), None
         self._look(int(block.t_us[0]))
         self._widen(int(block.t_us[0]))
-        n = self._alike(block)
+        n = self._part_size(block)
         taken = self._operating.conditioned(block.select(slice(n)))
         self._last_us = int(block.t_us[n - 1])
         if self._thermal.since_us != self._since_us:
@@ -92,8 +92,8 @@ class WarmUp:
         self._monitor.judge(self._thermal.known)
         return taken, block.select(slice(n, None)) if n < block.size else None
 
-    def _alike(self, block: SampleBlock) -> int:
-        """Number of samples before the next look, and before a pause."""
+    def _part_size(self, block: SampleBlock) -> int:
+        """Number of samples until the next observation of the heat, or until a pause."""
         if self._last_us is None or abs(int(block.t_us[0]) - self._last_us) > GAP_S * 1e6:
             return 1
         n, now_us = self._operating.alike(block.t_us), int(block.t_us[0])
@@ -104,7 +104,7 @@ class WarmUp:
         return int(due[0]) if due.size else n
 
     def _widen(self, now_us: int) -> None:
-        """Set what the tests tolerate beyond the heat of the records, at times that depend on the samples alone."""
+        """Set the allowance for heat beyond that of the records, at times that depend on the samples only."""
         if self._last_us is None or self._last_us // self._widen_us != now_us // self._widen_us:
             self.widened = self._operating.far_beyond
             self._monitor.allow(np.abs(self._operating.shift_beyond()), bool(self.widened))
@@ -114,12 +114,11 @@ class WarmUp:
         return since + ((now_us - since) // self._every_us + 1) * self._every_us
 
     def _look(self, now_us: int) -> None:
-        """Observe the heat when it is time to, before the sample at ``now_us``."""
+        """Observe the heat if an observation is due before the sample at ``now_us``."""
         if self._thermal.known or self._last_us is None or self._last_us >= now_us:
             return
         if self._next_look(self._last_us) > now_us or (found := self._monitor.deviations()) is None:
             return
-        # What the model lacks is in what the tests tolerate: no observation makes it less.
         heat, sd = self._thermal.heat, self._thermal.sd_of_start
         if self._monitor.learned - self._learned >= self._needed:
             heat, sd = corrected(heat, sd, self._slopes(), found)
@@ -135,9 +134,9 @@ class WarmUp:
             self._since_us = self._thermal.since_us
 
     def _wait_s(self, sd: float, found: Deviations) -> float:
-        """Time until a heat with this standard deviation [W] is known well enough for the tests, if nothing shows it.
+        """Time [s] until a heat with this standard deviation [W] is known well enough for the tests by decay alone.
 
-        0: it is; inf: it never will be.
+        0: it already is; inf: never.
         """
         moved, tolerated = np.abs(self._slopes()) * sd, SHARE * found.tolerated
         if (moved <= tolerated).all():
@@ -146,44 +145,47 @@ class WarmUp:
             return float(self._thermal.model.tau_s * np.log(np.max(moved[moved > 0] / tolerated[moved > 0])))
 
     def _slopes(self) -> Floats:
-        """Change of the nominal values (p,) for each watt."""
+        """Change of the nominal values (p,) per watt of heat."""
         h, heat = _STEP * self._thermal.model.largest, self._thermal.heat
         step = self._operating.shift_at_heat(heat + h) - self._operating.shift_at_heat(heat - h)
         return np.where(np.isfinite(step), step / (2 * h), 0.0)
 
 
 def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tuple[float, float]:
-    """Heat and its standard deviation [W] after what the estimates show; slopes (p,) of the nominal values."""
-    which = np.flatnonzero((slopes != 0) & np.isfinite(found.d))
-    if not which.size or not sd > 0:
+    """Heat and its standard deviation [W], corrected by the deviations of the estimates.
+
+    ``slopes``: change of the nominal values (p,) per watt.
+    """
+    used = np.flatnonzero((slopes != 0) & np.isfinite(found.d))
+    if not used.size or not sd > 0:
         return heat, sd
-    d, s = found.d[which], slopes[which]
-    M = found.covariance[np.ix_(which, which)] + np.diag(found.allowance[which] ** 2)
-    if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > FARTHEST**2 * which.size:
+    d, s = found.d[used], slopes[used]
+    M = found.covariance[np.ix_(used, used)] + np.diag(found.allowance[used] ** 2)
+    if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > FARTHEST**2 * used.size:
         return heat, sd
     weighted = np.linalg.solve(M, s)
     variance = 1 / (1 / sd**2 + float(weighted @ s))
     return heat + variance * float(weighted @ d), float(np.sqrt(variance))
 
 
-# --- Records, whose first heat is found afterwards --------------------------------------------------------------------
+# --- Records: the heat at their first sample is computed back from later samples --------------------------------------
 
 
 def conditioned_records(
     model: AxisModel, settings: Settings, conditions: Conditions, records: Sequence[SampleBlock]
 ) -> list[SampleBlock]:
-    """Records of an axis in a row with shift, gate and all signals, as its monitor would get them.
+    """Consecutive records of an axis with shift, gate and all signals, as its monitor would get them.
 
-    Where the heat at the first sample of a record is not known it is computed back from what is observed later, so that
-    no part of the record is lost; where nothing is observed, the gate is closed throughout.
+    An unknown heat at the first sample of a record is computed back from the heat observed later, so that no part of
+    the record is lost.  If no heat can be observed, the gate of the record is closed throughout.
     """
-    operating, found = Operating(model, conditions), list[SampleBlock]()
+    operating, conditioned = Operating(model, conditions), list[SampleBlock]()
     for record in records:
         if operating.thermal is None or record.size < 2:
-            found.append(operating.conditioned(record))
+            conditioned.append(operating.conditioned(record))
         else:
-            found.append(_conditioned(model, settings, conditions, operating, record))
-    return found
+            conditioned.append(_conditioned(model, settings, conditions, operating, record))
+    return conditioned
 
 
 def _conditioned(
@@ -206,7 +208,7 @@ def _conditioned(
 def _first_heat(
     model: AxisModel, settings: Settings, conditions: Conditions, record: SampleBlock
 ) -> tuple[float, float] | None:
-    """Heat at the first sample of a record and its standard deviation [W]; None: it cannot be observed."""
+    """Heat at the first sample of a record, and its standard deviation [W]; None: the heat cannot be observed."""
     assert conditions.thermal is not None
     unknown = replace(conditions, thermal=replace(conditions.thermal, start="unknown"))
     observed, plain = Operating(model, unknown), Operating(model, unknown)
@@ -224,7 +226,7 @@ def _first_heat(
         rest = more if more is not None else rest
     plain.take(record.t_us[:taken], record.y[:taken], None)
     if alone.losses > 1:
-        return None  # a pause in between, of which nothing is known
-    # What was observed is a difference to the heat without, which has decayed since the first sample.
+        return None  # there was a pause in between, of which nothing is known
+    # The observed correction has decayed since the first sample.
     kept = thermal.model.kept((int(record.t_us[taken - 1]) - int(record.t_us[0])) * 1e-6)
     return thermal.model.largest / 2 + (thermal.heat - alone.heat) / kept, thermal.sd_of_start / kept

@@ -1,4 +1,4 @@
-"""Status of one lane of a batch: what its estimates show, what is tested, and why the rest is not."""
+"""Status of one lane of a batch: its estimates, its tested parameters, and why others are not tested."""
 
 import math
 from functools import cached_property
@@ -35,18 +35,20 @@ _TRACKING = {
 
 
 class Deviations(NamedTuple):
-    """What estimates show: theta - theta_0(s) (p,), NaN where not observed, and its covariance (p, p)."""
+    """Deviations of the estimates from the nominal values, and the deviations that the tests tolerate."""
 
     d: Floats
+    """(p,) theta - theta_0(s); NaN where not observed"""
     covariance: Floats
+    """(p, p) covariance of d"""
     tolerated: Floats
-    """(p,) deviation that the tests tolerate: nu, or what the multi-model detector allows for where it alarms"""
+    """(p,) tolerated deviation: nu, or the allowance of the multi-model detector if that is the alarm source"""
     allowance: Floats
-    """(p,) what healthy records differ by"""
+    """(p,) allowance for differences between healthy records"""
 
 
 class LaneStatus:
-    """Reads the status of a lane of a batch, whose alarms come from ``alarm_source``.
+    """Reads the status of one lane of a batch.  ``alarm_source``: the detector that raises its alarms.
 
     ``multimodel``: the multi-model detector of the axis; None: it does not run.
     """
@@ -61,11 +63,11 @@ class LaneStatus:
         self._alpha1: list[float] = self._settings.tests(len(self._model.scale))[0].tolist()
 
     def read(self, alarms: AlarmTracker, open_us: int, detectors: tuple[DetectorStatus, ...]) -> AxisStatus:
-        """Status of the axis now.
+        """Present status of the axis.
 
         Args:
-            alarms: of the axis.
-            open_us: time of the last sample that no gate has left out [us], or NEVER.
+            alarms: alarms of the axis.
+            open_us: time of the last sample with an open gate [us], or NEVER.
             detectors: evidence of its detectors.
         """
         st, a = self._batch.state, self._lane
@@ -82,7 +84,7 @@ class LaneStatus:
         )
 
     def deviations(self) -> Deviations | None:
-        """What the estimates show now; None: P(0) is not found yet."""
+        """Present deviations of the estimates; None: P(0) is not found yet."""
         st, a = self._batch.state, self._lane
         if st.seed_left[a] or st.t[a] == NEVER:
             return None
@@ -91,7 +93,7 @@ class LaneStatus:
         errors = self._settings.model_errors(len(d))
         follows = errors > 0
         if follows.any():
-            # What no heat explains is friction; which kind of it the fit gave that to is chance, and one may have none.
+            # The fit assigns an error of the heat to one kind of friction by chance: use the same error for all kinds.
             errors = np.maximum(errors, math.sqrt(np.mean(errors[follows] ** 2)))
         return Deviations(
             np.where(st.observed[:, a] == UNSEEN, math.nan, d),
@@ -125,7 +127,7 @@ class LaneStatus:
         )
 
     def _status(self, i: int) -> Status:
-        """State of the estimate of parameter i without an alarm."""
+        """State of the estimate of parameter i, regardless of alarms."""
         st, a = self._batch.state, self._lane
         if st.t[a] == NEVER:
             return Status.WAITING
@@ -138,7 +140,7 @@ class LaneStatus:
         return _TRACKING[_OBSERVATION[st.observed[i, a]]]
 
     def _is_invalid(self, i: int) -> bool:
-        """Whether a bound holds the estimate, or the model no longer explains the measurements."""
+        """Whether the estimate is at a bound, or the model no longer explains the measurements."""
         st, a, (lower, upper) = self._batch.state, self._lane, self._batch.limits
         theta0, theta = self._model.theta0[i] + st.shift[i, a], st.theta[i, a]
         bound = upper[i, a] if theta > theta0 else lower[i, a]
@@ -150,7 +152,7 @@ class LaneStatus:
         return self._alpha1[i] * math.sqrt(self._settings.lam0 * P_ii) + allowance
 
     def _not_tested(self, i: int, open_us: int) -> NotTested | None:
-        """Why the detector that alarms would not find a change of parameter i now; None: it would."""
+        """Reason why the alarm source would not find a change of parameter i now; None: it would find it."""
         st, a, by_models = self._batch.state, self._lane, self._by_models
         unseen, seeding = st.observed[i, a] == UNSEEN, not by_models and st.seed_left[a]
         again = seeding and st.counts[SEEDING, a] > self._settings.seed_updates - st.seed_left[a]
@@ -159,7 +161,7 @@ class LaneStatus:
             NotTested.NO_SAMPLE: st.t[a] == NEVER,
             NotTested.UNIDENTIFIABLE: self._settings.unidentifiable,
             NotTested.SETTLING: st.t[a] < st.settled[a],
-            # For how long gates have left out all samples: a robot that rests between two motions is tested.
+            # Only if the gate has been closed for a memory: a robot that rests between two motions counts as tested.
             NotTested.CONDITIONS: st.mode[a] == GATED and (int(st.t[a]) - open_us) * 1e-6 > self._memory_s,
             NotTested.WARM_UP: not self._batch.judged[a],
             NotTested.NOT_OBSERVED: unseen and (st.mode[a] == IDLE or not st.seed_left[a]),
@@ -178,13 +180,13 @@ class LaneStatus:
 
     def _tested_samples(self, i: int) -> int:
         if self._by_models and self._multimodel is not None:
-            tested = self._multimodel.made and self._model.monitored[i] in self._tested_causes()
+            tested = self._multimodel.has_bank and self._model.monitored[i] in self._tested_causes()
             return self._multimodel.bank.tested_samples if tested else 0
         return int(self._batch.state.tested[i, self._lane])
 
     def _tested_causes(self) -> tuple[str, ...]:
-        """Causes that the multi-model detector has a threshold for; before its first sample: every one."""
-        if self._multimodel is None or not self._multimodel.made:
+        """Causes for which the multi-model detector has a threshold; before its first sample: all."""
+        if self._multimodel is None or not self._multimodel.has_bank:
             return self._model.monitored
         return self._multimodel.bank.causes
 
@@ -199,7 +201,7 @@ class LaneStatus:
 
     @cached_property
     def _slowest_s(self) -> float:
-        """Slowest time constant of the predictor; to find it takes longer than all else of a status."""
+        """Slowest time constant of the predictor [s]; cached, as it takes longer than all the rest of a status."""
         return time_constant(self._model, self._settings.interval_s, self._settings.K)
 
     def _confounded(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Parameters that are not tested: why, and what would help.  That there is no alarm says nothing of them."""
+"""Parameters that are not tested: why, and what would help.  For these the absence of an alarm means nothing."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -8,35 +8,38 @@ from monitor_core.settings import NAMING_MEMORIES, Settings
 from monitor_core.wording import rounded_down
 
 SEEDING_MEMORIES = 10
-"""P(0) is found in so many memories of motion."""
+"""Memories of motion until P(0) is found"""
 TEST_MEMORIES = 10
-"""Memories of tests after that, in which a change is found and named."""
+"""Further memories with tests, in which a change is found and named"""
 MIN_TESTED_MEMORIES = NAMING_MEMORIES
-"""A parameter whose tests ran for less than this, from a crossing to the name, counts as not tested."""
+"""Memories from a crossing to the name; a parameter whose tests ran for less than this counts as not tested."""
 
 
 class NotTested(StrEnum):
-    """Why no change of a parameter would be found."""
+    """Reason why a change of a parameter would not be found."""
 
     NO_SAMPLE = "no sample"
     SETTLING = "settling"  # the predictor has just (re)started
     CONDITIONS = "operating conditions"  # a gate is closed, or a signal is unknown or out of its range
-    WARM_UP = "warm-up state"  # how warm the axis is, is not known yet
+    WARM_UP = "warm-up state"  # the temperature of the axis is not known yet
     UNIDENTIFIABLE = "unidentifiable"  # the record of the nominal values does not determine them
     SEEDING = "seeding"  # P(0) is being found
-    NOT_OBSERVED = "not observed"  # the motion contains no information on it
-    UNCERTAIN = "uncertain"  # so little that the estimate is known no better than the size of the parameter
-    BLOCKED = "blocked"  # P(0) is sought again and again, because others are uncertain
-    NO_THRESHOLD = "no threshold"  # the detector that alarms has none for it
+    NOT_OBSERVED = "not observed"  # the motion contains no information on the parameter
+    UNCERTAIN = (
+        "uncertain"  # so little information that the estimate is as uncertain as the parameter is large
+    )
+    BLOCKED = "blocked"  # P(0) is not found, because other parameters are uncertain
+    NO_THRESHOLD = "no threshold"  # the alarm source has no threshold for the parameter
 
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """What would get an axis tested for which P(0) has not been found; times in seconds.
+    """What would make an axis testable for which P(0) has not been found; times in seconds.
 
-    ``seeding_s``: motion that finds P(0); ``left_s``: what of it is left.  ``record_s``: motion that suffices to find
-    P(0) and to test.  ``memory_s``: memory with which the motion received so far would have sufficed; None: none does.
-    ``joint_state``: that memory is too short for the predictor unless joint_state = true.
+    ``seeding_s``: time of motion that finds P(0); ``left_s``: the part of it still needed.  ``record_s``: time of
+    motion that suffices to find P(0) and to test.  ``memory_s``: a memory with which the motion received so far would
+    have sufficed; None: there is none.  ``joint_state``: that memory is too short for the predictor unless joint_state
+    = true.
     """
 
     memory_now_s: float
@@ -48,9 +51,13 @@ class Remedy:
 
 
 def remedy(slowest_s: float, settings: Settings, seed_left: int, moved_samples: int) -> Remedy:
-    """What would help an axis that has moved for so many samples, with ``seed_left`` left until P(0) is found.
+    """What would help an axis for which P(0) has not been found.
 
-    ``slowest_s``: the slowest time constant of its predictor.
+    Args:
+        slowest_s: slowest time constant of its predictor [s].
+        settings: settings of the axis.
+        seed_left: number of updates still needed to find P(0).
+        moved_samples: number of samples with motion so far.
     """
     h, memories = settings.interval_s, SEEDING_MEMORIES + TEST_MEMORIES
     memory_s, joint = fitting_memory(slowest_s, settings, moved_samples * h / memories)
@@ -65,9 +72,9 @@ def remedy(slowest_s: float, settings: Settings, seed_left: int, moved_samples: 
 
 
 def fitting_memory(slowest_s: float, settings: Settings, most_s: float) -> tuple[float | None, bool]:
-    """A memory up to ``most_s`` that a predictor with this time constant allows; whether it needs joint_state = true.
+    """A memory [s] of at most ``most_s`` that works with this slowest time constant of the predictor, or None.
 
-    None: there is none.
+    The second value: whether that memory needs joint_state = true.
     """
     memory_s = rounded_down(most_s)
     least_s = max(shortest_memory(slowest_s, joint_state=True), MIN_MEMORY_SAMPLES * settings.interval_s)

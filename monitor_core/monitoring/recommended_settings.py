@@ -1,7 +1,7 @@
-"""Recommended settings for a real axis: from its model and the noise of its signals to ``Settings``.
+"""Recommended settings for a real axis, computed from its model and the noise of its signals.
 
-They have a Kalman gain from the noise of the signals, a settling time from the predictor, supervision of P, and outlier
-rejection.
+The settings have a Kalman gain from the noise of the signals, a settling time from the predictor, supervision of P, and
+outlier rejection.
 """
 
 from collections.abc import Sequence
@@ -18,20 +18,21 @@ from monitor_core.wording import listed, rounded_up
 SETTLING_TIME_CONSTANTS = 5
 """After this number of its slowest time constants the predictor has forgotten its initial state (e^-5 = 0.7 %)."""
 MIN_MEMORY, AMPLE_MEMORY = 0.5, 2.5
-"""Memory over the slowest time constant of the predictor.  Below the first the estimates run away; from the second on
-they scatter as P says (the paper's own experiment has 1.8).  Between them the state moves with the estimates."""
+"""Limits of the ratio of the memory to the slowest time constant of the predictor.  Below the first the estimates run
+away; above the second they scatter as P says (the paper's own experiment has 1.8).  Between them the default is a joint
+state."""
 JOINT_STATE_SHARE = 0.2
-"""Share of these limits that suffices if the state moves with the estimates."""
+"""Share of these limits that suffices with a joint state."""
 LOST_SAMPLE_SHARE = 0.1
-"""Share of the settling time that each lost sample costs, except the first of a row."""
+"""Share of the settling time without updates after each lost sample, except the first in a row."""
 DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES = 1.0, 10
 """Default memory [s], and the least number of samples in it."""
 
-_AS_CHOSEN = (
+_COPIED_OPTIONS = (
     *("alpha1", "alpha2", "P0", "information_floor", "min_excitation", "outlier_limit", "random_walk"),
     *("largest_error", "covariance_reset", "unidentifiable"),
 )
-"""Options that are settings, too."""
+"""Options that are copied to the settings"""
 
 
 class SettingsError(ValueError):
@@ -40,27 +41,27 @@ class SettingsError(ValueError):
 
 @dataclass(frozen=True)
 class MonitoringOptions:
-    """What can be chosen for the monitoring of an axis; the defaults are recommended for real axes.
+    """Options for the monitoring of an axis; the defaults are recommended for real axes.
 
     Attributes:
-        torque_noise: standard deviation of the torque per sample [N m], with all that the model does not explain.
+        torque_noise: standard deviation of the torque per sample [N m], including what the model does not explain.
         output_noise: standard deviation of the measured angle [rad] or speed [rad/s].
         innovation_variance: lambda_0 [rad^2 or (rad/s)^2]; None: from the noises.
-        largest_error: largest innovation of the healthy records, but for outliers, in the unit of the output; 0: not
-            known, taken as ``outlier_limit`` standard deviations.
+        largest_error: largest innovation of the healthy records, without outliers, in the unit of the output; 0: not
+            known, then ``outlier_limit`` alone counts.
         gain: filter gain K, one number per state; empty: from the noises.
         output_error: the paper's predictor, K = 0; only with speed.
         lam: forgetting factor per sample; None: from ``memory_s``.
         memory_s: memory of the estimates [s].
-        joint_state: whether the state moves with the estimates; None: if the memory is short.
+        joint_state: whether the state is corrected together with theta; None: yes if the memory is short.
         random_walk: whether parameters are modelled as random walks instead of forgetting.
         information_floor: share of the information at commissioning that is never forgotten.
-        min_excitation: share of the usual excitation below which nothing is estimated.
+        min_excitation: share of the usual excitation below which the estimates are not updated.
         outlier_limit: an innovation beyond this number of standard deviations is rejected.
         torque_delay_s: delay of the torque [s].
         friction_speed_scale: speed scale of Coulomb friction [rad/s].
         max_gap_s: a longer interval restarts the predictor [s]; None: ten intervals.
-        settling_time_s: no estimation for this time after a restart [s]; None: five slowest time constants.
+        settling_time_s: no estimation for this time after a restart [s]; None: five times the slowest time constant.
         P0: diagonal of P(0); empty: from the first samples.
         alpha1: nu = alpha1 sqrt(lambda_0 P_ii) (paper eq. 22).
         alpha2: h = alpha2 s_i (paper eq. 23).
@@ -92,7 +93,7 @@ class MonitoringOptions:
     unidentifiable: tuple[tuple[str, str], ...] = ()
 
     def forgetting(self, interval_s: float) -> float:
-        """lambda per sample: as given, or from the memory."""
+        """Forgetting factor lambda per sample: ``lam``, or from the memory."""
         if self.lam is not None:
             return self.lam
         return 1 - interval_s / (self.memory_s or max(DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES * interval_s))
@@ -104,7 +105,7 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
     Args:
         model: the axis with its nominal values and monitored parameters.
         interval_s: nominal sample interval [s].
-        options: at least the two noises; see there.
+        options: usually with at least ``torque_noise`` and ``output_noise``.
 
     Raises:
         SettingsError: noises are missing, the predictor is not stable, or the memory is too short for it.
@@ -127,18 +128,18 @@ def recommended_settings(model: AxisModel, interval_s: float, options: Monitorin
         settle_s=settle_s,
         lost_s=settle_s * LOST_SAMPLE_SHARE,
         speed_scale=options.friction_speed_scale,
-        # As chosen, otherwise if the estimates would scatter more than reported.
+        # Default: a joint state if the estimates would otherwise scatter more than reported.
         joint_state=bool(memory_s < AMPLE_MEMORY * slowest_s) if joint is None else joint,
-        **{name: getattr(options, name) for name in _AS_CHOSEN},
+        **{name: getattr(options, name) for name in _COPIED_OPTIONS},
     )
 
 
 @dataclass(frozen=True)
 class ShortMemory:
-    """The memory is short for the predictor; times in seconds.
+    """A memory that is short for the predictor; times in seconds.
 
-    ``needed_s``: from this memory on estimates scatter as reported without a joint state.  ``joint_by_default``: the
-    state moves with the estimates because the memory is short, so they scatter as reported.
+    ``needed_s``: shortest memory with which the estimates scatter as reported.  ``joint_by_default``: the settings have
+    a joint state because the memory is short, so the estimates scatter as reported.
     """
 
     memory_s: float
@@ -148,7 +149,7 @@ class ShortMemory:
 
 
 def short_memory(model: AxisModel, settings: Settings, joint_state: bool | None) -> ShortMemory | None:
-    """Whether the memory of these settings is short compared with the predictor; ``joint_state`` as in the options."""
+    """Compare the memory with the predictor; None: it is long enough.  ``joint_state``: as in the options."""
     slowest = time_constant(model, settings.interval_s, settings.K)
     memory = settings.memory * settings.interval_s
     chosen = joint_state is not None
@@ -165,7 +166,7 @@ def time_constant(model: AxisModel, interval_s: float, K: Sequence[float]) -> fl
 
 
 def _gain(model: AxisModel, interval_s: float, o: MonitoringOptions) -> tuple[Sequence[float], float]:
-    """Filter gain K, empty for output error, and lambda_0; given values take precedence."""
+    """Filter gain K (empty for output error), and lambda_0; values in the options take precedence."""
     if o.output_error:
         if o.innovation_variance is None and o.output_noise is None:
             raise SettingsError("output error needs output_noise or innovation_variance")
@@ -181,7 +182,7 @@ def _gain(model: AxisModel, interval_s: float, o: MonitoringOptions) -> tuple[Se
 def _gains_after_gaps(
     model: AxisModel, interval_s: float, o: MonitoringOptions, K: Sequence[float]
 ) -> tuple[tuple[float, ...], ...]:
-    """The gains after missing samples; empty (no growth) if the noises behind K are not known."""
+    """The gains after missing samples; empty (K is used) if the noises that K belongs to are not known."""
     if not K or o.torque_noise is None or o.output_noise is None or DISTURBANCE_TIME in model.nominal:
         return ()
     noises = interval_s, o.torque_noise, o.output_noise
@@ -190,7 +191,7 @@ def _gains_after_gaps(
 
 
 def shortest_memory(slowest_s: float, joint_state: bool) -> float:
-    """Shortest memory [s] with which the estimates do not run away, by the predictor's slowest time constant [s]."""
+    """Shortest memory [s] with which the estimates do not run away, from the predictor's slowest time constant [s]."""
     return MIN_MEMORY * slowest_s * (JOINT_STATE_SHARE if joint_state else 1)
 
 
@@ -200,7 +201,7 @@ def _check_memory(
     """Check that the predictor is stable, and the memory long enough for its slowest time constant.
 
     Raises:
-        SettingsError: it is not; the text names what would be right.
+        SettingsError: one of them is not; the text says what would be right.
     """
     if not np.isfinite(slowest_s):
         raise SettingsError(
@@ -224,9 +225,9 @@ _NOISIER = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 20.0, 50.0, 100.0)
 
 
 def _faster_noise(model: AxisModel, interval_s: float, o: MonitoringOptions, memory_s: float) -> float | None:
-    """The least of some larger torque noises with which the memory is long enough; None: it cannot help, or be chosen.
+    """The smallest of some larger torque noises with which the memory is long enough; None: there is none.
 
-    More noise does not always make the predictor faster.
+    All are tried, as more noise does not always make the predictor faster.
     """
     if o.gain or o.output_error or o.torque_noise is None or o.output_noise is None:
         return None

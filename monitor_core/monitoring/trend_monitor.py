@@ -1,4 +1,4 @@
-"""Long-term trends of one axis: readings in; trends, forecasts and alarms about limits out."""
+"""Long-term trends of one axis, computed from readings: trends, forecasts, and alarms about limits."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,25 +15,26 @@ MIN_GROWTH = 50
 """A trend is computed again when its history has grown by this fraction of its length (one part in 50)."""
 
 MIN_DRIFT_PROBABILITY = 0.9
-"""A less likely drift raises no alarm: a parameter that fluctuates is now and then about to reach any limit."""
+"""A less likely drift raises no alarm: a parameter that fluctuates seems to approach a limit now and then."""
 
 HYSTERESIS = 1.5
-"""An alarm ends when the limit is so many times as far away in time as it must be to raise one."""
+"""An alarm ends when the time until the limit is longer than the lead time by this factor."""
 
 
 class Limit(NamedTuple):
-    """A limit of a monitored parameter, and its name for the user: one of Ja is one of 1/Ja, the other way round."""
+    """A limit of a monitored parameter, and as the user gave it: an upper limit of Ja is a lower limit of 1/Ja."""
 
     value: float
-    """Value of the monitored parameter, in its unit"""
+    """Limit of the monitored parameter, in its unit"""
     upper: bool
-    """The monitored parameter must stay below"""
+    """True: the monitored parameter must stay below the limit"""
     name: str
+    """Name of the quantity as the user gave it"""
     unit: str
     shown: float
     """The limit as the user gave it"""
     above: bool
-    """What the user named must stay below: it is reached from below"""
+    """True: the quantity that the user named must stay below the limit"""
 
     @property
     def direction(self) -> Direction:
@@ -43,25 +44,25 @@ class Limit(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ParameterTrend:
-    """The long-term trend of one parameter, as far as it is known."""
+    """The long-term trend of one parameter."""
 
     name: str
     unit: str
     nominal: float
     hour_s: float
-    """Time in operation of an entry [s]"""
+    """Time in operation per entry [s]"""
     entries: tuple[Entry, ...] = ()
     trend: Trend | None = None
     """None: there is too little data yet"""
     reaches: tuple[Reach, ...] = ()
-    """When its limits are reached"""
+    """Forecasts of the times at which its limits are reached"""
 
 
 class TrendMonitor:
     """Histories and trends of the monitored parameters of one axis, and the alarms about their limits.
 
-    ``limits`` are those of each parameter that has any; an alarm is raised when one may be reached within
-    ``lead_time_us``.  ``hour_s``: time in operation [s] of an entry of the histories.
+    ``limits``: limits by parameter.  An alarm is raised when a limit may be reached within ``lead_time_us``.
+    ``hour_s``: time in operation [s] per entry of the histories.
     """
 
     def __init__(
@@ -74,17 +75,17 @@ class TrendMonitor:
         self._scale, self._limits, self._lead_time_us = model.scale, limits, lead_time_us
         self.histories = tuple(SlowHistory(hour_s) for _ in model.monitored)
         self.closed = [0] * len(model.monitored)
-        """Entries that have been completed since the start, of each parameter"""
+        """Number of entries completed since the start, by parameter"""
         self.trends = [
             ParameterTrend(p.name, p.unit, float(nominal), hour_s)
             for p, nominal in zip(model.parameters, model.theta0, strict=True)
         ]
-        """Trends of the parameters, as they were computed last"""
+        """Trends of the parameters, as computed last"""
         self._computed = [0] * len(model.monitored)
         self._open: dict[tuple[str, Direction], Alarm] = {}
 
     def take(self, reading: Reading) -> bool:
-        """Take a reading; a parameter that is unknown at that time gets none.  Whether an entry was completed."""
+        """Add a reading to the histories of the parameters that it knows; returns whether an entry was completed."""
         before = sum(self.closed)
         for i, history in enumerate(self.histories):
             if reading.known[i]:
@@ -95,47 +96,47 @@ class TrendMonitor:
         return sum(self.closed) != before
 
     def due(self) -> list[int]:
-        """The parameters whose trends are to be computed again."""
+        """Indices of the parameters whose trends must be computed again."""
         return [i for i in range(len(self.closed)) if self._has_grown(i)]
 
     def recompute_all(self) -> None:
-        """Mark all trends to be computed again, as after a restart."""
+        """Mark all trends as due, as after a restart."""
         self._computed = [-1] * len(self.closed)
 
     def update(self, i: int) -> list[Alarm]:
         """Compute the trend of parameter i; returns the alarms about its limits that were raised, updated or ended."""
         self._computed[i] = self.closed[i]
-        shown, entries = self.trends[i], self.histories[i].entries
-        trend = trend_of(entries, float(self._scale[i]), shown.hour_s)
+        last, entries = self.trends[i], self.histories[i].entries
+        trend = trend_of(entries, float(self._scale[i]), last.hour_s)
         changed, reaches = [], []
-        for limit in self._limits.get(shown.name, ()) if trend is not None else ():
+        for limit in self._limits.get(last.name, ()) if trend is not None else ():
             assert trend is not None
             f = forecast(trend, limit.value, limit.upper)
             reaches.append(
                 Reach(limit.name, limit.unit, limit.shown, limit.above, f.state, f.low_us, f.high_us)
             )
-            alarm = self._alarm(shown, limit, trend, f, reaches[-1])
+            alarm = self._alarm(last, limit, trend, f, reaches[-1])
             if alarm is not None:
                 changed.append(alarm)
                 if alarm.ended_us is None:
-                    self._open[shown.name, limit.direction] = alarm
-        self.trends[i] = replace(shown, entries=entries, trend=trend, reaches=tuple(reaches))
+                    self._open[last.name, limit.direction] = alarm
+        self.trends[i] = replace(last, entries=entries, trend=trend, reaches=tuple(reaches))
         return changed
 
     def _alarm(
-        self, shown: ParameterTrend, limit: Limit, trend: Trend, f: Forecast, reach: Reach
+        self, last: ParameterTrend, limit: Limit, trend: Trend, f: Forecast, reach: Reach
     ) -> Alarm | None:
-        """The alarm about a limit from this forecast: new, updated or ended; None: there is none."""
-        now, size = self._open.pop((shown.name, limit.direction), None), trend.level - shown.nominal
-        if now is not None:
+        """The new, updated or ended alarm about a limit after this forecast; None: there is no alarm."""
+        alarm, size = self._open.pop((last.name, limit.direction), None), trend.level - last.nominal
+        if alarm is not None:
             near = _is_near(f, trend, HYSTERESIS * self._lead_time_us)
-            now = replace(now, updated_us=trend.time_us, ended_us=None if near else trend.time_us)
-            return replace(now, size=size, size_sd=trend.level_sd, reaches=(reach,))
+            alarm = replace(alarm, updated_us=trend.time_us, ended_us=None if near else trend.time_us)
+            return replace(alarm, size=size, size_sd=trend.level_sd, reaches=(reach,))
         drifts = trend.probability["drift"] + trend.probability["both"] >= MIN_DRIFT_PROBABILITY
         if not _is_near(f, trend, self._lead_time_us) or not (drifts or f.state == "beyond"):
             return None
         return Alarm(
-            parameter=shown.name,
+            parameter=last.name,
             direction=limit.direction,
             onset_us=min(trend.change_us, trend.time_us),
             raised_us=trend.time_us,
@@ -150,7 +151,7 @@ class TrendMonitor:
         )
 
     def adopt(self, open_alarms: Iterable[Alarm], now_us: int) -> list[Alarm]:
-        """Take over open alarms about limits; returns those that end, as their limit no longer exists."""
+        """Adopt open alarms about limits; returns those that end because their limit no longer exists."""
         ended = []
         for alarm in open_alarms:
             if any(limit.direction == alarm.direction for limit in self._limits.get(alarm.parameter, ())):

@@ -1,7 +1,7 @@
-"""From frames of one axis to its samples: the time on the controller's clock, and pairs of torque and motion, compiled.
+"""Compiled conversion of the frames of one axis to samples: time on the controller's clock, pairs of torque and motion.
 
-Read in this order: clock_line (a line through times of receipt), controller_clocks (a counter, or cycles), pairing,
-stamp_meter, stream (all of it, in a loop over frames).
+Read in this order: clock_line (a line through times of receipt), controller_clocks (clocks from a counter or from
+cycles), pairing, stamp_meter, stream (the loop over frames that uses all of these).
 """
 
 from monitor_core.sampling.controller_clocks import (
@@ -24,7 +24,7 @@ from monitor_core.sampling.stream import (
     Stream,
     compile_stream,
     flush_frames,
+    new_samples,
     new_scratch,
-    room_for_samples,
     take_frames,
 )

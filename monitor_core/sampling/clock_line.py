@@ -1,7 +1,7 @@
-"""The clock of a controller as seen by this machine: a straight line through the times of receipt, followed slowly.
+"""The clock of a controller as seen by this machine: a straight line through times of receipt, which drifts slowly.
 
-Frames are received late, never early: the smallest delay of many frames determines the line much better than any single
-one.
+Frames are received late, never early.  So the smallest delay of many frames determines the line much better than the
+delay of a single frame.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ import numpy as np
 from monitor_core.kernel.compile import outlined
 
 SLEW = 150e-6
-"""How fast sample times follow the receipt: two crystals rarely differ by more than 100 ppm."""
+"""Largest shift of the line per elapsed time: two crystals rarely differ by more than 100 ppm."""
 
-QUICK = 0.05
-"""The same while the line has just begun, with a frame that may have been late itself."""
+FIRST_SLEW = 0.05
+"""The same during the first window, as the frame that started the line may itself have been late."""
 
-MOST_RATE = 2000e-6
-"""A fit that finds more than that is none: sample_interval_s is wrong."""
+MAX_RATE = 2000e-6
+"""Largest fitted rate: a larger one means that sample_interval_s is wrong."""
 
 WINDOW_US = 10_000_000
-"""The least delay of receipt within so long shows the drift: single frames may be late."""
+"""Length of a window: its smallest delay shows the drift, while single frames may be late."""
 
 TOLERANCE_US = 0.5e6
-"""A frame further off the line than this, and than ten intervals, does not belong to it."""
+"""A frame that is off the line by more than this, and more than ten intervals, does not belong to it."""
 
 PATIENCE_US = 1e6
-"""After so long (or ten intervals) of nothing else the line restarts."""
+"""The line restarts after this time (or ten intervals) with only frames that are off the line."""
 
-TELLING = 8
-"""Windows that determine the rate."""
+MIN_FIT_WINDOWS = 8
+"""More windows than this determine the rate."""
 
-MOST_WINDOWS, MOST_EARLY = 32, 13
-"""Most windows of any clock, and most earliest frames that it keeps of one"""
+MAX_WINDOWS, MAX_EARLY = 32, 13
+"""Largest number of windows of any clock, and of earliest frames that it keeps in a window"""
 
 LINE_FIELDS: list[tuple[Any, ...]] = [
     ("interval_us", "f8"),
@@ -45,7 +45,7 @@ LINE_FIELDS: list[tuple[Any, ...]] = [
     ("is_off", "?"),
     ("restarts", "i8"),
 ]
-"""Times of samples by their number: whole intervals from an anchor."""
+"""The line gives the time of a sample by its number: whole intervals from the time of an anchor."""
 
 DRIFT_FIELDS: list[tuple[Any, ...]] = [
     # Settings.
@@ -55,7 +55,7 @@ DRIFT_FIELDS: list[tuple[Any, ...]] = [
     ("part", "f8"),
     ("step_us", "f8"),
     ("quick", "?"),
-    # The fit, its windows (place, delay), the early frames of this window (over the fit, place, delay), and the shift.
+    # The fit; its windows (place, delay); early frames of the window (delay beyond the fit, place, delay); the shift.
     ("at_us", "f8"),
     ("level_us", "f8"),
     ("rate", "f8"),
@@ -63,27 +63,27 @@ DRIFT_FIELDS: list[tuple[Any, ...]] = [
     ("first_at_us", "f8"),
     ("first_level_us", "f8"),
     ("windows", "i8"),
-    ("window", "f8", (MOST_WINDOWS, 2)),
+    ("window", "f8", (MAX_WINDOWS, 2)),
     ("early", "i8"),
-    ("earliest", "f8", (MOST_EARLY + 1, 3)),
+    ("earliest", "f8", (MAX_EARLY + 1, 3)),
     ("seen", "i8"),
     ("window_since_us", "f8"),
     ("may_move_us", "f8"),
     ("was_off", "?"),
     ("shift_us", "i8"),
 ]
-"""Delay of a line relative to its nominal course: the least of each window, or a fit through ``keep`` windows.
+"""Delay of a line relative to its nominal course: a fit through the smallest delays of up to ``keep`` windows.
 
-Two consecutive windows that are off by more than ``step_us`` are a step, and the fit restarts.  Of the ``most``
-earliest frames of a window that quantile counts which is ``part`` of all frames: the very earliest may have a wrong
-number.
-``first_at_us`` and ``first_level_us`` are of the first of them: the frame that a line begins with may have been late.
-With ``quick`` the line first follows early frames immediately, as the one it began with may have been late.
+Two consecutive windows that are off by more than ``step_us`` are a step, and the fit restarts.  The smallest delay of a
+window is the quantile ``part`` of its delays, as its very earliest frame may have a wrong number; the ``most`` earliest
+frames are kept for that.  ``first_at_us`` and ``first_level_us`` belong to the first window: the frame that started the
+line may have been late.  For the same reason, with ``quick`` the line follows early frames immediately during the first
+window.
 """
 
 
 def new_line(clock: Any, interval_s: float) -> None:
-    """A line with that interval [s] from one number to the next."""
+    """Set up a line whose consecutive numbers are ``interval_s`` apart."""
     clock["interval_us"] = interval_us = interval_s * 1e6
     clock["tolerance_us"] = max(TOLERANCE_US, 10 * interval_us)
     clock["patience_us"] = max(PATIENCE_US, 10 * interval_us)
@@ -91,32 +91,32 @@ def new_line(clock: Any, interval_s: float) -> None:
 
 @outlined
 def begin_line(clock: Any, received_us: int) -> None:
-    """Begin a line on which the sample with number 0 was received at that time."""
+    """Start a line: the sample with number 0 was received at this time."""
     clock.anchor_us = received_us
     clock.is_off = False
 
 
 @outlined
 def nominal(clock: Any, n: int) -> Any:
-    """The time [us] of that number without any shift: one product, rounded once, so that no error accumulates."""
+    """Time [us] of sample number n without the shift: one product, rounded once, so that no error accumulates."""
     return clock.anchor_us + np.int64(np.rint(n * clock.interval_us))
 
 
 @outlined
-def is_given_up(clock: Any, received_us: int) -> Any:
-    """A frame does not fit; returns whether nothing else has come for so long that the line must restart."""
+def must_restart(clock: Any, received_us: int) -> Any:
+    """Note a frame that is off the line; returns whether such frames alone came for so long that the line restarts."""
     if not clock.is_off or received_us < clock.off_since_us:
         clock.off_since_us = received_us
     clock.is_off = True
-    given_up = received_us - clock.off_since_us >= clock.patience_us
-    if given_up:
+    restart = received_us - clock.off_since_us >= clock.patience_us
+    if restart:
         clock.restarts += 1
-    return given_up
+    return restart
 
 
 @outlined
 def restart_drift(clock: Any, rate: float) -> None:
-    """A new line, whose rate may be known from before."""
+    """Start the fit of a new line with this rate, which may be known from the line before."""
     clock.at_us = clock.level_us = clock.window_since_us = clock.may_move_us = 0.0
     clock.first_at_us = clock.first_level_us = 0.0
     clock.rate = clock.known_rate = rate
@@ -136,7 +136,7 @@ def _least(clock: Any) -> Any:
 
 @outlined
 def expected_delay(clock: Any, place_us: float) -> Any:
-    """The delay [us] of an early frame at that place of the line: by the windows before, at first by the frames."""
+    """Delay [us] of an early frame at this place of the line: from past windows, or in the first from its frames."""
     fitted_us = _fitted(clock, place_us)
     if clock.windows == 0 and clock.early > 0:
         return fitted_us + clock.earliest[_least(clock), 0]
@@ -144,8 +144,8 @@ def expected_delay(clock: Any, place_us: float) -> Any:
 
 
 @outlined
-def see_delay(clock: Any, place_us: float, delay_us: float) -> None:
-    """Add a frame at that place of the line with that delay."""
+def add_delay(clock: Any, place_us: float, delay_us: float) -> None:
+    """Add the delay of a frame at this place of the line."""
     over_us = delay_us - _fitted(clock, place_us)
     clock.seen += 1
     n = clock.early
@@ -176,9 +176,9 @@ def _is_before(clock: Any, over_us: float, place_us: float, delay_us: float, k: 
 
 @outlined
 def follow_delay(clock: Any, place_us: float, passed_us: float) -> Any:
-    """The shift [us] of the line at that place, which is limited from the last one on."""
+    """Shift [us] of the line at this place; its change is limited by the time since the last call, ``passed_us``."""
     if clock.quick and clock.windows == 0:
-        _move(clock, np.rint(expected_delay(clock, place_us)), QUICK * passed_us)
+        _move(clock, np.rint(expected_delay(clock, place_us)), FIRST_SLEW * passed_us)
         _close_if_full(clock, place_us)
     else:
         _close_if_full(clock, place_us)
@@ -187,10 +187,10 @@ def follow_delay(clock: Any, place_us: float, passed_us: float) -> Any:
 
 
 @outlined
-def begin_again(clock: Any, place_us: float) -> None:
-    """Begin a line after a pause: the rate is known, the phase of the frames is not."""
+def resume_line(clock: Any, place_us: float) -> None:
+    """Restart the fit after a pause: the rate is known, the phase of the frames is not."""
     clock.level_us, clock.at_us = _fitted(clock, place_us), place_us
-    _forget(clock)
+    _discard_windows(clock)
     _next_window(clock, place_us)
 
 
@@ -205,7 +205,7 @@ def _close_if_full(clock: Any, now_us: float) -> None:
         if not clock.was_off:
             clock.was_off = True  # this machine may have been stalled
             return
-        _forget(clock)
+        _discard_windows(clock)
     clock.was_off = False
     if clock.windows == clock.keep:
         for k in range(1, clock.keep):
@@ -223,14 +223,17 @@ def _next_window(clock: Any, since_us: float) -> None:
 
 
 @outlined
-def _forget(clock: Any) -> None:
+def _discard_windows(clock: Any) -> None:
     clock.windows = 0
     clock.known_rate = clock.rate
 
 
 @outlined
 def _fit(clock: Any) -> None:
-    """A line through the delays; two windows that are side by side say next to nothing of the rate."""
+    """Fit a line through the delays of the windows.
+
+    A prior keeps the known rate at first: two adjacent windows hardly determine a rate.
+    """
     count, place_us, delay_us = clock.windows, 0.0, 0.0
     for k in range(count):
         place_us += clock.window[k, 0]
@@ -247,7 +250,7 @@ def _fit(clock: Any) -> None:
         products += place_us * delay_us
         squares += place_us * place_us
     rate = (products + known * clock.known_rate) / (squares + known)
-    clock.rate = max(-MOST_RATE, min(MOST_RATE, rate))
+    clock.rate = max(-MAX_RATE, min(MAX_RATE, rate))
 
 
 @outlined

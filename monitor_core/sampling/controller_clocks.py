@@ -1,6 +1,6 @@
-"""The time of a sample on the clock of the controller: by a counter on the bus, or by its cycles alone.
+"""The time of a sample on the controller's clock, from a sample counter on the bus or from the cycles of its frames.
 
-Everything depends on counts and times of receipt alone, so a replay gives the same times.
+The times depend only on counts and times of receipt, so a replay gives the same times.
 """
 
 from __future__ import annotations
@@ -15,49 +15,49 @@ from monitor_core.kernel.compile import outlined
 from monitor_core.sampling.clock_line import (
     DRIFT_FIELDS,
     LINE_FIELDS,
-    TELLING,
+    MIN_FIT_WINDOWS,
     WINDOW_US,
-    begin_again,
+    add_delay,
     begin_line,
     expected_delay,
     follow_delay,
-    is_given_up,
+    must_restart,
     new_line,
     nominal,
     restart_drift,
-    see_delay,
+    resume_line,
 )
 
 GIVEN, REPEATED, OUT_OF_ORDER, UNTIMED = -1, 2, 3, 4
-"""Whether there is a time, or why there is none: as places in ``DROP_REASONS``."""
+"""Result for a frame: it has a time, or the reason why it has none, as an index of ``DROP_REASONS``."""
 
 WINDOW = 128
-"""Cycles, of which the early frames show where the line is: at 1000 ppm it moves an eighth of a cycle meanwhile."""
+"""Cycles in a window, whose early frames determine the line: at 1000 ppm it moves by an eighth of a cycle meanwhile."""
 
-PART = 0.1
-"""Of the frames are earlier than the line: the very earliest may be late ones that were given the next cycle."""
+EARLY_SHARE = 0.1
+"""Share of the frames that are before the line: the very earliest may be late frames that got the next cycle."""
 
-KEEP = 32
-"""Windows through which the line goes."""
+FIT_WINDOWS = 32
+"""Number of windows through which the line is fitted."""
 
-EARLY = 0.25
-"""Part of a cycle by which a frame may be before the line; all other frames are late, by up to the rest at once."""
+MAX_EARLY_CYCLES = 0.25
+"""A frame may be before the line by up to this part of a cycle; an earlier one belongs to the cycle before."""
 
-BUNCHED = 0.1
-"""Part of the frames that follow another one at once, from which on they are taken to come in bunches."""
+BUNCHED_SHARE = 0.1
+"""From this share of frames that follow another one immediately, frames are taken to come in bunches."""
 
-RECENT = 64
-"""Frames, of which that part is found."""
+BUNCHED_MEMORY = 64
+"""Number of frames over which that share is averaged."""
 
-COUNTED = 0.4
-"""Part of a cycle by which the last frame of a bunch may be before the line, where counting says that it is of it."""
+MAX_EARLY_COUNTED = 0.4
+"""The same limit as ``MAX_EARLY_CYCLES`` for the last frame of a bunch, if the number of frames gives its cycle."""
 
-HELD_UP = 10
-"""Counts beyond the last one, within which a frame that comes soon after another one is one of a backlog."""
+MAX_BACKLOG_COUNTS = 10
+"""A frame soon after another one belongs to a backlog if its count is at most this much beyond the last one."""
 
-_MOST = int(PART * WINDOW) + 1
+_EARLIEST_KEPT = int(EARLY_SHARE * WINDOW) + 1
 _LONGEST_COUNTER = 62
-"""Bits: a longer counter never wraps."""
+"""Length in bits: a longer counter never wraps."""
 _WRAPS = 2.0**63
 
 CLOCK = np.dtype(
@@ -79,13 +79,13 @@ CLOCK = np.dtype(
         ("bunched", "f8"),
     ]
 )
-"""A line with its drift, and what is known of the last frame."""
+"""A line with its drift, and the data of the last frame."""
 
 VALUE = np.dtype(
     [
         ("place", "i8"),
         ("received_us", "i8"),
-        ("cycle", "i8"),  # the last one that it can be of; then its own
+        ("cycle", "i8"),  # last cycle that the frame can belong to
         ("torque", "f8"),
         ("motion", "f8"),
         ("has_torque", "?"),
@@ -94,15 +94,15 @@ VALUE = np.dtype(
         ("reason", "i8"),
     ]
 )
-"""The values of a frame, its place in its block, and the time that is found for it."""
+"""The values of a frame, its place in its block, and the time found for it."""
 
 
 HELD, READY = 0, 1
-"""Of the values of a clock: cycle not known yet; given a time, or a reason, by the last frame"""
+"""Rows of ``Clock.values``: values whose cycle is not known yet; values that just got a time, or a reason for none"""
 
 
 class Clock(NamedTuple):
-    """A clock, and the values of frames that wait in it."""
+    """A clock, and the values of frames that wait for their time."""
 
     state: NDArray[np.void]
     """(1,)"""
@@ -120,14 +120,14 @@ def counter_clock(interval_s: float, bits: int, offset: float = 0.0) -> Clock:
 
     The crystals of the controller and of this machine differ.  So the line is shifted, by at most 150 ppm of the
     elapsed time, towards the smallest recent delay.  Frames that are off the line by more than half a second (or ten
-    intervals) are rejected as untimed; after a second (or ten intervals) of nothing else the line restarts: a clock was
-    set, or the controller was restarted.  Where a host, a gateway or a sender was held up, frames come in a burst that
-    counts on: of these the first one alone is untimed.
+    intervals) are rejected as untimed.  After a second (or ten intervals) with only such frames the line restarts: a
+    clock was set, or the controller was restarted.  If a host, a gateway or a sender stalled, its frames come in a
+    burst of consecutive counts; only the first frame of that burst is untimed.
 
     Args:
         interval_s: the time of one count [s].
         bits: length of the counter; it wraps at 2^bits.
-        offset: of its values.
+        offset: offset of the counter values.
     """
     clock = _clock(interval_s, keep=1, most=1, held=0)
     clock.state["offset"] = offset
@@ -139,27 +139,28 @@ def counter_clock(interval_s: float, bits: int, offset: float = 0.0) -> Clock:
 def cyclic_clock(interval_s: float) -> Clock:
     """A clock that fits phase and rate of the controller's cycles to the times of receipt.
 
-    A frame is received after it was sent, so it belongs to the last cycle that had begun, unless it was late by more
-    than a cycle.  This is ambiguous where cycles seem to be missing: frames were lost, or this machine was stalled and
-    the waiting frames arrive in a burst.  Such a frame is held until one arrives at its usual distance; then those that
-    arrived together belong to successive cycles, back from the last one, and cycles before them are missing.
+    A frame is received after it was sent.  So it belongs to the last cycle that had begun, unless it was late by more
+    than a cycle.  This is ambiguous where cycles seem to be missing: either frames were lost, or this machine stalled
+    and the waiting frames arrive in a burst.  Such frames are held until a frame arrives at the usual distance from the
+    one before.  Then the held frames get successive cycles, counted back from the last one; cycles before them are
+    missing.
 
-    An adapter that passes frames on in bunches, each 16 ms say, makes the last one of a bunch late by anything up to a
-    cycle.  Then its time of receipt alone does not determine its cycle: the number of frames does, unless the two
-    contradict each other.
+    An adapter that passes frames on in bunches, every 16 ms say, makes the last frame of a bunch late by up to a cycle.
+    Then its time of receipt does not determine its cycle; the number of frames does, unless the two contradict each
+    other.
 
-    Frames that are not later than the last cycle are rejected as repeated or out of order; those further back than half
-    a second (or ten cycles), and those that waited for longer, as untimed.  After a second of nothing but untimed
-    frames the line restarts: the clock of this machine was set back.  After a pause of half a second the rate is kept,
-    but not the phase; that counts as a restart, too: the clock may have been set forward.
+    Frames that are not later than the last cycle are rejected as repeated or out of order.  Frames further back than
+    half a second (or ten cycles), and frames that waited for longer than that, are rejected as untimed.  After a second
+    of only untimed frames the line restarts: the clock of this machine was set back.  After a pause of half a second
+    the line keeps its rate, but not its phase, as the clock may have been set forward; this counts as a restart too.
 
     Args:
         interval_s: the cycle of the controller [s]; a difference of up to about 1000 ppm is found and followed.
     """
-    clock = _clock(interval_s, keep=KEEP, most=_MOST, held=1)
+    clock = _clock(interval_s, keep=FIT_WINDOWS, most=_EARLIEST_KEPT, held=1)
     interval_us = clock.state["interval_us"][0]
     clock.state["window_us"], clock.state["step_us"] = WINDOW * interval_us, interval_us / 4
-    clock.state["part"], clock.state["quick"] = PART, True
+    clock.state["part"], clock.state["quick"] = EARLY_SHARE, True
     return clock
 
 
@@ -172,7 +173,7 @@ def _clock(interval_s: float, keep: int, most: int, held: int) -> Clock:
 
 
 def counted_interval_s(clock: Clock) -> float | None:
-    """Measured time of one count since the first window of the line [s]; None: not known yet."""
+    """Time of one count [s], measured since the first window of the line; None: not known yet."""
     state = clock.state[0]
     passed_us = state["at_us"] - state["first_at_us"]
     if not state["runs"] or passed_us < state["window_us"]:
@@ -182,9 +183,9 @@ def counted_interval_s(clock: Clock) -> float | None:
 
 
 def cyclic_interval_s(clock: Clock) -> float | None:
-    """The cycle as fitted [s]; None: not known yet."""
+    """Fitted length of the cycle [s]; None: not known yet."""
     state = clock.state[0]
-    if not state["runs"] or state["windows"] <= TELLING:
+    if not state["runs"] or state["windows"] <= MIN_FIT_WINDOWS:
         return None
     return float(state["interval_us"] * (1 + state["rate"]) * 1e-6)
 
@@ -194,14 +195,14 @@ def cyclic_interval_s(clock: Clock) -> float | None:
 
 @outlined
 def count_time(clock: Any, received_us: int, count: float) -> tuple[int, int]:
-    """The time [us] of the sample with this count, or why there is none."""
+    """Time [us] of the sample with this count and GIVEN, or 0 and the reason why it has none."""
     counted = np.rint(count - clock.offset)
     raw = np.int64(counted if counted < _WRAPS else counted - 2 * _WRAPS)  # only differences count
     if not clock.runs:
         return _anchor_count(clock, received_us, raw), GIVEN
     expected = np.int64(np.rint((received_us - clock.received_us) / clock.interval_us))
     half = clock.modulus // 2
-    # Of all numbers that fit the wrapped counter, the most likely by receipt.
+    # The sample number that fits the wrapped counter and is nearest to the time of receipt.
     n = clock.n + expected - half + (raw - clock.raw - expected + half) % clock.modulus
     line_us = nominal(clock, n)
     delay_us = received_us - line_us
@@ -209,15 +210,15 @@ def count_time(clock: Any, received_us: int, count: float) -> tuple[int, int]:
     if abs(delay_us - clock.shift_us) > clock.tolerance_us:
         due_us = (n - clock.n) * clock.interval_us
         if (
-            0 < counts <= HELD_UP
+            0 < counts <= MAX_BACKLOG_COUNTS
             and delay_us > clock.shift_us
             and received_us - clock.received_us < due_us / 2
         ):
-            clock.off_since_us = received_us  # a backlog, which soon is at the line again
+            clock.off_since_us = received_us  # a backlog: its frames soon are on the line again
             clock.received_us, clock.raw, clock.n = received_us, raw, n
             clock.given_n = n
             return line_us + clock.shift_us, GIVEN
-        if is_given_up(clock, received_us):
+        if must_restart(clock, received_us):
             return _anchor_count(clock, received_us, raw), GIVEN
         clock.received_us, clock.raw, clock.n = received_us, raw, n
         return 0, UNTIMED
@@ -227,7 +228,7 @@ def count_time(clock: Any, received_us: int, count: float) -> tuple[int, int]:
     clock.given_n = n
     clock.received_us, clock.raw, clock.n = received_us, raw, n
     place_us = n * clock.interval_us
-    see_delay(clock, place_us, float(delay_us))
+    add_delay(clock, place_us, float(delay_us))
     shift_us = follow_delay(clock, place_us, counts * clock.interval_us)
     return line_us + shift_us, GIVEN
 
@@ -246,12 +247,12 @@ def _anchor_count(clock: Any, received_us: int, raw: Any) -> int:
 
 @outlined
 def read_cycle(clock: Any, values: Any, value: Any) -> None:
-    """Take the values of a frame; those whose times are known now are in ``ready``, in order.
+    """Take the values of a frame; values whose times are now known go to the READY row, in order.
 
     Args:
-        clock: the record of a cyclic one.
-        values: those that wait in it.
-        value: a record with the values and the time of receipt.
+        clock: state of a cyclic clock.
+        values: its waiting values.
+        value: values and time of receipt of the frame.
     """
     received_us = value.received_us
     clock.ready = 0
@@ -275,19 +276,19 @@ def read_cycle(clock: Any, values: Any, value: Any) -> None:
     if cycle <= clock.n:
         _put_ready(clock, values, value, 0, REPEATED if cycle == clock.n else OUT_OF_ORDER)
         return
-    _put_ready(clock, values, value, _give(clock, received_us, cycle), GIVEN)
+    _put_ready(clock, values, value, _assign_cycle(clock, received_us, cycle), GIVEN)
 
 
 @outlined
 def _last_possible(clock: Any, late: float, waited: bool) -> Any:
-    """The last cycle that a frame can be of; ``late``: after the line at cycle 0, in cycles."""
-    clock.bunched += ((1.0 if waited else 0.0) - clock.bunched) / RECENT
-    if clock.bunched < BUNCHED:
-        return np.int64(math.floor(late + EARLY))
+    """Last cycle that a frame can belong to; ``late``: time of receipt in cycles, from the line at cycle 0."""
+    clock.bunched += ((1.0 if waited else 0.0) - clock.bunched) / BUNCHED_MEMORY
+    if clock.bunched < BUNCHED_SHARE:
+        return np.int64(math.floor(late + MAX_EARLY_CYCLES))
     counted = clock.n + clock.held + 1
-    if -COUNTED <= late - counted < 1.0:
+    if -MAX_EARLY_COUNTED <= late - counted < 1.0:
         return counted
-    return np.int64(math.floor(late + PART))
+    return np.int64(math.floor(late + EARLY_SHARE))
 
 
 @outlined
@@ -317,11 +318,11 @@ def _hold(clock: Any, values: Any, value: Any, cycle: Any) -> None:
 
 @outlined
 def release_held(clock: Any, values: Any) -> None:
-    """Frames that arrived together belong to successive cycles; the last one determines its own."""
+    """Give the held frames successive cycles, counted back from the cycle of the last one."""
     count = clock.held
     if count == 0:
         return
-    # The cycle that each has; the last one that it can be of stays in the record.
+    # The assigned cycle goes to time_us; ``cycle`` keeps the last one that the frame can belong to.
     after = values[HELD, count - 1].cycle + 1
     for k in range(count - 1, -1, -1):
         after = min(values[HELD, k].cycle, after - 1)
@@ -331,26 +332,26 @@ def release_held(clock: Any, values: Any) -> None:
         clock.paused = False
         last = values[HELD, count - 1]
         place_us = last.time_us * clock.interval_us
-        begin_again(clock, place_us)
+        resume_line(clock, place_us)
         delay_us = last.received_us - nominal(clock, last.time_us)
-        see_delay(clock, place_us, float(delay_us))
+        add_delay(clock, place_us, float(delay_us))
     for k in range(count):
         held = values[HELD, k]
         n = held.time_us
         if n <= clock.n:
             _put_ready(clock, values, held, 0, REPEATED)
         elif n == held.cycle:
-            _put_ready(clock, values, held, _give(clock, held.received_us, n), GIVEN)
+            _put_ready(clock, values, held, _assign_cycle(clock, held.received_us, n), GIVEN)
         else:  # a frame that waited gives no information on the clock
             _put_ready(clock, values, held, _time_of(clock, n), GIVEN)
     clock.held = 0
 
 
 @outlined
-def _give(clock: Any, received_us: int, n: Any) -> Any:
+def _assign_cycle(clock: Any, received_us: int, n: Any) -> Any:
     clock.is_off = False
     delay_us = received_us - nominal(clock, n)
-    see_delay(clock, n * clock.interval_us, float(delay_us))
+    add_delay(clock, n * clock.interval_us, float(delay_us))
     return _time_of(clock, n)
 
 
@@ -364,7 +365,7 @@ def _time_of(clock: Any, n: int) -> Any:
 
 @outlined
 def _read_untimed(clock: Any, values: Any, value: Any) -> None:
-    if not is_given_up(clock, value.received_us):
+    if not must_restart(clock, value.received_us):
         _put_ready(clock, values, value, 0, UNTIMED)
         return
     release_held(clock, values)
@@ -375,7 +376,7 @@ def _read_untimed(clock: Any, values: Any, value: Any) -> None:
 def _anchor_cycle(clock: Any, received_us: int, rate: float) -> int:
     begin_line(clock, received_us)
     restart_drift(clock, rate)
-    see_delay(clock, 0.0, 0.0)
+    add_delay(clock, 0.0, 0.0)
     clock.runs = True
     clock.n, clock.received_us = 0, received_us
     return received_us

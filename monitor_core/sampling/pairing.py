@@ -1,4 +1,4 @@
-"""Pairs torque and motion of one axis into samples; what does not fit is counted, never mixed up."""
+"""Pairs torque and motion values of one axis into samples.  Values that fit into no sample are dropped and counted."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from monitor_core.kernel.compile import outlined
 DROP_REASONS = (
     *("not_finite", "absurd", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing"),
 )
-"""Why values did not become a sample; ``Pairing.dropped`` counts them, and as "missing" whole samples.
+"""Reasons why values did not become a sample.  ``Pairing.counts`` counts values, and for "missing" whole samples.
 
 not_finite: NaN or infinite.  absurd: beyond physical limits.  repeated: the same quantity again within half
 an interval.  out_of_order: not after the last sample.  untimed: the sample counter, or the fitted clock, contradicts
-the time of receipt.  unpaired: the partner never came.  late: came after its partner had been given up or paired
-otherwise.  missing: samples that never came, from the interval between two samples.
+the time of receipt.  unpaired: the partner never came.  late: came after its partner had been discarded, or paired with
+another value.  missing: samples that never came, from the interval between two samples.
 """
 
 NOT_FINITE, ABSURD, REPEATED, OUT_OF_ORDER, _, UNPAIRED, LATE, MISSING = range(len(DROP_REASONS))
 FITS = -1
 TORQUE, MOTION = 0, 1
 NO_TIME = np.iinfo(np.int64).min
-"""In place of a time that there is not"""
+"""Stands for an absent time"""
 _REMEMBERED = 8
-"""Values given up, whose partners may come late"""
+"""Number of the last discarded values whose times are kept, to recognize late partners"""
 
 PAIRING = np.dtype(
     [
@@ -49,19 +49,19 @@ PAIRING = np.dtype(
     ]
 )
 WAITING = np.dtype([("t_us", "i8"), ("value", "f8"), ("sample_us", "i8")])
-"""A value with its time of receipt, for pairing, and its time by the sample counter, where there is one."""
+"""A value, its time of receipt, by which it is paired, and its time by the sample counter, or NO_TIME."""
 SAMPLE = np.dtype(
     [("t_us", "i8"), ("torque", "f8"), ("motion", "f8"), ("place", "i8"), ("received_us", "i8")]
 )
-"""A sample, and the frame that completed it: its place in its block and its time of receipt."""
+"""A sample, and the place in its block and the time of receipt of the frame that completed it."""
 
 
 class Pairing(NamedTuple):
     """Pairs the values of one axis into samples with strictly increasing times.
 
-    A torque and a motion value belong together when they were received within the tolerance.  As long as all values of
-    a cycle are, and the tolerance is below half an interval, no sample ever mixes two cycles.  Every value is in one
-    sample or counted once.
+    A torque and a motion value belong together if they were received within the tolerance.  No sample mixes two cycles,
+    as long as all values of a cycle are received within the tolerance, and this is below half an interval.  Every value
+    is either part of one sample or counted once.
     """
 
     state: NDArray[np.void]
@@ -71,7 +71,7 @@ class Pairing(NamedTuple):
 
     @property
     def counts(self) -> dict[str, int]:
-        """Values that became no sample, and whole samples that are missing."""
+        """Number of dropped values by reason, and of missing samples."""
         return dict(zip(DROP_REASONS, self.state["dropped"][0].tolist(), strict=True))
 
     @property
@@ -90,37 +90,37 @@ def new_pairing(
         tolerance_s: pairing tolerance [s], below half an interval.
         max_gap_s: a step back in time by more than this means that the clock was set back [s].
         patience: number of intervals that a value waits for its partner.
-        limits: of a possible torque and motion.
+        limits: largest possible magnitudes of torque and motion.
     """
     state = np.zeros(1, PAIRING)
     state["interval_us"], state["tolerance_us"] = interval_s * 1e6, tolerance_s * 1e6
     state["gap_us"], state["patience_us"] = max_gap_s * 1e6, patience * (interval_s * 1e6)
     state["newest_us"] = state["floor_us"] = state["last_us"] = NO_TIME
     state["limit"], state["paired_us"] = limits, NO_TIME
-    # Waiting values are half an interval apart, and none is older than both together.
+    # Waiting values are at least half an interval apart; none is older than the longest gap plus the patience.
     most = 8 + 2 * math.ceil(2 * (max_gap_s / interval_s + patience))
     return Pairing(state, np.zeros((2, most), WAITING))
 
 
 @outlined
 def add_value(p: Any, waiting: Any, kind: int, t_us: int, value: float, sample_us: int, sample: Any) -> bool:
-    """Take a value; returns whether it completes a sample, which is then in the record ``sample``.
+    """Take a value; returns whether it completes a sample, which is then written to ``sample``.
 
     Args:
-        p: the record of the pairing.
-        waiting: the values that wait.
+        p: state of the pairing.
+        waiting: its waiting values.
         kind: TORQUE or MOTION.
         t_us: time of receipt [us].
         value: torque [N m], or angle [rad] or speed [rad/s].
         sample_us: time of the sample [us] by the sample counter, or NO_TIME.
-        sample: for the result.
+        sample: record for the result.
     """
-    nonsense = _nonsense(p, kind, value)
-    if nonsense != FITS:
-        p.dropped[nonsense] += 1
+    reason = _check_value(p, kind, value)
+    if reason != FITS:
+        p.dropped[reason] += 1
         return False
-    _notice(p, waiting, t_us)
-    reason = _misfit(p, waiting, kind, t_us)
+    _note_time(p, waiting, t_us)
+    reason = _check_time(p, waiting, kind, t_us)
     if reason != FITS:
         p.dropped[reason] += 1
         return False
@@ -130,28 +130,28 @@ def add_value(p: Any, waiting: Any, kind: int, t_us: int, value: float, sample_u
         _wait(p, waiting, kind, t_us, value, sample_us)
         _give_up(p, waiting, t_us - p.patience_us)
         return False
-    found = waiting[other, partner]
-    found_us, found_value, found_sample_us = found.t_us, found.value, found.sample_us
+    earlier = waiting[other, partner]
+    earlier_us, earlier_value, earlier_sample_us = earlier.t_us, earlier.value, earlier.sample_us
     _remove(p, waiting, other, partner)
-    p.paired_us[kind], p.paired_us[other] = t_us, found_us
+    p.paired_us[kind], p.paired_us[other] = t_us, earlier_us
     if kind == TORQUE:
-        return _pair(p, waiting, t_us, value, sample_us, found_us, found_value, found_sample_us, sample)
-    return _pair(p, waiting, found_us, found_value, found_sample_us, t_us, value, sample_us, sample)
+        return _pair(p, waiting, t_us, value, sample_us, earlier_us, earlier_value, earlier_sample_us, sample)
+    return _pair(p, waiting, earlier_us, earlier_value, earlier_sample_us, t_us, value, sample_us, sample)
 
 
 @outlined
 def add_pair(
     p: Any, waiting: Any, t_us: int, torque: float, motion: float, sample_us: int, sample: Any
 ) -> bool:
-    """Take both values from one frame: they belong together, whatever the tolerance; see ``add_value``."""
-    nonsense = _nonsense(p, TORQUE, torque)
-    if nonsense == FITS:
-        nonsense = _nonsense(p, MOTION, motion)
-    if nonsense != FITS:
-        p.dropped[nonsense] += 2
+    """Take both values of one frame, which belong together; arguments and result as of ``add_value``."""
+    reason = _check_value(p, TORQUE, torque)
+    if reason == FITS:
+        reason = _check_value(p, MOTION, motion)
+    if reason != FITS:
+        p.dropped[reason] += 2
         return False
-    _notice(p, waiting, t_us)
-    # A sample counter has already separated repeated frames from those of a burst.
+    _note_time(p, waiting, t_us)
+    # With a sample counter, repeated frames have already been dropped, and frames of a burst may be close together.
     if sample_us == NO_TIME and p.floor_us != NO_TIME:
         if abs(t_us - p.floor_us) < p.interval_us / 2:
             p.dropped[REPEATED] += 2
@@ -164,21 +164,21 @@ def add_pair(
 
 @outlined
 def flush_pairing(p: Any, waiting: Any) -> None:
-    """No more values will come: those that wait for a partner are unpaired."""
+    """Discard all values that wait for a partner, as no more values will come; they count as unpaired."""
     _give_up(p, waiting, math.inf)
 
 
 @outlined
-def _nonsense(p: Any, kind: int, value: float) -> int:
-    """Why a value is impossible for any axis."""
+def _check_value(p: Any, kind: int, value: float) -> int:
+    """Reason why a value is impossible for any axis, or FITS."""
     if not math.isfinite(value):
         return NOT_FINITE
     return ABSURD if abs(value) > p.limit[kind] else FITS
 
 
 @outlined
-def _notice(p: Any, waiting: Any, t_us: int) -> None:
-    """Keep the newest time; a large step back means that the clock was set back: restart."""
+def _note_time(p: Any, waiting: Any, t_us: int) -> None:
+    """Keep the newest time; restart after a large step back, which means that the clock was set back."""
     if p.newest_us != NO_TIME and t_us < p.newest_us - p.gap_us:
         p.clock_set_back += 1
         flush_pairing(p, waiting)
@@ -190,8 +190,8 @@ def _notice(p: Any, waiting: Any, t_us: int) -> None:
 
 
 @outlined
-def _misfit(p: Any, waiting: Any, kind: int, t_us: int) -> int:
-    """Why a value of that time fits into no sample, whether or not its partner is there."""
+def _check_time(p: Any, waiting: Any, kind: int, t_us: int) -> int:
+    """Reason why a value with this time fits into no sample, whether or not its partner is there; or FITS."""
     if _was_near(p, kind, t_us, p.interval_us / 2):
         return REPEATED
     for k in range(p.waiting[kind]):
@@ -204,16 +204,16 @@ def _misfit(p: Any, waiting: Any, kind: int, t_us: int) -> int:
 
 @outlined
 def _was_near(p: Any, kind: int, t_us: int, distance_us: float) -> Any:
-    """Whether a value of this quantity that no longer waits is nearer than that distance."""
-    found = p.paired_us[kind] != NO_TIME and abs(p.paired_us[kind] - t_us) < distance_us
+    """Whether a paired or discarded value of this kind has a time within this distance of ``t_us``."""
+    near = p.paired_us[kind] != NO_TIME and abs(p.paired_us[kind] - t_us) < distance_us
     for k in range(min(p.given_up[kind], _REMEMBERED)):
-        found = found or abs(p.given_up_us[kind, k] - t_us) < distance_us
-    return found
+        near = near or abs(p.given_up_us[kind, k] - t_us) < distance_us
+    return near
 
 
 @outlined
 def _nearest(p: Any, waiting: Any, kind: int, t_us: int) -> int:
-    """The waiting value nearest to that time, within the tolerance; -1: there is none."""
+    """Index of the waiting value nearest to this time, within the tolerance; -1: there is none."""
     best, least = -1, np.int64(0)
     for k in range(p.waiting[kind]):
         distance = abs(waiting[kind, k].t_us - t_us)
@@ -224,11 +224,11 @@ def _nearest(p: Any, waiting: Any, kind: int, t_us: int) -> int:
 
 @outlined
 def _wait(p: Any, waiting: Any, kind: int, t_us: int, value: float, sample_us: int) -> None:
-    if p.waiting[kind] == waiting.shape[1]:  # cannot be; nothing is lost uncounted
+    if p.waiting[kind] == waiting.shape[1]:  # should not happen; if it does, the dropped value is counted
         _remove(p, waiting, kind, 0)
         p.dropped[UNPAIRED] += 1
-    mine = waiting[kind, p.waiting[kind]]
-    mine.t_us, mine.value, mine.sample_us = t_us, value, sample_us
+    place = waiting[kind, p.waiting[kind]]
+    place.t_us, place.value, place.sample_us = t_us, value, sample_us
     p.waiting[kind] += 1
 
 
@@ -241,7 +241,7 @@ def _remove(p: Any, waiting: Any, kind: int, at: int) -> None:
 
 @outlined
 def _give_up(p: Any, waiting: Any, before_us: float) -> None:
-    """Stop waiting for the partners of values before that time."""
+    """Discard waiting values that are older than ``before_us``."""
     for kind in range(2):
         kept = 0
         for k in range(p.waiting[kind]):
@@ -283,7 +283,7 @@ def _pair(
 
 @outlined
 def _follows(p: Any, time_us: int) -> Any:
-    """Whether a sample of that time comes after the last one; counts those missing between."""
+    """Whether a sample with this time comes after the last one; counts the missing samples in between."""
     if p.last_us == NO_TIME:
         return True
     if time_us < p.last_us - p.gap_us:  # the sample counter was re-anchored

@@ -1,4 +1,4 @@
-"""Scatter of the time stamps of an axis, measured as its frames come."""
+"""Scatter of the time stamps of an axis, updated with each frame."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from monitor_core.kernel.compile import outlined
 
 MEMORY = 1000
-"""Samples over which the scatter is taken."""
+"""Number of samples over which the scatter is averaged."""
 
 METER = np.dtype(
     [
@@ -30,7 +30,7 @@ METER = np.dtype(
 
 
 def new_meter(interval_s: float) -> Any:
-    """A meter for that nominal sample interval [s], (1,)."""
+    """A new meter (1,) for this nominal sample interval [s]."""
     meter = np.zeros(1, METER)
     meter["interval_us"] = meter["median_us"] = interval_s * 1e6
     return meter
@@ -38,7 +38,7 @@ def new_meter(interval_s: float) -> Any:
 
 @outlined
 def frame_received(m: Any, t_us: int) -> None:
-    """A frame was received at that time."""
+    """Update the intervals with the time of receipt of a frame."""
     passed_us, runs = t_us - m.last_us, m.runs
     m.last_us, m.runs = t_us, True
     if not runs:
@@ -56,7 +56,7 @@ def frame_received(m: Any, t_us: int) -> None:
 
 @outlined
 def sample_timed(m: Any, received_us: int, time_us: int) -> None:
-    """A sample with that time was received at that time."""
+    """Update the delays with the time of receipt and the time of a sample."""
     m.delays_count += 1
     part = 1 / min(m.delays_count, MEMORY)
     off = (received_us - time_us) - m.delays_mean

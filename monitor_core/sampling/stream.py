@@ -1,4 +1,4 @@
-"""The frames of one axis in blocks: its clock and its pairing, frame by frame, compiled."""
+"""Compiled conversion of blocks of frames of one axis to samples: frame by frame through its clock and its pairing."""
 
 from __future__ import annotations
 
@@ -34,29 +34,29 @@ from monitor_core.sampling.pairing import (
 from monitor_core.sampling.stamp_meter import frame_received, new_meter, sample_timed
 
 RECEIPT, COUNTER, CYCLIC = 0, 1, 2
-"""What gives the times of the samples"""
+"""Sources of the times of samples"""
 
 
 class Stream(NamedTuple):
-    """Everything that is known of the frames of an axis."""
+    """State of the conversion of the frames of an axis."""
 
     clock: int
-    """RECEIPT, COUNTER or CYCLIC"""
+    """Source of the times: RECEIPT, COUNTER or CYCLIC"""
     clocks: tuple[Clock, Clock]
-    """Of frames without and with motion; only the first one counts"""
+    """Clocks of frames without and with motion; COUNTER uses only the first one"""
     pairing: Pairing
     meter: NDArray[np.void]
     scratch: NDArray[np.void]
-    """(1,) the last frame"""
+    """(1,) values of the last frame"""
 
 
 HAS_TORQUE, HAS_MOTION, HAS_COUNT = 1, 2, 4
-"""Bits of ``has`` of a FRAME"""
+"""Bits of the field ``has`` of a FRAME"""
 
 
 FRAME = np.dtype(
     [
-        ("place", "i8"),  # in its block
+        ("place", "i8"),  # index in its block
         ("received_us", "i8"),
         ("torque", "f8"),  # N m
         ("motion", "f8"),  # rad or rad/s
@@ -64,60 +64,63 @@ FRAME = np.dtype(
         ("has", "u1"),
     ]
 )
-"""The values in a frame of an axis, and which of them it has"""
+"""The values in a frame of an axis; ``has`` says which of them are present"""
 
 
 def new_scratch() -> NDArray[np.void]:
-    """For ``Stream``."""
+    """An empty record for ``Stream.scratch``."""
     return np.zeros(1, VALUE)
 
 
-def room_for_samples(stream: Stream, number: int) -> NDArray[np.void]:
-    """Room for the samples that so many frames may complete, and those that wait."""
+def new_samples(stream: Stream, number: int) -> NDArray[np.void]:
+    """An array of SAMPLE, large enough for the samples that ``number`` frames and the waiting values can complete."""
     waiting = sum(clock.values.shape[1] for clock in stream.clocks)
     return np.zeros(number + waiting + 1, SAMPLE)
 
 
 def compile_stream(cyclic: bool = False) -> None:
-    """Compile what the frames of an axis need, or load it from its cache.
+    """Compile the functions that take frames, or load them from the cache.
 
     Args:
-        cyclic: for the clock that is fitted to the cycles; otherwise for a counter and for times of receipt.
+        cyclic: those of the clock that is fitted to cycles; otherwise those for a counter and for times of receipt.
     """
     clock = (cyclic_clock if cyclic else partial(counter_clock, bits=1))(1.0)
     pairing = new_pairing(1.0, 0.1, 1.0, 1.0, (1.0, 1.0))
     kind = CYCLIC if cyclic else RECEIPT
     stream = Stream(kind, (clock, clock), pairing, new_meter(1.0), new_scratch())
-    samples = room_for_samples(stream, 0)
+    samples = new_samples(stream, 0)
     take_frames(stream, np.zeros(0, FRAME), samples)
     flush_frames(stream, samples)
 
 
 def take_frames(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -> int:
-    """Take frames in the order of receipt; returns how many samples are complete.
+    """Take frames in the order of receipt; returns the number of completed samples.
 
     Args:
-        stream: of the axis.
-        values: of the frames (N,), of FRAME.
-        samples: room for the samples (at least N and those that wait), of SAMPLE.
+        stream: state of the axis; it is updated.
+        values: the frames (N,), of type FRAME.
+        samples: array for the completed samples, from ``new_samples``.
     """
     return int((_take_cyclic if stream.clock == CYCLIC else _take)(stream, values, samples))
 
 
 def flush_frames(stream: Stream, samples: NDArray[np.void]) -> int:
-    """End of the frames: the samples of held values; values without a partner are counted."""
+    """Complete the samples of held values after the last frame, and count values without a partner.
+
+    Returns the number of completed samples.
+    """
     if stream.clock == CYCLIC:
         return int(_flush_cyclic(stream, samples))
     _flush(stream.pairing)
     return 0
 
 
-# Two entries for each: only axes that need the cyclic clock wait for its compilation.
+# Two compiled functions for each of the two: only axes that need the cyclic clock wait for its compilation.
 
 
 @short_entry
 def _take(stream: Stream, values: NDArray[np.void], samples: NDArray[np.void]) -> Any:
-    """Frames with a counter, or with times of receipt."""
+    """Take frames whose time is a counter, or the time of receipt."""
     number: Any = np.int64(0)
     value = stream.scratch[0]
     for k in range(len(values)):
@@ -165,7 +168,7 @@ def _flush_cyclic(stream: Stream, samples: NDArray[np.void]) -> Any:
 
 @outlined
 def _read_frame(stream: Stream, values: NDArray[np.void], k: int) -> bool:
-    """The values of a frame into the record of the last one; whether there are any."""
+    """Copy the values of frame k to ``stream.scratch``; returns whether it has any."""
     frame, value = values[k], stream.scratch[0]
     value.place, value.received_us, has = frame.place, frame.received_us, frame.has
     value.torque, value.motion = frame.torque, frame.motion
@@ -177,7 +180,7 @@ def _read_frame(stream: Stream, values: NDArray[np.void], k: int) -> bool:
 
 @outlined
 def _take_ready(stream: Stream, clock: Clock, samples: NDArray[np.void], number: Any) -> Any:
-    """The samples completed by values whose times are known now."""
+    """Pair the values whose times are now known, or count them as dropped; returns the new number of samples."""
     for k in range(clock.state[0].ready):
         value = clock.values[READY, k]
         if value.reason != GIVEN:
@@ -195,12 +198,12 @@ def _assemble(
 ) -> Any:
     p, waiting, sample = stream.pairing.state[0], stream.pairing.waiting, samples[number]
     if value.has_torque and value.has_motion:
-        found = add_pair(p, waiting, t_us, value.torque, value.motion, sample_us, sample)
-    else:  # of variable kind: numba would compile what gets a constant once more
+        complete = add_pair(p, waiting, t_us, value.torque, value.motion, sample_us, sample)
+    else:  # one call with a variable kind: numba would compile add_value again for each constant
         kind: Any = np.int64(TORQUE if value.has_torque else MOTION)
-        found_value = value.torque if value.has_torque else value.motion
-        found = add_value(p, waiting, kind, t_us, found_value, sample_us, sample)
-    if found:
+        quantity = value.torque if value.has_torque else value.motion
+        complete = add_value(p, waiting, kind, t_us, quantity, sample_us, sample)
+    if complete:
         sample.place, sample.received_us = stream.scratch[0].place, stream.scratch[0].received_us
         return number + 1
     return number

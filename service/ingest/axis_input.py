@@ -98,12 +98,12 @@ class AxisInput:
         """Take the messages of a block of frames; returns the samples that are now complete, or None."""
         parts = [self._values(key, decoded[key]) for key in self.keys if key in decoded]
         if not parts:
-            return self._block(sampling.room_for_samples(self._stream, 0)[:0], decoded)
+            return self._block(sampling.new_samples(self._stream, 0)[:0], decoded)
         values = parts[0]
         if len(parts) > 1:
             values = np.concatenate(parts)
             values = values[values["place"].argsort()]
-        samples = sampling.room_for_samples(self._stream, len(values))
+        samples = sampling.new_samples(self._stream, len(values))
         return self._block(samples[: sampling.take_frames(self._stream, values, samples)], decoded)
 
     def _values(self, key: FrameKey, decoded: Decoded) -> NDArray[np.void]:
@@ -118,7 +118,7 @@ class AxisInput:
 
     def flush(self) -> SampleBlock | None:
         """End the input: returns the samples of held values; values without a partner are counted as dropped."""
-        samples = sampling.room_for_samples(self._stream, 0)
+        samples = sampling.new_samples(self._stream, 0)
         return self._block(samples[: sampling.flush_frames(self._stream, samples)], {})
 
     def _block(self, samples: NDArray[np.void], decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:

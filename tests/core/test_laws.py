@@ -157,7 +157,7 @@ def test_a_fleet_equals_its_axes_one_by_one(seed: int, chosen: list[Case], again
     rng.shuffle(cases)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(batch_module, "FEWEST_LANES", 1 if lanes else 1000)
-        patch.setattr(batch_module, "MOST_LANES", lanes)
+        patch.setattr(batch_module, "MAX_LANES", lanes)
         fleet = fleet_of(cases, rng)
         found: list[list[AlarmChange]] = [[] for _ in cases]
         pieces = []

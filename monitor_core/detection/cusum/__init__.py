@@ -1,4 +1,4 @@
-"""Alarms from the CUSUM tests: what has changed, since when and by how much.
+"""Alarms from the CUSUM tests, with cause, onset and size.
 
-``cusum_evidence``: what the tests report; ``cusum_detector`` makes alarms of it.
+``cusum_evidence``: events of the tests; ``cusum_detector``: makes alarms of these events.
 """

@@ -1,16 +1,17 @@
 """Alarms of the CUSUM tests: raised at a crossing, named by likelihood ratios of single faults, ended by evidence.
 
-* The first crossing raises one alarm, "something has changed".  Until it is named, crossings of any parameter belong to
-  it.  So a first crossing of the wrong parameter is not a second alarm: the name is corrected, the earlier one is kept.
+* The first crossing raises one alarm, "something has changed".  Until the alarm is named, crossings of any parameter
+  belong to it.  So a first crossing of the wrong parameter causes no second alarm: the name is corrected, and the
+  earlier name is kept.
 * The name comes from the likelihood ratios of single faults (isolation.py), with the probabilities of all causes.
-* While a named alarm is open, a crossing of another parameter is a second change only where the first does not explain
-  it.  Its cause is isolated given the first: the named parameters may have changed by any amount, and the others are
-  judged without them.  Nominal values and tests are not modified, so nothing has to be restored when the first fault is
-  repaired.  If no other parameter stands out then, the second change belongs to the first; if another single parameter
-  explains everything, the first alarm is renamed.
-* The size of a named alarm is the mean since its first crossing.  While the cause lasts, the tests cross again and
-  again.  The alarm ends when they have not crossed for three memory lengths, and what was learned meanwhile is so much
-  more likely at the nominal value than at that size.
+* While a named alarm is open, a crossing of another parameter is a second change only if the first change does not
+  explain it.  Its cause is isolated given the first one: the named parameters may have changed by any amount, and the
+  others are tested without them.  Nominal values and tests are not modified, so nothing has to be restored when the
+  first fault is repaired.  If no other parameter stands out, the second change belongs to the first.  If another single
+  parameter explains everything, the first alarm is renamed.
+* The size of a named alarm is the mean deviation since its first crossing.  While the cause lasts, the tests cross
+  again and again.  The alarm ends when they have not crossed for three memory lengths, and the estimates since then are
+  much more likely for the nominal value than for that size.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -44,28 +45,28 @@ from monitor_core.detection.cusum.cusum_evidence import (
 from monitor_core.detection.isolation import Causes, single_faults, sizes
 from monitor_core.detection.onset import SURE, change_of, scatters
 
-DISMISSED = 0.05
+MIN_NAME_PROBABILITY = 0.05
 """An alarm is renamed when the probability of its cause falls below this."""
 
-UNEXPLAINED = 2.0
-"""Innovation variance over lambda_0 of a motion that the torque does not explain."""
+UNEXPLAINED_MOTION = 2.0
+"""Ratio of the innovation variance to lambda_0 above which the torque does not explain the motion."""
 
 FIRST_CROSSING_ODDS = 8.0
-"""Prior odds of the parameter that crossed first against each other one: among eight parameters it was the right one in
-55 of 100 large changes, and more often for small changes."""
+"""Prior odds of the parameter that crossed first, against each other parameter.  Among eight parameters it was the
+right one in 55 of 100 large changes, and more often for small changes."""
 
 SURELY_BACK = log(100)
-"""Logarithm of the likelihood ratio of the nominal value against the size of an alarm, from which on it ends."""
+"""Log-likelihood ratio of the nominal value against the size of an alarm from which the alarm ends."""
 
-NOTHING = 1.0
-"""Twice the logarithm of the likelihood ratio of the likeliest cause, below which an alarm without a name ends."""
+MIN_EVIDENCE = 1.0
+"""An alarm without a name ends if twice the log-likelihood ratio of the likeliest cause is below this."""
 
 
 class CusumDetector:
     """The CUSUM tests of one axis.  The kernel computes g (paper eq. 21-23); this class makes alarms of the crossings.
 
-    ``parameters`` (p,) are those monitored.  g (2, p) of both directions and the thresholds h (p,) are views of the
-    batch.
+    ``parameters`` (p,): the monitored ones.  g (2, p), for both directions, and the thresholds h (p,) are views into
+    the batch.
     """
 
     name: DetectorName = "cusum"
@@ -77,11 +78,11 @@ class CusumDetector:
     def leading(self) -> Leading:
         """The parameter whose test is nearest its threshold, and g / h."""
         evidence = (self._g.max(axis=0) / self._h).tolist()
-        most = max(evidence)
-        return Leading(self.causes[evidence.index(most)], most)
+        largest = max(evidence)
+        return Leading(self.causes[evidence.index(largest)], largest)
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
-        """Take over open alarms: there is nothing to do, as evidence does not depend on them."""
+        """Do nothing: the evidence of this detector does not depend on open alarms."""
 
     @staticmethod
     def interpret(event: CusumEvent, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
@@ -125,33 +126,33 @@ def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
 
 
 def _is_over(alarm: Alarm, named: Sequence[Alarm], e: Evidence) -> bool:
-    """Whether the parameter is back at its nominal value, or at least as near as the tests can resolve.
+    """Whether the parameter is back at its nominal value, or at least as near to it as the tests can resolve.
 
-    The differences between healthy records do not count: they are in both values that are compared.
+    The allowance for differences between healthy records is not used: it would be in both values that are compared.
     """
     if not e.is_old(alarm.updated_us):
         return False
     now, sd = _sizes(e, alarm.updated_us, named, np.zeros_like(e.allowed))[named.index(alarm)]
     before = np.inf if alarm.size is None else alarm.size
-    # Where the size is not known, it is larger than what the tests can resolve.
+    # An unknown size is larger than what the tests can resolve.
     back = (before - 2 * now) * before / (2 * sd**2) if np.isfinite(before) else SURELY_BACK
     return bool(back > SURELY_BACK or (back > 0 and sd < abs(before) and e.is_forgotten(alarm.updated_us)))
 
 
 def _first_change(alarm: Alarm, e: Evidence) -> Iterator[Alarm]:
-    """Name the only alarm; without enough evidence wait for more, or end it if the tests no longer cross.
+    """Name the only alarm.  Without enough evidence, wait for more, or end the alarm if the tests no longer cross.
 
     A small change needs more than three memory lengths to stand out.
     """
     causes = _causes(e, alarm)
     if _doubt(e, causes.best, causes) in NO_PARAMETER or causes.stands_out(e.tolerance):
         yield _named(alarm, e, causes, alone=True)
-    elif e.is_old(alarm.updated_us) and (causes.T.max() < NOTHING or e.is_forgotten(alarm.updated_us)):
+    elif e.is_old(alarm.updated_us) and (causes.T.max() < MIN_EVIDENCE or e.is_forgotten(alarm.updated_us)):
         yield alarm.ended(e.time_us)
 
 
 def _second_change(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[Alarm]:
-    """Name the newer alarm given the older ones, or find that it belongs to them."""
+    """Name the newer alarm given the older ones, or end it if its change belongs to one of them."""
     others, alone = _causes(e, new, named), _causes(e, new)
     first, *later = named
     if e.parameters[alone.best] not in {a.parameter for a in named} and alone.explains(e.tolerance):
@@ -168,17 +169,17 @@ def _second_change(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[
 
 
 def _reconsidered(alarm: Alarm, e: Evidence) -> Alarm:
-    """The only alarm in the light of new evidence.
+    """The only alarm, after new evidence.
 
-    It is renamed only where its cause is unlikely, and was so three memory lengths before: for a moment, what the model
-    lacks looks like anything.
+    It is renamed only if its cause is unlikely, and was already unlikely three memory lengths before: for a short time
+    model errors may look like any cause.
     """
     causes, i = _causes(e, alarm), e.parameters.index(alarm.parameter)
     if not causes.stands_out(e.tolerance):  # it is about to end
         return alarm
-    if causes.probability[i] < DISMISSED and causes.explains(e.tolerance):
+    if causes.probability[i] < MIN_NAME_PROBABILITY and causes.explains(e.tolerance):
         before = _causes(e.earlier(), alarm).probability[i]
-        return _named(alarm, e, causes, alone=True) if before < DISMISSED else alarm
+        return _named(alarm, e, causes, alone=True) if before < MIN_NAME_PROBABILITY else alarm
     if causes.best == i:
         doubt = alarm.doubt if alarm.doubt in NO_PARAMETER else _doubt(e, i, causes)
         return replace(alarm, causes=_reported(e, causes), doubt=doubt)
@@ -186,7 +187,7 @@ def _reconsidered(alarm: Alarm, e: Evidence) -> Alarm:
 
 
 def _named(alarm: Alarm, e: Evidence, causes: Causes, alone: bool) -> Alarm:
-    """The alarm of the likeliest cause with its size, and with the onset as far as the kept past shows it."""
+    """The alarm, named after the likeliest cause, with size and onset (from the kept past, if that is possible)."""
     i = causes.best
     onset, kind = _onset(alarm, e, i, alone and causes.explains(e.tolerance))
     size = _stated(float(causes.size[i]), float(causes.size_sd[i]))
@@ -195,35 +196,35 @@ def _named(alarm: Alarm, e: Evidence, causes: Causes, alone: bool) -> Alarm:
 
 
 def _resized(e: Evidence, alarms: Sequence[Alarm]) -> Iterator[Alarm]:
-    """All named alarms with their sizes, given that their parameters and no others have changed.
+    """All named alarms with new sizes, given that their parameters have changed and no others.
 
-    What was learned since they have their names counts with equal weights.  A size stays when the parameter seems to be
-    back: that decides whether the alarm ends.
+    All samples since the alarms have their names count with equal weights.  An alarm keeps its size while the parameter
+    seems to be back at its nominal value: the kept size decides whether the alarm ends.
     """
     if not alarms:
         return
-    found = _stated_sizes(e, max(map(_size_since_us, alarms)), alarms)
-    lately = _sizes(e, e.time_us, alarms, e.allowed)
-    for alarm, size, (now, _) in zip(alarms, found, lately, strict=True):
+    means = _stated_sizes(e, max(map(_size_since_us, alarms)), alarms)
+    latest = _sizes(e, e.time_us, alarms, e.allowed)
+    for alarm, size, (now, _) in zip(alarms, means, latest, strict=True):
         back = alarm.size is not None and now * alarm.size < alarm.size**2 / 2 and e.is_old(alarm.updated_us)
         yield alarm if back else replace(alarm.turned(e.time_us, direction_of(size[0])), **_stated(*size))
 
 
 def _size_since_us(alarm: Alarm) -> int:
-    """The time since when the size is that of now: the detection, or the last change of the name or direction."""
+    """Time from which the size of an alarm is averaged: the detection, or the last change of its name or direction."""
     renamed = alarm.past and alarm.past[-1].stage == "named"
     return max(alarm.since_us, alarm.past[-1].until_us) if renamed else alarm.since_us
 
 
 def _onset(alarm: Alarm, e: Evidence, i: int, alone: bool) -> tuple[Onset, Kind]:
-    """Onset and kind of the change of parameter i; those of the alarm where the past is not known."""
+    """Onset and kind of the change of parameter i from the past; those of the alarm if the past is not known."""
     past = e.past
     change = change_of(past, i, alone)
     if change is None:
         return alarm.onset, alarm.kind
     last_us = int(past.t_us[-1])
     low, best, high = (last_us + round(t) for t in (change.low, change.best, change.high))
-    if low <= past.t_us[0]:  # older than what is kept
+    if low <= past.t_us[0]:  # before the kept past
         return alarm.onset_by(Onset(alarm.onset_us, None, high)), alarm.kind
     kind: Kind = "" if abs(change.drift) < SURE else "drift" if change.drift > 0 else "step"
     return alarm.onset_by(Onset.within(best, low, high)), kind
@@ -240,16 +241,16 @@ def _causes(e: Evidence, alarm: Alarm, named: Sequence[Alarm] = ()) -> Causes:
 def _sizes(
     e: Evidence, since_us: int, changed: Sequence[Alarm], allowed: Floats
 ) -> list[tuple[float, float]]:
-    """Size and standard deviation of each since then, given that these have changed and no others."""
+    """Size and standard deviation since ``since_us`` of each alarm, given that no other parameters have changed."""
     d, V = e.since(since_us)
-    found = sizes(d, V + allowed, [e.parameters.index(alarm.parameter) for alarm in changed])
-    return [(float(size), float(sd)) for size, sd in zip(*found, strict=True)]
+    estimates = sizes(d, V + allowed, [e.parameters.index(alarm.parameter) for alarm in changed])
+    return [(float(size), float(sd)) for size, sd in zip(*estimates, strict=True)]
 
 
 def _stated_sizes(e: Evidence, since_us: int, changed: Sequence[Alarm]) -> Iterator[tuple[float, float]]:
-    """Size and standard deviation of each, as they are reported: each with the scatter of its own estimate.
+    """Size and standard deviation of each alarm, as reported.
 
-    P holds the mean scatter of all parameters.
+    P has the same scatter for all parameters, their mean; here each has the scatter of its own estimate.
     """
     random = _sizes(e, since_us, changed, np.zeros_like(e.allowed))
     total = _sizes(e, since_us, changed, e.allowed)
@@ -261,7 +262,7 @@ def _stated_sizes(e: Evidence, since_us: int, changed: Sequence[Alarm]) -> Itera
 
 
 def _stated(size: float, sd: float) -> dict[str, Any]:
-    """A size with the standard deviation that is reported."""
+    """A size with its reported standard deviation, as fields of ``Alarm``."""
     return {"size": size, "size_sd": hypot(sd, MODEL_ERROR * size)}
 
 
@@ -269,18 +270,18 @@ def _reported(e: Evidence, causes: Causes) -> tuple[Cause, ...]:
     """The causes that are likely enough to be reported, the likeliest first."""
     order = np.argsort(-causes.probability, kind="stable")
     names = [e.parameters[k] for k in order]
-    found = [
+    ordered = [
         Cause(name, float(causes.probability[k]), e.alike.get(name, ()))
         for name, k in zip(names, order, strict=True)
     ]
-    return tuple(cause for cause in found if cause.probability >= MIN_PROBABILITY)
+    return tuple(cause for cause in ordered if cause.probability >= MIN_PROBABILITY)
 
 
 def _doubt(e: Evidence, i: int, causes: Causes) -> Doubt:
-    """Why the likeliest cause may not be the true one."""
+    """Reason why the likeliest cause i may not be the true one."""
     held = dict(zip(e.parameters, e.held, strict=True))
     if held.get(TORQUE_CONSTANT) == -1:
-        return "sign" if e.excess > UNEXPLAINED else "still"
+        return "sign" if e.excess > UNEXPLAINED_MOTION else "still"
     if held[e.parameters[i]] or e.excess > INVALID:
         return "model"
     return "" if causes.explains(e.tolerance) else "several"

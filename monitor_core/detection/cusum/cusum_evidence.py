@@ -1,7 +1,7 @@
-"""What the CUSUM tests of an axis report: crossings of h, and evidence of what the parameters are since then.
+"""Events of the CUSUM tests of an axis: crossings of h, and evidence about the parameters since then.
 
 The kernel notes the estimates three memory lengths after a crossing, and every three memory lengths.
-``EvidenceBuilder`` makes evidence, and readings of the long-term trend, of the columns that it has noted.
+``EvidenceBuilder`` makes evidence, and readings for the long-term trend, from the noted columns.
 """
 
 from collections.abc import Iterator, Mapping
@@ -21,17 +21,18 @@ from monitor_core.settings import Settings
 from monitor_core.trend.entries import Reading
 
 INVALID = 100.0
-"""Running innovation variance over lambda_0: with errors ten times as large as they were the model does not hold."""
+"""Ratio of the running innovation variance to lambda_0 above which the model does not hold: errors ten times larger."""
 
 HELD = 0.1
-"""Of the distance from the nominal value to a bound: an estimate that is held there scatters by so much."""
+"""An estimate counts as held at a bound within this share of the distance from the nominal value to the bound."""
 BELOW_ZERO = 2.0
-"""Standard deviations by which friction or damping is below zero, which none can be: something else drives the axis."""
+"""Standard deviations.  Friction or damping below zero by more than this is impossible: something else drives the
+axis."""
 
 
 @dataclass(frozen=True, slots=True)
 class Crossing:
-    """g of a parameter has crossed h.  Times in microseconds since 1970."""
+    """The g of a parameter has crossed its h.  Times in microseconds since 1970."""
 
     parameter: str
     direction: Direction
@@ -48,11 +49,11 @@ class Evidence:
     deviation: Floats
     """theta - theta_0 (p,) at that time"""
     covariance: Floats
-    """Its covariance (p, p)"""
+    """Covariance of ``deviation`` (p, p)"""
     allowed: Floats
-    """Covariance (p, p) of what healthy estimates are off by beside their scatter"""
+    """Covariance (p, p) of the errors of healthy estimates beyond their scatter"""
     tolerance: float
-    """Standard deviations by which the estimate of a healthy axis may be off"""
+    """Largest error of the estimate of a healthy axis, in standard deviations"""
     excess: float
     """Running innovation variance over lambda_0"""
     held: tuple[int, ...]
@@ -60,49 +61,49 @@ class Evidence:
     past: Past
     """Earlier deviations"""
     stretches: int
-    """Of the past, in three memory lengths"""
+    """Number of stretches of the past in three memory lengths"""
     alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """Causes that are not monitored and look like a change of a parameter, by its name"""
+    """By name of a parameter: causes that are not monitored and look like a change of it"""
 
     def since(self, t_us: int) -> tuple[Floats, Floats]:
-        """The deviations (p,) that explain all samples since then with equal weight, and their covariance (p, p).
+        """Deviations (p,) that explain all samples since ``t_us`` with equal weight, and their covariance (p, p).
 
-        At least those of three memory lengths, and no more than are kept.  The estimates forget: where the axis has
-        moved little in the end, they hold little of what was learned.  If that time is to come, the clock was set back
-        since, where what is kept begins.
+        At least three memory lengths are used, and at most the kept past.  (The last estimates alone forget: if the
+        axis has moved little in the end, they contain little of the information.)  If ``t_us`` is in the future, the
+        clock was set back since; then all of the past is used, which begins there.
         """
         later = len(self.past.t_us) if t_us > self.time_us else int(np.sum(self.past.t_us >= t_us))
         stretches = max(self.stretches, later)
         return lately(self.past, stretches) or (self.deviation, self.covariance)
 
     def earlier(self) -> "Evidence":
-        """The evidence as it was three memory lengths before."""
+        """The evidence with its past up to three memory lengths before."""
         past, n = self.past, -self.stretches
         return replace(self, past=past._replace(t_us=past.t_us[:n], d=past.d[:n], P=past.P[:n]))
 
     def is_old(self, t_us: int) -> bool:
-        """Whether that time lies three memory lengths in the past, in samples that were learned.
+        """Whether ``t_us`` lies at least three memory lengths in the past, counted in learned samples.
 
-        If it is to come, the clock was set back since.
+        If it is in the future, the clock was set back since.
         """
         kept_us, set_back = self.past.t_us, t_us > self.time_us
         return len(kept_us) >= self.stretches and bool(set_back or t_us <= kept_us[-self.stretches])
 
     def is_forgotten(self, t_us: int) -> bool:
-        """Whether that time lies before all that is kept."""
+        """Whether ``t_us`` lies before the kept past, which is full."""
         return len(self.past.t_us) == KEPT and bool(t_us <= self.past.t_us[0])
 
 
 CusumEvent = Crossing | Evidence
 BatchEvent = CusumEvent | Reading
-"""Of an axis batch: readings for the long-term trend come with them."""
+"""Events of an axis batch: those of the tests, and readings for the long-term trend"""
 
 
 class EvidenceBuilder:
-    """Evidence of one axis.
+    """Makes the evidence of one axis.
 
-    ``lower`` and ``upper`` (p,) are the bounds of theta, ``P_nom`` (p,) the diagonal of P(0): views, read when there is
-    evidence.
+    ``lower`` and ``upper`` (p,): bounds of theta.  ``P_nom`` (p,): diagonal of P(0).  All are views into the batch,
+    which are read when there is evidence.
     """
 
     def __init__(
@@ -111,7 +112,7 @@ class EvidenceBuilder:
         self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
         self._theta0, self._divisor = model.theta0, settings.divisor
         self._dissipates = np.array([model.drive.parameter(name).nonnegative for name in model.monitored])
-        # Between two columns, and between two deviations that are kept:
+        # Number of samples between two columns, and between two kept deviations.
         naming, self._span = settings.naming_samples, settings.span
         self._span_s, self._correlation = naming * settings.interval_s, settings.lam**naming
         self._stretches = max(1, naming // self._span)
@@ -125,7 +126,7 @@ class EvidenceBuilder:
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
 
     def events(self, noted: EvidenceColumns, c: int, judged: bool) -> Iterator[Reading | Evidence]:
-        """What column c of what was noted says: of an axis that is judged, a reading for the long-term trend, too."""
+        """Evidence from column c of the noted ones; if the axis is tested (``judged``), a trend reading before it."""
         s, p, value = self._s, len(self._names), noted.value[:, c]
         running, theta, d = float(value[0]), value[1 : 1 + p], value[1 + p : 1 + 2 * p].copy()
         V = s.lam0 * value[1 + 2 * p : -p].reshape(p, p) / self._divisor
@@ -157,12 +158,12 @@ class EvidenceBuilder:
         )
 
     def _walk(self) -> Floats:
-        """What a random walk adds to the diagonal of P (p,) between two deviations."""
+        """Increase of the diagonal of P (p,) between two kept deviations by the random walk, if there is one."""
         s = self._s
         return self._span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(len(self._names))
 
     def _held(self, theta: Floats, nominal: Floats, sd: Floats) -> Ints:
-        """-1, 1 where the lower, the upper bound holds theta (p,); -1, too, where friction or damping is below zero."""
+        """Flags (p,): -1 at the lower bound, or for friction or damping below zero; 1 at the upper bound; else 0."""
         lower, upper = self._bounds
         down = abs(theta - lower) <= HELD * abs(nominal - lower)
         down |= self._dissipates & (theta < -BELOW_ZERO * sd)

@@ -1,10 +1,10 @@
-"""A second detector, near the limit: a bank of fixed predictors, one for each cause and size of a change.
+"""Multi-model detector, near the theoretical limit: a bank of predictors, one for each cause and size of a change.
 
-Each hypothesis predicts the output as if its change had always been there.  The log-likelihood ratio of its errors and
-those of the predictor that holds now, summed up as a CUSUM, says that something has changed; the ratios among the
-hypotheses, what.  Faults of sensors are hypotheses like any others.
+Each hypothesis predicts the output as if its change had always been present.  Its log-likelihood ratio against the
+predictor of the present state, summed as a CUSUM, detects that something has changed.  Comparing the ratios of the
+hypotheses tells what has changed.  Faults of sensors are hypotheses like any others.
 
-Read in this order: ``hypothesis`` (what may have changed), ``lanes`` (the kernel's arrays), ``candidates`` (which
-changes are looked for), ``naming`` (which cause, what size), ``active_faults`` (what was named and is not over),
+Read in this order: ``hypothesis`` (one possible change), ``lanes`` (arrays of the kernel), ``candidates`` (the changes
+that are tested), ``naming`` (cause and size from the evidence), ``active_faults`` (named causes that have not ended),
 ``hypothesis_bank`` (samples in, events out; the recursion is kernel/hypotheses.py), ``multimodel_detector`` (alarms).
 """

@@ -1,6 +1,7 @@
 """Candidate changes: the monitored parameters up and down in several sizes, another payload, faults of the sensors.
 
-Also their units outside of a bank (``quantity_of``), and which of them can be distinguished (``default_hypotheses``).
+Also converts their sizes to physical units (``quantity_of``), and selects the candidates that can be distinguished
+(``default_hypotheses``).
 """
 
 import math
@@ -38,19 +39,19 @@ from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
 
 SIZES = (0.05, 0.1, 0.2, 0.4, 0.8)
-"""Of the logarithm of a factor, or in units of a parameter's scale.  Of the evidence of a change that lies between two
-sizes in the ratio 2 its neighbours keep 8/9 at least: with d the change and s a size it is proportional to 2 s d - s^2,
-at most d^2."""
+"""Sizes: logarithms of a factor, or in units of a parameter's scale.  With the ratio 2 between sizes, the nearest
+hypothesis gets at least 8/9 of the full evidence of a change: for a change d and a hypothesis s the evidence is
+proportional to 2 s d - s^2, at most d^2."""
 _DELAYS = (0.125, 0.35, 1.0)
 _OFFSETS = (0.3, 1.2)
 _NOISES = (1.5, 3.0)
 _LOST = (2.0, 16.0)
 _LAST = 0.01
-"""How likely it is beforehand, beside the others, that a signal is another one altogether, a scale that never changes
-is, or that there is nothing but noise."""
+"""Prior weight of causes of last resort: a torque that is not the acting one, a wrong output scale, more noise."""
 _BISECTIONS = 24
-_OF_LOAD = 0.5
-"""A payload adds to the inertia, too, by a smaller part than to the weight: the rotor is as heavy as before."""
+_LOAD_INERTIA_SHARE = 0.5
+"""A payload increases the inertia by this share of its increase of the weight: the inertia of the rotor stays the
+same."""
 
 
 def candidates(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
@@ -87,18 +88,18 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
     if cause == LOAD and (weight := model.carried_weight()):
         factors = dict.fromkeys(weight, math.exp(size))
         if inertia is not None:
-            factors[inertia] = math.exp(_OF_LOAD * size)
+            factors[inertia] = math.exp(_LOAD_INERTIA_SHARE * size)
         return Hypothesis(cause, size, factors=factors)
     if cause in (TORQUE_STUCK, TORQUE_LOST):
         return _lost_torque(model, settings, cause, size)
     if cause == TORQUE_OFFSET:
         return Hypothesis(cause, size, torque=Distortion(offset=size * torque_unit(model, settings)))
     if cause == OUTPUT_NOISE:
-        # Any change looks like noise at first, while the state of the axis is still that of before.
+        # Any change looks like noise at first, while the state of the predictor has not settled.
         return Hypothesis(cause, size, variance=math.exp(2 * size), weight=_LAST)
     plain: dict[str, Callable[[], Hypothesis]] = {
         TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size)), is_gain=True),
-        # The scale of an encoder is fixed by design, and a change looks almost like one of kT: a last resort.
+        # A last resort: the scale of an encoder is fixed by design, and a change of it looks almost like one of kT.
         OUTPUT_SCALE: lambda: Hypothesis(
             cause, size, output=Distortion(math.exp(size)), weight=_LAST, is_gain=True
         ),
@@ -114,7 +115,7 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
 
 
 def arm_inertia(model: AxisModel) -> str | None:
-    """The inertia that a payload adds to, of a drive whose inertias are not monitored; None: there is none."""
+    """Name of the inertia that a payload changes; None: there is none, or inertias are monitored."""
     inertias = [
         p.name for p in model.drive.parameters if p.unit == INERTIA_UNIT and model.nominal[p.name] > 0
     ]
@@ -123,7 +124,7 @@ def arm_inertia(model: AxisModel) -> str | None:
 
 
 def _payload(model: AxisModel) -> Iterator[str]:
-    """Causes by which another payload shows, where nothing that is monitored does."""
+    """Causes for another payload, if it does not show in a monitored parameter."""
     if arm_inertia(model):
         yield INERTIA
     if model.carried_weight():
@@ -135,7 +136,7 @@ def _scale(model: AxisModel, name: str) -> float:
 
 
 def _of_parameter(model: AxisModel, name: str, size: float) -> Hypothesis:
-    """The parameter times exp(size), or, where it is zero or negative, plus size times its scale."""
+    """Change of a parameter: times exp(size), or plus size times its scale if the nominal value is not positive."""
     base, inverse = split_name(name)
     if model.nominal[base] > 0:
         # The acceleration is proportional to the torque constant, and to the inverse of an inertia.
@@ -150,21 +151,21 @@ def torque_unit(model: AxisModel, s: Settings) -> float:
     torque = B[:, [kind == TORQUE for kind in model.drive.inputs]].sum(axis=1, keepdims=True)
     K, mean = s.gain(len(A))[:, np.newaxis], model.drive.mean_state
     Ad, Bd = zero_order_hold(A, torque, s.interval_s)
-    x, most = np.zeros((len(A), 1)), 0.0
+    x, largest = np.zeros((len(A), 1)), 0.0
     for _ in range(round(s.memory)):
         x = Ad @ x + Bd
         e = (C @ x).item() / (s.interval_s if mean >= 0 else 1.0)
         x -= K * e
         if mean >= 0:
             x[mean] = 0.0
-        most = max(most, abs(e))
-    return math.sqrt(s.lam0) / most
+        largest = max(largest, abs(e))
+    return math.sqrt(s.lam0) / largest
 
 
 def _lost_torque(model: AxisModel, s: Settings, cause: str, size: float) -> Hypothesis:
-    """The measured torque is not the one that acts: a predictor for which the torque is only random.
+    """Hypothesis that the measured torque is not the acting torque, which the predictor takes as random.
 
-    The size of that torque is unknown, too; ``size`` is its effect on the variance of the innovations.
+    The size of the acting torque is unknown; ``size`` is its effect on the variance of the innovations.
     """
     noise = math.sqrt(s.lam0 * (1 - _corrected(model, s)))
     K, lam = _random_torque(model, s.interval_s, noise, math.exp(size) * s.lam0)
@@ -175,7 +176,7 @@ def _lost_torque(model: AxisModel, s: Settings, cause: str, size: float) -> Hypo
 
 
 def _corrected(model: AxisModel, s: Settings) -> float:
-    """C K: the part of the innovations' variance without it is the noise of the output."""
+    """C K, the corrected share of an innovation; (1 - C K) lambda_0 is the variance of the output noise."""
     C = model.matrices()[2][0] / (s.interval_s if model.drive.mean_state >= 0 else 1.0)
     return float(min(C @ s.gain(len(C)), 0.99))
 
@@ -183,7 +184,7 @@ def _corrected(model: AxisModel, s: Settings) -> float:
 def _random_torque(
     model: AxisModel, interval_s: float, noise: float, lam: float
 ) -> tuple[tuple[float, ...], float]:
-    """Gain and innovation variance for the torque noise that gives the variance ``lam``; by bisection."""
+    """Gain and innovation variance for the torque noise with which the variance is ``lam``; by bisection."""
     low, high = -12.0, 12.0
     K, found = filter_gain(model, interval_s, noise, noise)
     for _ in range(_BISECTIONS):
@@ -197,13 +198,14 @@ def _both(sizes: tuple[float, ...]) -> tuple[float, ...]:
     return (*(-size for size in reversed(sizes)), *sizes)
 
 
-# --- Units outside of a bank: nominal value and unit of a cause, and sizes of changes in them -------------------------
+# --- Physical units: nominal value and unit of a cause, and conversion of sizes ---------------------------------------
 
 
 class Quantity(NamedTuple):
-    """Nominal value of a cause, in ``unit``, and the conversion of a size of the bank to a change of it.
+    """Nominal value of a cause, in ``unit``, and the conversion of a size of the bank to a change in that unit.
 
-    ``step`` is the value of a size of 1, NaN where sizes are logarithms of factors of ``nominal``, 0 without a size.
+    ``step``: the change for a size of 1; NaN if sizes are logarithms of factors of ``nominal``; 0 if the cause has no
+    size.
     """
 
     nominal: float
@@ -219,7 +221,7 @@ class Quantity(NamedTuple):
         return self.step * size, self.step * sd
 
     def size(self, change: float) -> float:
-        """Size of a change; NaN where it has none, or none can be that large."""
+        """Size of a change; NaN if the cause has no size, or if the change is impossible."""
         if self.step == 0:
             return math.nan
         if math.isnan(self.step):
@@ -234,7 +236,7 @@ def causes_of(model: AxisModel) -> tuple[str, ...]:
 
 
 def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
-    """Quantity of a cause; monitored ones in the units of theta.
+    """Quantity of a cause; monitored parameters have the units of theta.
 
     Raises:
         KeyError: there is no such cause.
@@ -261,68 +263,71 @@ def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
 
 
 _SAME = 1e-4
-"""Share of the evidence against REFERENCE by which two may differ that count as one."""
+"""Two candidates count as the same if they differ by at most this share of their evidence against REFERENCE."""
 _MEMORIES = 6
 _STRENGTH = 5.0
 
 
 class Distinct(NamedTuple):
-    """A candidate that changes the data, as no one before it does."""
+    """A candidate whose effect on the data no earlier candidate has."""
 
     place: int
-    """Among the candidates"""
+    """Index of the candidate"""
     alike: tuple[str, ...]
-    """Causes of later ones with the same data"""
+    """Causes of later candidates with the same effect"""
 
 
 def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
-    """Candidates that change the data; of those with the same data only the first, with the causes of the others."""
-    found = candidates(model, settings)
-    return chosen(found, distinct_candidates(model, settings, found))
+    """The distinct candidates; of candidates with the same effect, the first one lists the causes of the others."""
+    every = candidates(model, settings)
+    return chosen(every, distinct_candidates(model, settings, every))
 
 
-def chosen(found: Sequence[Hypothesis], distinct: Sequence[Distinct]) -> tuple[Hypothesis, ...]:
-    """Those of the candidates that are distinct, with the causes of the others.
+def chosen(every: Sequence[Hypothesis], distinct: Sequence[Distinct]) -> tuple[Hypothesis, ...]:
+    """The distinct ones of all candidates, with the causes that have the same effect.
 
     Raises:
-        ValueError: there are not so many candidates.
+        ValueError: an index beyond the candidates.
     """
-    if any(not 0 <= d.place < len(found) for d in distinct):
-        raise ValueError(f"there are {len(found)} candidates")
-    return tuple(replace(found[d.place], alike=d.alike) for d in distinct)
+    if any(not 0 <= d.place < len(every) for d in distinct):
+        raise ValueError(f"there are {len(every)} candidates")
+    return tuple(replace(every[d.place], alike=d.alike) for d in distinct)
 
 
 def distinct_candidates(
-    model: AxisModel, settings: Settings, found: Sequence[Hypothesis]
+    model: AxisModel, settings: Settings, every: Sequence[Hypothesis]
 ) -> tuple[Distinct, ...]:
-    """Which of the candidates change the data.
+    """Find the candidates that change the data, each in another way.
 
-    Their predictions for one random record are compared, of which the last half counts.
+    Their predictions for one random record are compared over its second half.
     """
-    eps = _innovations(model, settings, (REFERENCE, *found))
-    from_now = ((eps - eps[:, :1]) ** 2).sum(axis=0)
+    eps = _innovations(model, settings, (REFERENCE, *every))
+    effect = ((eps - eps[:, :1]) ** 2).sum(axis=0)
     kept: list[int] = []
     names: dict[int, list[str]] = {}
-    for k, hypothesis in enumerate(found, 1):
-        if from_now[k] == 0.0 and hypothesis.variance == 1.0 and not hypothesis.still:
+    for k, hypothesis in enumerate(every, 1):
+        if effect[k] == 0.0 and hypothesis.variance == 1.0 and not hypothesis.still:
             continue
-        same = next((j for j in kept if _same(eps, from_now, j, k, found)), None)
+        same = next((j for j in kept if _have_same_effect(eps, effect, j, k, every)), None)
         if same is None:
             kept.append(k)
-        elif found[same - 1].cause != hypothesis.cause:
+        elif every[same - 1].cause != hypothesis.cause:
             names.setdefault(same, []).append(hypothesis.cause)
     return tuple(Distinct(k - 1, tuple(names.get(k, ()))) for k in kept)
 
 
-def _same(eps: Floats, from_now: Floats, j: int, k: int, found: Sequence[Hypothesis]) -> bool:
-    a, b = found[j - 1], found[k - 1]
+def _have_same_effect(eps: Floats, effect: Floats, j: int, k: int, every: Sequence[Hypothesis]) -> bool:
+    a, b = every[j - 1], every[k - 1]
     apart = float(((eps[:, j] - eps[:, k]) ** 2).sum())
-    alike = apart <= _SAME * min(from_now[j], from_now[k])
+    alike = apart <= _SAME * min(effect[j], effect[k])
     return alike and abs(a.variance / b.variance - 1) < _SAME and a.still == b.still
 
 
 def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]) -> Floats:
-    """Innovations (N, len(hypotheses)) for white torque, output and weight; any signals do, as all is linear."""
+    """Innovations (N, len(hypotheses)) for white torque, output and weight.
+
+    Any signals serve to compare the hypotheses, as all predictors are linear.
+    """
     many, N = len(hypotheses), 2 * round(_MEMORIES * s.memory / 2)
     tables, predictors = lanes_of(
         model, replace(s, outlier_limit=0.0), hypotheses, Tests(np.full(many, np.inf), *np.zeros((3, many)))

@@ -15,7 +15,7 @@ from monitor_core.samples import forward_fill
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 
 HEALTHY = ""
-"""The cause of what holds now."""
+"""The cause of the hypothesis that nothing has changed from the present state"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,36 +26,37 @@ class Distortion:
     offset: float = 0.0
 
     def after(self, before: "Distortion") -> "Distortion":
-        """Both distortions, ``before`` first."""
+        """The composition of both distortions, ``before`` first."""
         return Distortion(self.scale * before.scale, self.scale * before.offset + self.offset)
 
 
-_AS_IT_IS = Distortion()
+_UNDISTORTED = Distortion()
 
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """One change.
+    """One possible change of the axis.
 
-    ``size`` orders the hypotheses of a cause: the logarithm of a factor, or a difference in units of a scale; NaN where
-    a cause has no size.  ``is_gain``: it is the logarithm of a factor, and the effect is proportional to that factor
-    less one.  ``factors`` and ``shifts`` are of parameters of the drive, by name.  ``torque`` turns the measured torque
-    into the acting one, ``delay_s`` is its additional delay; ``output`` turns the true output into the measured one.
-    ``frozen``: the output repeats itself in every digit.  ``still``: the hypothesis holds only while the measured
-    torque repeats itself.  ``K`` is the filter gain of the hypothesis, ``variance`` its innovation variance over
-    lambda_0.  ``weight`` is its prior weight, ``alike`` names causes that produce the same data.
+    ``size`` orders the hypotheses of a cause: the logarithm of a factor, or a difference in units of a scale; NaN if
+    the cause has no size.  ``is_gain``: the size is the logarithm of a factor, and the effect is proportional to the
+    factor minus one.  ``factors`` and ``shifts``: changes of the parameters of the drive, by name.  ``torque`` turns
+    the measured torque into the acting one, and ``delay_s`` is its additional delay.  ``output`` turns the true output
+    into the measured one.  ``frozen``: the measured output repeats itself in every digit.  ``still``: the hypothesis
+    holds only while the measured torque repeats itself.  ``K``: filter gain of the hypothesis; None: that of the
+    settings.  ``variance``: its innovation variance over lambda_0.  ``weight``: its prior weight.  ``alike``: other
+    causes that produce the same data.
 
     Raises:
-        ValueError: a number that makes no sense.
+        ValueError: a number is not finite, or not positive where it must be.
     """
 
     cause: str
     size: float = math.nan
     factors: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
     shifts: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
-    torque: Distortion = _AS_IT_IS
+    torque: Distortion = _UNDISTORTED
     delay_s: float = 0.0
-    output: Distortion = _AS_IT_IS
+    output: Distortion = _UNDISTORTED
     frozen: bool = False
     still: bool = False
     K: tuple[float, ...] | None = None
@@ -100,28 +101,28 @@ class Hypothesis:
 
 
 REFERENCE = Hypothesis(HEALTHY)
-"""Nothing has changed."""
+"""The hypothesis that nothing has changed"""
 
 
-# --- Nominal values that vary: hypotheses follow them in steps, as their predictors have fixed values in between ------
+# --- Variable nominal values: hypotheses follow them in steps, as their predictors have fixed values in between -------
 
 
-FOLLOWED = 0.01
-"""Of a parameter's scale: a step.  A hypothesis is then off by a tenth of the smallest size at most."""
+STEP = 0.01
+"""One step, as a share of a parameter's scale: a hypothesis is off by at most a tenth of the smallest size."""
 
 
 def steps(
     model: AxisModel, shift: Floats | None, before: tuple[int, ...], N: int
 ) -> Iterator[tuple[slice, tuple[int, ...]]]:
-    """Runs of the N samples in which no nominal value moves, each with the steps moved so far.
+    """Split N samples where a nominal value moves by a step: yields each slice with the position (p,) in steps.
 
-    ``shift`` (N, p): theta_0(s) - theta_0, NaN where it is unknown; None: unchanged.  ``before``: steps at the sample
-    before.
+    ``shift`` (N, p): theta_0(s) - theta_0, NaN where it is unknown; None: unchanged.  ``before``: position at the
+    sample before.
     """
     if shift is None:
         yield slice(0, N), before
         return
-    moved = forward_fill(np.round(shift / (FOLLOWED * model.scale)), np.array(before, float)).astype(int)
+    moved = forward_fill(np.round(shift / (STEP * model.scale)), np.array(before, float)).astype(int)
     edges = [0, *(np.flatnonzero((np.diff(moved, axis=0) != 0).any(axis=1)) + 1).tolist(), N]
     for start, end in itertools.pairwise(edges):
         if start < end:
@@ -132,6 +133,6 @@ def moved_model(model: AxisModel, moved: tuple[int, ...]) -> AxisModel:
     """The model with nominal values moved by these steps, within the bounds of theta; it monitors nothing."""
     if not any(moved):
         return model
-    theta = model.theta0 + FOLLOWED * model.scale * np.array(moved)
+    theta = model.theta0 + STEP * model.scale * np.array(moved)
     values = model.values(np.clip(theta, *model.limits))
     return replace(model, nominal=values, monitored=(), scales={}, bounds={})

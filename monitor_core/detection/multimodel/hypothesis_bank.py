@@ -1,4 +1,4 @@
-"""The predictors of the multi-model detector of one axis: samples in; detected, identified and ended changes out."""
+"""Predictors of the multi-model detector of one axis: turns samples into detected, identified and ended changes."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,19 +32,19 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
 SURE_ENOUGH = 0.999
-"""Share of the likeliest cause from which on it is named."""
+"""Probability from which the likeliest cause is named."""
 MEMORIES = 3
-"""Without such a share the likeliest causes are named after so many memory lengths."""
+"""If no cause reaches that probability, the likeliest is named after this number of memory lengths."""
 LOOKS = 20
-"""Looks at the shares in each of them."""
+"""Number of checks of the probabilities per memory length."""
 PATIENCE = 2
-"""So many times as long if it is nothing but noise, a signal that is another one or a scale that never changes: what no
-size fits well looks like that, too, until there is more evidence."""
+"""Factor on the waiting time for a cause of last resort: until there is more evidence, a change that no hypothesis fits
+well looks like one of these, too."""
 _NO_TRACE = BankTrace(*[np.empty((0, 0))] * 3)
 _ALWAYS, _AS_BEFORE = np.empty((0, 1), np.bool_), np.empty(0)
-"""In place of a gate, and of a weight"""
+"""Stand for an absent gate, and an absent weight"""
 _REMEMBERED = 256
-"""Steps whose predictors are kept, for nominal values that come again with the pose."""
+"""Number of positions of the nominal values whose predictors are kept, as they recur with the pose."""
 
 
 class HypothesisBank:
@@ -58,8 +58,9 @@ class HypothesisBank:
         settings: predictor, gaps, lambda_0, memory.
         hypotheses: changes to detect; default ``candidates``.
         h: thresholds, one or (len(hypotheses),).
-        allowance: subtracted from each log-likelihood ratio, for differences of healthy records; one or as many.
-        sure: the probability from which on a cause is named.
+        allowance: subtracted from each log-likelihood ratio for differences between healthy records; one or
+            (len(hypotheses),).
+        sure: probability from which a cause is named.
 
     Raises:
         ValueError: thresholds that do not fit, a hypothesis that the drive cannot have, or a predictor that is not
@@ -77,25 +78,25 @@ class HypothesisBank:
     ) -> None:
         self.model, self.settings, self.sure = model, settings, sure
         chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
-        self.standing = ActiveFaults(model, settings, chosen)
-        """What has been named and is not over."""
+        self.active_faults = ActiveFaults(model, settings, chosen)
+        """Active faults"""
         many = len(self.hypotheses)
         self.h, self.allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
-        """Threshold and allowance of each hypothesis (len(hypotheses),), each"""
+        """Thresholds and allowances (len(hypotheses),)"""
         if many == 0 or not (self.h > 0).all() or not np.isfinite(self.allowance).all():
             raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
         errors = dict(zip(model.monitored, settings.model_errors(len(model.monitored)), strict=True))
         follows = np.array([errors.get(hypothesis.cause, 0.0) > 0 for hypothesis in self.hypotheses])
         self._tolerated: Floats = np.where(follows, self.allowance, 0.0)
-        """Of the allowance, what is there as nominal values follow a model (len(hypotheses),).  It doubts whether
-        anything has changed, and is largest for small changes.  Once something has, it speaks for no other cause."""
+        """Part of the allowance for model errors of nominal values (len(hypotheses),).  It makes the detection of a
+        change harder, most of all of a small one; but after a detection it must not favour any other cause."""
         self._last_resort = {hypothesis.cause for hypothesis in self.hypotheses if hypothesis.weight < 1}
         slowest_s = slowest_time_constant(model, settings.gain(len(model.drive.states)), settings.interval_s)
         if not math.isfinite(slowest_s):
             raise ValueError("the predictor is not stable: hypotheses need a filter gain K")
         self._slowest_us = round(1e6 * slowest_s)
         self.moved = (0,) * len(model.monitored)
-        """By how many steps (hypothesis.py) nominal values are away from those of the model."""
+        """Position of the nominal values, in steps (hypothesis.py) from those of the model"""
         self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
         self._build()
         self._lanes = np.arange(self._predictors.own.shape[1])
@@ -104,11 +105,11 @@ class HypothesisBank:
     @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """Hypotheses of the bank."""
-        return self.standing.hypotheses
+        return self.active_faults.hypotheses
 
     @property
     def memory(self) -> Memory:
-        """A copy of the state, for a bank of the same hypotheses around the same axis."""
+        """A copy of the state, for a bank with the same hypotheses and active faults."""
         return _copy(self._memory)
 
     @memory.setter
@@ -117,18 +118,18 @@ class HypothesisBank:
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
-        if self.standing:
-            self.standing.clear()
+        if self.active_faults:
+            self.active_faults.clear()
             self._build()
         self.follow((0,) * len(self.moved))
         self._memory = memory_of(self._tables, len(self._lanes))
 
     def _build(self) -> None:
         """Build the lanes around the active faults."""
-        self._hypotheses = self.standing.lanes()
+        self._hypotheses = self.active_faults.lanes()
         self._causes = CausePosterior(self._hypotheses[1:])
-        back_h = float(np.median(self.h)) if self.standing else math.inf
-        parts = (self.allowance, self._tolerated, self.standing.unexplained())
+        back_h = float(np.median(self.h)) if self.active_faults else math.inf
+        parts = (self.allowance, self._tolerated, self.active_faults.unexplained())
         self._tests = Tests(
             np.concatenate([[np.inf], self.h, [back_h]]), *(np.concatenate([[0.0], p, [0.0]]) for p in parts)
         )
@@ -136,29 +137,29 @@ class HypothesisBank:
         self.follow(self.moved)
 
     def follow(self, moved: tuple[int, ...]) -> None:
-        """Move the hypotheses to nominal values that have moved by these steps."""
+        """Move the hypotheses to this position of the nominal values, in steps."""
         self.moved = moved
         if moved not in self._known:
             while len(self._known) >= _REMEMBERED:
                 del self._known[next(iter(self._known))]
-            moved_there = moved_model(self.model, moved)
-            self._known[moved] = lanes_of(moved_there, self.settings, self._hypotheses, self._tests)
+            model = moved_model(self.model, moved)
+            self._known[moved] = lanes_of(model, self.settings, self._hypotheses, self._tests)
         self._tables, self._predictors = self._known[moved]
 
-    def adopt(self, standing: Mapping[str, float], since_us: int | None) -> None:
-        """Make exactly these causes active, with these sizes (NaN: it has none).
+    def adopt(self, active_faults: Mapping[str, float], since_us: int | None) -> None:
+        """Make exactly these causes active, with these sizes (NaN: the cause has no size).
 
-        ``since_us``: time at which a further change was detected; it is to be identified again, as its evidence is
+        ``since_us``: time at which a further change was detected, if any; it is identified again, as its evidence is
         lost.
         """
-        self.standing.adopt(standing)
+        self.active_faults.adopt(active_faults)
         self._start(0)
         if since_us is not None:
             self._await_name(since_us)
             self._memory.integers[kernel.WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
 
     def _await_name(self, since_us: int) -> None:
-        """A change was detected at that time, and is to be identified."""
+        """Start the identification of a change that was detected at this time."""
         integers = self._memory.integers
         integers[kernel.PHASE, 0] = kernel.PENDING
         integers[kernel.CHECKS, 0], integers[kernel.SINCE, 0] = 0, since_us
@@ -166,7 +167,7 @@ class HypothesisBank:
     @property
     def causes(self) -> tuple[str, ...]:
         """Causes that may be named."""
-        return self.standing.causes
+        return self.active_faults.causes
 
     @property
     def tested_samples(self) -> int:
@@ -181,16 +182,16 @@ class HypothesisBank:
         return self.hypotheses[k].cause, float(share[k])
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]]:
-        """The whole state, to be saved: arrays by name."""
+        """The state to save, as arrays by name."""
         named = {f"memory_{name}": array.copy() for name, array in self._memory._asdict().items()}
-        return named | {"standing": self.standing.to_array(), "moved": np.array(self.moved, np.int64)}
+        return named | {"standing": self.active_faults.to_array(), "moved": np.array(self.moved, np.int64)}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Continue from a saved state.
+        """Restore a saved state.
 
         Raises:
             KeyError: an array is missing.
-            ValueError: it does not belong to these hypotheses, or is damaged.
+            ValueError: the state does not belong to these hypotheses, or is damaged.
         """
         saved = {name: np.asarray(arrays[f"memory_{name}"]) for name in self._memory._fields}
         for name, array in self._memory._asdict().items():
@@ -199,28 +200,28 @@ class HypothesisBank:
         moved = np.asarray(arrays.get("moved", self.moved), np.int64)
         if moved.shape != (len(self.moved),):
             raise ValueError(f"moved of shape {moved.shape} does not fit")
-        self.standing.from_array(np.asarray(arrays["standing"], float))
+        self.active_faults.from_array(np.asarray(arrays["standing"], float))
         self.moved = tuple(moved.tolist())
         self._build()
         self._memory = Memory(**{n: np.array(saved[n], a.dtype) for n, a in self._memory._asdict().items()})
 
     def run(self, samples: SampleBlock) -> list[Event]:
-        """Run samples (N,) in the order of their receipt.
+        """Run samples (N,) in the order of their receipt; returns the events.
 
-        Nothing is tested where ``shift`` is NaN, or ``gate`` False.  Without ``shift`` and where it is NaN, its last
-        value is kept; so it is with ``weight``.
+        Samples with a NaN in ``shift``, or with ``gate`` False, are not tested.  If ``shift`` or ``weight`` is None or
+        NaN, its last value is kept.
 
         Raises:
             ValueError: shapes that do not fit.
         """
         return self._run(_block(samples), samples.shift, _NO_TRACE)
 
-    def run_traced(self, samples: SampleBlock, what_holds: bool = False) -> tuple[list[Event], BankTrace]:
-        """As ``run``, with innovations, log-likelihood ratios and g at every sample, (N, len(hypotheses)) each.
+    def run_traced(self, samples: SampleBlock, reference: bool = False) -> tuple[list[Event], BankTrace]:
+        """As ``run``, with innovations, log-likelihood ratios and g at each sample, (N, len(hypotheses)) each.
 
-        With ``what_holds`` the first column is that of the present reference.
+        With ``reference`` the predictor of the present state is added as the first column.
         """
-        first, last = 0 if what_holds else 1, len(self.hypotheses) + 1
+        first, last = 0 if reference else 1, len(self.hypotheses) + 1
         trace = BankTrace(*(np.full((samples.size, len(self._lanes)), np.nan) for _ in range(3)))
         events = self._run(_block(samples), samples.shift, trace)
         return events, BankTrace(*(values[:, first:last] for values in trace))
@@ -243,27 +244,29 @@ class HypothesisBank:
 
     def _run_on(self, block: Block, trace: BankTrace) -> list[Event]:
         """Run samples with the same nominal values."""
-        at, events = 0, list[Event]()
-        while at < len(block.t):
-            at = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, at, trace)
+        done, events = 0, list[Event]()
+        while done < len(block.t):
+            done = run_hypotheses(
+                self._lanes, self._tables, self._predictors, self._memory, block, done, trace
+            )
             if self._memory.integers[kernel.WAIT, 0] == 0:
-                events += self._decide(int(block.t[at - 1]))
+                events += self._decide(int(block.t[done - 1]))
         return events
 
     def _decide(self, now_us: int) -> Iterator[Event]:
-        """Decide after a detection, when an identification is due, or when a named cause can be refined."""
+        """Take the decision that is due: after a detection, in an identification, or to refine a named cause."""
         phase = self._memory.integers[kernel.PHASE, 0]
         if phase == kernel.REFINING:
             yield from self._settle(now_us)
             return
         if phase == kernel.WATCHING:
             self._await_name(now_us)
-            self._turn_round()
+            self._restart_changed_signs()
             yield ChangeDetected(now_us, self.onset(), self._shares())
-        yield from self._look(now_us)
+        yield from self._identify(now_us)
 
-    def _look(self, now_us: int) -> Iterator[Event]:
-        """Name the cause if it is certain, or if it has been looked for long enough."""
+    def _identify(self, now_us: int) -> Iterator[Event]:
+        """Name the cause if it is certain, or if the waiting time is over."""
         integers, memory = self._memory.integers, self.settings.memory
         integers[kernel.CHECKS, 0] += 1
         integers[kernel.WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[kernel.SINCE, 0])
@@ -272,16 +275,17 @@ class HypothesisBank:
             self._start(0)
             yield CauseEnded(now_us, since, HEALTHY)
             return
-        # While the state is still that of before the change, none is right, and the least wrong one seems sure.
+        # Until the state has settled after the change, no hypothesis is right, and the least wrong one seems certain.
         early = now_us - since < self._slowest_us
         cause, probability = self._causes.likeliest(self._evidence)
         sure, resort = probability >= self.sure, cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
             integers[kernel.PHASE, 0], integers[kernel.WAIT, 0] = kernel.REFINING, round(MEMORIES * memory)
-            yield CauseIdentified(now_us, since, self.onset(), self.standing.whole_of(self._shares()), sure)
+            shares = self.active_faults.with_total_sizes(self._shares())
+            yield CauseIdentified(now_us, since, self.onset(), shares, sure)
 
-    def _turn_round(self) -> None:
-        """Predictors with a changed sign have moved the other way so far: they restart from the reference."""
+    def _restart_changed_signs(self) -> None:
+        """Restart predictors with a changed sign from the reference: so far they have moved in the wrong direction."""
         for k, hypothesis in enumerate(self._hypotheses):
             if hypothesis.torque.scale < 0 or hypothesis.output.scale < 0:
                 self._memory.x[:, k] = self._memory.x[:, 0]
@@ -292,17 +296,21 @@ class HypothesisBank:
         return bool((self._memory.sums[G, :many] > 0.5 * self._predictors.own[LIMIT, :many]).any())
 
     def _settle(self, now_us: int) -> Iterator[Event]:
-        """Add the most likely cause to the active faults, with its size; from now on changes are relative to that."""
-        found, onset, since = self._shares(), self.onset(), int(self._memory.integers[kernel.SINCE, 0])
-        best, lane = found[0], self._lane_of(found[0])
-        over = self.standing.ended(best) if self._lasts() else [HEALTHY]
+        """Add the most likely cause, with its size, to the active faults; later changes are relative to them."""
+        shares, onset, since = self._shares(), self.onset(), int(self._memory.integers[kernel.SINCE, 0])
+        best, lane = shares[0], self._lane_of(shares[0])
+        over = self.active_faults.ended(best) if self._lasts() else [HEALTHY]
         if best.cause != HEALTHY and not over:
             yield CauseIdentified(
-                now_us, since, onset, self.standing.whole_of(found), best.probability >= self.sure
+                now_us,
+                since,
+                onset,
+                self.active_faults.with_total_sizes(shares),
+                best.probability >= self.sure,
             )
-            self.standing.join(best, self._hypotheses[lane])
+            self.active_faults.join(best, self._hypotheses[lane])
         for cause in over:
-            self.standing.end(cause)
+            self.active_faults.end(cause)
             yield CauseEnded(now_us, since, cause)
         self._start(lane if self._lasts() else 0)
 
@@ -316,10 +324,10 @@ class HypothesisBank:
         return np.asarray(g + held_back)
 
     def onset(self) -> Onset:
-        """Onset of the most likely hypothesis: when its g was last zero, with an interval.
+        """Onset of the most likely hypothesis: the time at which its g was last zero, with an interval.
 
-        A hypothesis assumes that the change was always there, and gains no evidence while the state of the axis is
-        still that of before.  So the change may be earlier by half the slowest time constant.
+        A hypothesis assumes that the change was always present.  It gains no evidence until the state of the axis has
+        settled after the change.  So the change may be earlier by half the slowest time constant.
         """
         k = int(self._memory.sums[G, : len(self._hypotheses)].argmax())
         when = self._memory.when[:, k]
@@ -328,13 +336,13 @@ class HypothesisBank:
         return Onset.within(best, low, max(int(when[LATE]), best))
 
     def _lane_of(self, best: Share) -> int:
-        """The hypothesis of a cause with the most evidence."""
+        """Lane of the hypothesis with the most evidence, of this cause."""
         evidence = self._memory.sums[[G, HELD_BACK]].sum(axis=0)
         own = [k for k, hypothesis in enumerate(self._hypotheses) if k > 0 and hypothesis.cause == best.cause]
         return max(own, key=lambda k: float(evidence[k]))
 
     def _start(self, lane: int) -> None:
-        """Restart around the active faults, from the state of a hypothesis."""
+        """Restart with the present active faults, from the state of this lane."""
         M = self._memory
         self._build()
         M.x[:] = M.x[:, lane : lane + 1]

@@ -1,4 +1,4 @@
-"""From hypotheses to the arrays of the kernel: constants, a lane for each, and the initial state."""
+"""Arrays of the kernel for hypotheses: constants, with a lane for each hypothesis, and the initial state."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,22 +25,24 @@ from monitor_core.settings import Settings
 
 
 class Tests(NamedTuple):
-    """How hypotheses are tested (H,) each: thresholds, and what is subtracted from their log-likelihood ratios."""
+    """Constants of the tests of hypotheses, (H,) each."""
 
     h: Floats
+    """Thresholds"""
     allowance: Floats
+    """Subtracted from the log-likelihood ratio at each sample"""
     tolerated: Floats
-    """The part of the allowance that counts as evidence of the cause all the same"""
+    """The part of the allowance that still counts as evidence when the cause is identified"""
     unexplained: Floats
-    """Share of the evidence for the faults that stand"""
+    """Share of the evidence for the active faults that is subtracted from that for a hypothesis"""
 
 
 def lanes_of(
     model: AxisModel, settings: Settings, hypotheses: Sequence[Hypothesis], tests: Tests
 ) -> tuple[Tables, Predictors]:
-    """The kernel's arrays; the first hypothesis fills the lanes up to a multiple of eight, and never alarms.
+    """The kernel's arrays; lanes up to a multiple of eight are filled with the first hypothesis, without a threshold.
 
-    The last hypothesis is that of the healthy axis, where any share is unexplained.
+    The last hypothesis must be the return to the healthy axis.
 
     Raises:
         ValueError: a hypothesis whose values the drive cannot have.
@@ -76,7 +78,7 @@ def lanes_of(
 
 
 def _by_eight(factors: Floats) -> Floats:
-    """Factors (USUAL, n, terms, H) as ``Predictors.terms``."""
+    """Factors (USUAL, n, terms, H) in the layout of ``Predictors.terms``."""
     wide = factors.reshape(*factors.shape[:3], -1, EIGHT)
     return np.ascontiguousarray(wide.transpose(0, 3, 1, 2, 4)).ravel()
 
@@ -95,18 +97,21 @@ def memory_of(tables: Tables, lanes: int) -> Memory:
 
 
 class _Interval(NamedTuple):
-    """An interval, balanced: under the previous torque up to the delay, and under the next one if it is early."""
+    """Discretization over one interval.
+
+    Up to the delay the previous torque acts; with a negative delay the next torque acts at the end.
+    """
 
     move: Floats
-    """(n, n)"""
+    """Transition of the state (n, n)"""
     taps: Floats
-    """Of the torque that is held, the previous and the next one (3, n)"""
+    """Effect of the held, the previous and the next torque (3, n)"""
     acts: Floats
-    """Of each input (n, m)"""
+    """Effect of each input (n, m)"""
 
 
 class _Drives:
-    """The drive under each hypothesis, computed once for all that have its values: half of them change no value."""
+    """The drive under each hypothesis, cached by its parameter values: half of the hypotheses do not change them."""
 
     def __init__(self, model: AxisModel, s: Settings) -> None:
         self.model, self.s, self.assembly = model, s, Assembly(model.drive, ())
@@ -120,7 +125,7 @@ class _Drives:
         return self.assembly.model_constants(self.changed(values), self.s.speed_scale)
 
     def _intervals(self, values: tuple[float, ...], delay: float) -> list[_Interval]:
-        """Of the usual intervals."""
+        """Discretizations over the usual intervals."""
         model = self.changed(values)
         return [_interval(model, us / 1e6, delay) for us in _usual_us(self.s.interval_s)]
 
@@ -155,13 +160,13 @@ def _lane(drives: _Drives, hypothesis: Hypothesis) -> dict[str, Floats]:
 
 
 def _usual_us(interval_s: float) -> range:
-    """The intervals that are discretised in advance: those that times in whole microseconds have."""
+    """Intervals [us] that are discretised in advance: the nominal one and those that differ by rounding to 1 us."""
     middle = round(interval_s * 1e6)
     return range(middle - 1, middle - 1 + predictors.USUAL)
 
 
 def _gain_after(gains: Floats, intervals: float) -> Floats:
-    """The gain (n,) after a time in nominal intervals, as ``kernel.sample_interval.interval_gain``."""
+    """Filter gain (n,) after a time in nominal intervals, as in ``kernel.sample_interval.interval_gain``."""
     k = min(int(intervals), GAINS - 2)
     before, after = gains[k : k + 2]
     return np.asarray(before + min(intervals - k, 1.0) * (after - before))
@@ -194,7 +199,7 @@ def _held(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats]:
 
 
 def _moving(model: AxisModel, acts: Floats) -> Ints:
-    """Which inputs depend on motion or pose and act, under any hypothesis."""
+    """Indices of the inputs that depend on motion or pose and have an effect under any hypothesis."""
     kinds = model.drive.inputs
     of_input = np.abs(acts.reshape(-1, len(kinds), acts.shape[1])).max(axis=(0, 2))
     return np.array(

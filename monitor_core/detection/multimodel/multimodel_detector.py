@@ -1,7 +1,7 @@
 """Multi-model detector of one axis: a bank of hypotheses, and the alarms made of its events.
 
-A change raises one alarm.  The alarm is named when there is enough evidence, may be renamed once when the size is well
-known, and ends when its cause ends.  A further change of a cause with an open alarm belongs to that alarm.
+A change raises one alarm.  The alarm is named when there is enough evidence.  It may be renamed once, when the size is
+well known, and it ends when its cause ends.  A further change of a cause with an open alarm belongs to that alarm.
 """
 
 import json
@@ -44,14 +44,15 @@ from monitor_core.drive.structure import DELAY
 from monitor_core.settings import Settings
 
 SCHEMA = 3
-"""Of a saved state; another one is not read."""
+"""Version of the saved state; states of other versions are not read."""
 
 
 @dataclass(frozen=True)
 class Limit:
     """Threshold and allowance of one hypothesis, from a calibration.
 
-    ``size_error``: standard deviation of what the size of its cause is off by on the healthy axis, as ``size``.
+    ``size_error``: standard deviation of the error of the size of its cause on the healthy axis, in the unit of
+    ``size``.
     """
 
     cause: str
@@ -66,8 +67,8 @@ class Limit:
 class Limits:
     """Thresholds of the multi-model detector.
 
-    ``own``: of each hypothesis, which are then those of the bank.  Empty: the candidates that change the data, all with
-    the h that the guaranteed run length gives for one false alarm in ``samples``.
+    ``own``: one for each hypothesis of the bank.  Empty: the hypotheses are the distinct candidates, all with the h
+    that guarantees a mean run length of ``samples`` between false alarms.
     """
 
     samples: float
@@ -75,9 +76,9 @@ class Limits:
 
 
 def guaranteed(hypotheses: int, samples: float) -> float:
-    """h with which so many hypotheses have at most one false alarm in ``samples``, for an exact model.
+    """Threshold h with which H hypotheses have at most one false alarm in ``samples``, for an exact model.
 
-    The mean time between false alarms of each is at least e^h samples (Lorden), so that of all is at least e^h / H.
+    The mean time between false alarms of one hypothesis is at least e^h samples (Lorden), so of all at least e^h / H.
     """
     return math.log(max(hypotheses * samples, math.e))
 
@@ -85,9 +86,9 @@ def guaranteed(hypotheses: int, samples: float) -> float:
 def least_delay(healthy: Floats, faulty: Floats, lam0: float, samples_between: float) -> float:
     """Theoretical limit of the detection delay: samples from the onset until the information suffices (Lorden).
 
-    The first n at which  sum (yhat_faulty - yhat_healthy)^2 / (2 lam0),  averaged over records, reaches
-    log(samples_between), for one false alarm in ``samples_between`` samples; ``healthy`` and ``faulty`` (N, W) are
-    predictions from the onset on.  inf: not within N.
+    This is the first n at which  sum (yhat_faulty - yhat_healthy)^2 / (2 lam0),  averaged over records, reaches
+    log(samples_between), for one false alarm in ``samples_between`` samples.  ``healthy`` and ``faulty`` (N, W):
+    predictions from the onset on.  Returns inf if N samples do not suffice.
     """
     information = np.cumsum(((faulty - healthy) ** 2).mean(axis=1)) / (2 * lam0)
     enough = information >= math.log(samples_between)
@@ -95,7 +96,7 @@ def least_delay(healthy: Floats, faulty: Floats, lam0: float, samples_between: f
 
 
 def reason_unavailable(model: AxisModel, settings: Settings) -> str:
-    """Why the detector is not available for an axis, in words; empty: it is."""
+    """Reason why the detector is not available for an axis, in words; empty if it is available."""
     if settings.unidentifiable:
         return "its nominal values cannot distinguish some of the parameters"
     gain = settings.gain(len(model.drive.states))
@@ -108,14 +109,15 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
     """The bank of an axis.
 
     Raises:
-        KeyError: a limit of a cause that the axis does not have.
-        ValueError: the detector is not available for it, or limits make no sense.
+        KeyError: a limit has a cause that the axis does not have.
+        ValueError: the detector is not available for the axis, or a limit is out of range.
     """
     if not limits.own:
         hypotheses = _defaults(model, settings).hypotheses
         return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), limits.samples))
-    # A skew to which healthy records point is in the axis and not in its model, as where the drive filters its torque.
-    # How well it explains them varies with the motion and with any fault, which then would be called a skew.
+    # A positive allowance of DELAY means that healthy records show a delay that is in the axis and not in its model, as
+    # if the drive filters its torque.  Its evidence varies with the motion and with any fault, so faults would be
+    # reported as a delay: leave these hypotheses out.
     own = [limit for limit in limits.own if not (limit.cause == DELAY and limit.allowance > 0)]
     found = [
         replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike) for limit in own
@@ -132,34 +134,34 @@ class _Defaults(NamedTuple):
 def _defaults(
     model: AxisModel, settings: Settings, distinct: tuple[Distinct, ...] | None = None
 ) -> _Defaults:
-    """The hypotheses without limits of their own; which of the candidates they are is computed where it is not known.
+    """Hypotheses for axes without calibrated limits: the distinct candidates, which are computed if not given.
 
     Raises:
-        ValueError: there are no such candidates.
+        ValueError: ``distinct`` has an index beyond the candidates.
     """
     shared = f"{model} {settings}"
     if shared not in _DEFAULTS:
-        found = candidates(model, settings)
-        known = distinct or distinct_candidates(model, settings, found)
-        _DEFAULTS[shared] = _Defaults(known, chosen(found, known))
+        every = candidates(model, settings)
+        known = distinct or distinct_candidates(model, settings, every)
+        _DEFAULTS[shared] = _Defaults(known, chosen(every, known))
     return _DEFAULTS[shared]
 
 
 _DEFAULTS: dict[str, _Defaults] = {}
-"""Axes with the same model and settings share their hypotheses, which are computed once."""
+"""Cache: axes with the same model and settings share their hypotheses."""
 
 
 _DISTINCT = "distinct"
-"""Array of a saved state: which candidates are the hypotheses, as the bytes of a JSON text"""
+"""Name of an array of a saved state: the distinct candidates, as the bytes of a JSON text"""
 
 
 class MultiModelDetector:
     """The multi-model detector of one axis.
 
-    The bank is created at first use, as the compiled kernel decides which hypotheses are distinguishable.
+    The bank is created at first use, as it needs the compiled kernel to find the distinct hypotheses.
 
     Raises:
-        ValueError: the detector is not available for the axis; limits of unknown causes.
+        ValueError: the detector is not available for the axis, or limits have unknown causes.
     """
 
     name: DetectorName = "multimodel"
@@ -169,10 +171,10 @@ class MultiModelDetector:
             raise ValueError(reason)
         self._model, self._settings, self._limits = model, settings, limits
         errors = settings.size_errors(len(model.monitored)) * model.scale
-        self._off = dict(zip(model.monitored, errors.tolist(), strict=True))
+        self._errors = dict(zip(model.monitored, errors.tolist(), strict=True))
         self._size_errors = {limit.cause: limit.size_error for limit in limits.own}
         self.causes = causes_of(model)
-        """Every cause that it may name"""
+        """All causes that the detector may name"""
         if unknown := {limit.cause for limit in limits.own} - set(self.causes):
             raise ValueError(f"limits of {', '.join(sorted(unknown))}, which the axis does not have")
 
@@ -182,13 +184,13 @@ class MultiModelDetector:
         return bank_of(self._model, self._settings, self._limits)
 
     @property
-    def made(self) -> bool:
-        """Whether the bank has been created, and so has a state."""
+    def has_bank(self) -> bool:
+        """Whether the bank has been created, so that there is a state."""
         return "bank" in self.__dict__
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]] | None:
-        """The state of the bank, to be saved, and which hypotheses it has; None: it has not been created."""
-        if not self.made:
+        """The state to save: that of the bank, and its distinct candidates; None: the bank has not been created."""
+        if not self.has_bank:
             return None
         arrays = self.bank.to_arrays()
         if not self._limits.own:
@@ -197,15 +199,15 @@ class MultiModelDetector:
         return arrays
 
     def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Continue from a saved state, without the kernel, which may have to be compiled first.
+        """Restore a saved state.  This does not wait for the kernel to be compiled.
 
         Raises:
             KeyError: an array is missing.
-            ValueError: it does not belong to these hypotheses, or is damaged.
+            ValueError: the state does not belong to these hypotheses, or is damaged.
         """
         if _DISTINCT in arrays and not self._limits.own:
-            found = json.loads(np.asarray(arrays[_DISTINCT], np.uint8).tobytes())
-            distinct = tuple(Distinct(int(place), tuple(alike)) for place, alike in found)
+            saved = json.loads(np.asarray(arrays[_DISTINCT], np.uint8).tobytes())
+            distinct = tuple(Distinct(int(place), tuple(alike)) for place, alike in saved)
             _defaults(self._model, self._settings, distinct)
         self.bank.from_arrays(arrays)
 
@@ -215,7 +217,7 @@ class MultiModelDetector:
 
     def leading(self) -> Leading:
         """The cause with the largest g / h, and that ratio; none before the first sample."""
-        return Leading(*self.bank.leading()) if self.made else Leading("", 0.0)
+        return Leading(*self.bank.leading()) if self.has_bank else Leading("", 0.0)
 
     def interpret(self, event: Event, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
         """The alarms that an event of the bank raises, changes or ends; the last form of each counts."""
@@ -247,7 +249,7 @@ class MultiModelDetector:
         if same is not None and (unnamed is None or same.key != unnamed.key):
             if unnamed is not None:
                 yield unnamed.ended(event.time_us)
-            # More or less of it, if it is that cause: which one it is has been decided before.
+            # The cause of this alarm was decided before: only its size is updated.
             yield same.named(*name, **facts)
             return
         facts["causes"] = _reported(event)
@@ -258,14 +260,14 @@ class MultiModelDetector:
             yield replace(alarm, stage="named", updated_us=event.time_us, **facts)
 
     def _size(self, share: Share) -> tuple[float | None, float | None]:
-        """Size of a cause and its standard deviation; None: it has none, or is not known."""
+        """Size of a cause and its standard deviation; None: the cause has no size, or the size is not known."""
         quantity = self.quantity(share.cause)
         size, size_sd = (known(value) for value in quantity.change(share.size, share.size_sd))
         if size is None or size_sd is None:
             return None, None
         _, healthy = quantity.change(share.size, self._size_errors.get(share.cause, 0.0))
-        off = max(self._off.get(share.cause, 0.0), healthy)
-        return size, math.hypot(size_sd, MODEL_ERROR * size, off)
+        error = max(self._errors.get(share.cause, 0.0), healthy)
+        return size, math.hypot(size_sd, MODEL_ERROR * size, error)
 
     def _raised(self, since_us: int, event: ChangeDetected | CauseIdentified) -> Alarm:
         share = event.shares[0]
@@ -282,7 +284,7 @@ class MultiModelDetector:
         )
 
     def adopt(self, alarms: Iterable[Alarm], previous: Iterable[Alarm]) -> None:
-        """Take over open alarms: their causes are active faults from now on."""
+        """Adopt open alarms: their causes become the active faults of the bank."""
         opened = list(alarms)
         if _seen_by_bank(opened) == _seen_by_bank(previous):
             return

@@ -1,4 +1,4 @@
-"""What a bank reports: changes, and their causes with probabilities and sizes, from the evidence of all hypotheses."""
+"""Events of a bank, and the probabilities and sizes of causes from the evidence of all hypotheses."""
 
 import math
 from collections.abc import Sequence
@@ -10,25 +10,25 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 
-_KEPT = 8 / 9
-"""Of the evidence for a change between two sizes of its cause (candidates.SIZES), these may keep no more.  So the
-evidence for a last resort counts for so much: else the scale of the output is named where kT has changed by a size
-between two, since the friction that it leaves as it is makes up for the error of the size."""
-_MOST = 60.0
-"""Evidence counts up to that, and beyond it only in proportion to the largest.  A cause that explains nearly as much as
-another, within the 1/9 that a size between two loses and errors of the model may well make up for, is then not ruled
-out by however long a record: 1/9 of this is the evidence from which on a cause is sure (SURE_ENOUGH)."""
-_BEYOND = 1.5
-"""Sizes are extrapolated so many times at most."""
-_LEAST = -0.9
-"""Of a factor less one"""
+_LAST_RESORT_SHARE = 8 / 9
+"""Factor on the evidence for a cause of last resort.  The hypotheses of a cause get only 8/9 of the evidence for a
+change between two of their sizes (candidates.SIZES).  Without this factor the output scale would be named after a
+change of kT between two sizes: it leaves the friction as it is, which makes up for the error of the size."""
+_MAX_EVIDENCE = 60.0
+"""Larger evidence is scaled down to this.  So a cause that explains nearly as much as another one, to within 1/9, is
+not ruled out even by a long record: a size between two hypotheses loses 1/9, and model errors may make up for it.  1/9
+of this limit is the evidence that makes a cause certain (SURE_ENOUGH)."""
+_MAX_EXTRAPOLATION = 1.5
+"""Sizes are extrapolated up to this factor beyond the largest hypothesis."""
+_MIN_CHANGE = -0.9
+"""Smallest change of a factor, as the factor minus one"""
 
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A cause, its probability, and its size with its standard deviation (NaN: it has none, or is unknown).
+    """A cause, its probability, and its size with its standard deviation (NaN: no size, or not known).
 
-    ``alike`` are causes that produce the same data: it is this one or one of those.
+    ``alike``: other causes that produce the same data, so that any of them may be the true one.
     """
 
     cause: str
@@ -38,7 +38,7 @@ class Share:
     alike: tuple[str, ...] = ()
 
 
-# --- Events; times in us since 1970, since_us is the time of the ChangeDetected that an event belongs to --------------
+# --- Events; times in us since 1970.  since_us: time of the ChangeDetected that an event belongs to -------------------
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +52,9 @@ class ChangeDetected:
 
 @dataclass(frozen=True, slots=True)
 class CauseIdentified:
-    """The cause is the first of ``shares``, with the total size of the active fault of that cause.
+    """The cause was identified: the first of ``shares``, whose size is the total size of the active fault.
 
-    ``certain``: its share is large enough; otherwise the others must be reported, too.
+    ``certain``: its probability is large enough; otherwise the other causes must be reported, too.
     """
 
     time_us: int
@@ -80,44 +80,44 @@ Event = ChangeDetected | CauseIdentified | CauseEnded
 
 
 class CausePosterior:
-    """Posterior of the causes of hypotheses (H,), which are sorted once for repeated use."""
+    """Posterior probabilities of the causes of hypotheses (H,), prepared for repeated use."""
 
     def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:
         names = list(dict.fromkeys(h.cause for h in hypotheses))
         self._of = np.array([names.index(h.cause) for h in hypotheses])
-        self._counts = np.where([h.weight < 1 for h in hypotheses], _KEPT, 1.0)
+        self._counts = np.where([h.weight < 1 for h in hypotheses], _LAST_RESORT_SHARE, 1.0)
         self._prior = np.array([h.weight for h in hypotheses]) / np.bincount(self._of)[self._of]
         self._causes = [_Cause.from_hypotheses(name, hypotheses) for name in names]
 
     def shares(self, evidence: Floats) -> tuple[Share, ...]:
-        """The causes, the most likely first; ``evidence`` (H,) are log-likelihood ratios since the onset."""
+        """The causes, the most likely first; ``evidence`` (H,): log-likelihood ratios since the onset."""
         with_none = np.append(evidence, 0.0)
-        found = [
+        shares = [
             Share(cause.name, probability, *cause.fitted(with_none[cause.at]), cause.alike)
             for cause, probability in zip(self._causes, self._probabilities(evidence).tolist(), strict=True)
         ]
-        return tuple(sorted(found, key=lambda share: -share.probability))
+        return tuple(sorted(shares, key=lambda share: -share.probability))
 
     def likeliest(self, evidence: Floats) -> tuple[str, float]:
-        """The first of the causes and its probability, without its size."""
+        """The likeliest cause and its probability; faster than ``shares``, as no size is computed."""
         probabilities = self._probabilities(evidence)
         k = int(probabilities.argmax())
         return self._causes[k].name, float(probabilities[k])
 
     def _probabilities(self, evidence: Floats) -> Floats:
-        """That of a cause is the sum of the posterior ones of its sizes.
+        """Probability of each cause: the sum over its sizes.
 
-        The prior of a size is its weight; all sizes together have the same prior as those of another cause.
+        The prior of a size is its weight over the number of sizes, so that the number does not matter.
         """
         counted = self._counts * evidence
-        counted *= min(1.0, _MOST / max(counted.max(), 1.0))
+        counted *= min(1.0, _MAX_EVIDENCE / max(counted.max(), 1.0))
         posterior = np.exp(counted - counted.max()) * self._prior
         return np.asarray(np.bincount(self._of, posterior, len(self._causes)) / posterior.sum())
 
 
 @dataclass(frozen=True, slots=True)
 class _Cause:
-    """Sizes of a cause (k,), ascending, and the indices of their evidence, -1 for no change."""
+    """Sizes of a cause (k,), ascending, and the indices ``at`` of their evidence; -1: no change."""
 
     name: str
     size: Floats
@@ -127,7 +127,7 @@ class _Cause:
 
     @classmethod
     def from_hypotheses(cls, name: str, hypotheses: Sequence[Hypothesis]) -> "_Cause":
-        """No change, size 0 and evidence 0, is one of the sizes where they have both signs."""
+        """The sizes of the hypotheses of a cause; if they have both signs, "no change" is added, with evidence 0."""
         own = {h.size: k for k, h in enumerate(hypotheses) if h.cause == name}
         if min(own) < 0 < max(own):
             own[0.0] = -1
@@ -137,23 +137,23 @@ class _Cause:
         return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike), is_gain)
 
     def fitted(self, evidence: Floats) -> tuple[float, float]:
-        """Size and its sd: top and width of the parabola through the best (k,) and its neighbours.
+        """Size and its standard deviation: vertex and width of the parabola through the best size and its neighbours.
 
-        The evidence for a change of a gain is a parabola over the factor less one.  Over the logarithm a change by a
-        fifth would be read a twentieth too large.
+        The evidence for a change of a gain is a parabola over the factor minus one.  Over the logarithm, the size of a
+        change by a fifth would come out a twentieth too large.
         """
         if len(self.size) < 3:
             return float(self.size[evidence.argmax()]), math.nan
         if not self.is_gain:
             return vertex(self.size, evidence)
         change, sd = vertex(np.expm1(self.size), evidence)
-        return math.log1p(max(change, _LEAST)), sd / (1 + max(change, _LEAST))
+        return math.log1p(max(change, _MIN_CHANGE)), sd / (1 + max(change, _MIN_CHANGE))
 
 
 def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:
-    """Top of the parabola through the largest of ``evidence`` (k,) and its neighbours, and -1/curvature, as an sd.
+    """Vertex of the parabola through the largest of ``evidence`` (k,) and its neighbours, and the standard deviation.
 
-    ``size`` (k,) ascends; k > 2.
+    The standard deviation is the square root of -1 / curvature.  ``size`` (k,) ascends; k > 2.
     """
     k = min(max(int(evidence.argmax()), 1), len(size) - 2)
     left, right = size[k] - size[k - 1], size[k + 1] - size[k]
@@ -162,5 +162,5 @@ def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:
     if not curvature > 0:
         return float(size[evidence.argmax()]), math.nan
     top = size[k] + (rise * right - fall * left) / (left + right) / curvature
-    low, high = min(_BEYOND * size[0], size[0]), _BEYOND * size[-1]
+    low, high = min(_MAX_EXTRAPOLATION * size[0], size[0]), _MAX_EXTRAPOLATION * size[-1]
     return float(np.clip(top, low, high)), float(math.sqrt(1 / curvature))

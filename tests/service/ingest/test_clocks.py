@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from monitor_core.sampling.clock_line import QUICK, SLEW
+from monitor_core.sampling.clock_line import FIRST_SLEW, SLEW
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, in_words, remarks
 from tests.service.ingest.single_frames import CyclicClock, SampleClock, StampMeter
 from tests.shares import soaked
@@ -276,7 +276,7 @@ def test_frames_late_by_less_than_a_cycle_have_whole_cycles_between_them(lost: s
     assert all(reading.time == "repeated" and reading.cycle < 30 for reading in rejected(found))
     given_us = [(c, t) for c, t in times(found).items() if c >= 30]
     for (a, before_us), (b, time_us) in itertools.pairwise(given_us):
-        assert abs(time_us - before_us - (b - a) * CYCLE_US) <= QUICK * (b - a) * CYCLE_US + 2
+        assert abs(time_us - before_us - (b - a) * CYCLE_US) <= FIRST_SLEW * (b - a) * CYCLE_US + 2
 
 
 @pytest.mark.parametrize("ppm", [-100, 0, 100, -750, 750])

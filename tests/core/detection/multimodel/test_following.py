@@ -9,7 +9,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.fault_trials import run_trials
 from monitor_core.calibration.injection import Fault
 from monitor_core.calibration.multimodel_thresholds import bank_limits
-from monitor_core.detection.multimodel.hypothesis import FOLLOWED
+from monitor_core.detection.multimodel.hypothesis import STEP
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
@@ -90,7 +90,7 @@ def test_a_fault_is_named_beside_what_conditions_do(seed: int) -> None:
 def test_steps_too_small_to_be_followed_change_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     u, y = axis(rng, np.zeros((N, 3)), {}, N)
-    small = 0.4 * FOLLOWED * PLANT.model.scale * np.ones((N, 1))
+    small = 0.4 * STEP * PLANT.model.scale * np.ones((N, 1))
     samples = SampleBlock(T, u, y)
     (_, plain), (_, moved) = (bank().run_traced(block) for block in (samples, samples._replace(shift=small)))
     assert np.array_equal(plain.g, moved.g, equal_nan=True)

@@ -371,7 +371,7 @@ def test_a_size_that_was_read_a_tenth_off_is_put_right_and_nothing_else_is_found
     t_us, u, y = experiment(seed, {"kT": 0.8}, samples=40_000, fault_at=0)
     named = [event for event in bank.run(SampleBlock(t_us, u, y)) if isinstance(event, CauseIdentified)]
     assert {event.shares[0].cause for event in named} == {"kT"}
-    (size,) = bank.standing.to_array()[:, 1]
+    (size,) = bank.active_faults.to_array()[:, 1]
     assert abs(size - np.log(0.8)) < abs(wrong - np.log(0.8)) / 3
 
 

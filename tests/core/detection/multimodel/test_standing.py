@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from monitor_core.detection.alarm import MODEL_ERROR
-from monitor_core.detection.multimodel.active_faults import FINER, REST, SECOND, ActiveFaults
+from monitor_core.detection.multimodel.active_faults import (
+    ENDED_SHARE,
+    FINE_STEP,
+    SECOND_CAUSE_PRIOR,
+    ActiveFaults,
+)
 from monitor_core.detection.multimodel.candidates import candidates
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.naming import Share
@@ -49,8 +54,8 @@ def test_what_may_change_goes_on_from_what_stands(standing: ActiveFaults) -> Non
     now, *changes, back = standing.lanes()
     assert now.factors["kT"] == pytest.approx(1.2)
     for after, before in zip(changes, HYPOTHESES, strict=True):
-        assert after.factors["kT"] == pytest.approx(1.2 * before.factors.get("kT", 1.0) ** FINER)
-        assert after.weight == (before.weight if after.cause == "kT" else SECOND * before.weight)
+        assert after.factors["kT"] == pytest.approx(1.2 * before.factors.get("kT", 1.0) ** FINE_STEP)
+        assert after.weight == (before.weight if after.cause == "kT" else SECOND_CAUSE_PRIOR * before.weight)
     assert "kT" not in back.factors
     assert back.cause == "kT"
     assert back.size == pytest.approx(-math.log(1.2))
@@ -69,10 +74,10 @@ def test_changes_of_one_cause_add_up_and_end_together(standing: ActiveFaults) ->
     join(standing, "kT", 0.2)
     join(standing, "kT", 0.1)
     assert len(standing) == 1
-    (total,) = standing.whole_of((share("kT", 0.05),))
+    (total,) = standing.with_total_sizes((share("kT", 0.05),))
     assert total.size == pytest.approx(0.35)
-    assert standing.ended(share("kT", -0.3 * (1 - REST / 2))) == ["kT"]
-    assert standing.ended(share("kT", -0.3 * (1 - 1.5 * REST))) == []
+    assert standing.ended(share("kT", -0.3 * (1 - ENDED_SHARE / 2))) == ["kT"]
+    assert standing.ended(share("kT", -0.3 * (1 - 1.5 * ENDED_SHARE))) == []
     assert standing.ended(share("fm", -0.3)) == []
 
 
