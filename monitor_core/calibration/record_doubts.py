@@ -137,10 +137,16 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
             if shorter is None
             else f", or memory_s = {shorter:g}{' with joint_state = true' if joint else ''}"
         )
+        gated = sum(deviations.gated for deviations in found)
+        in_all_s = (FEWEST + SEEDING_MEMORIES * len(found)) * memory * h * len(tested) / (len(tested) - gated)
+        in_all = (
+            f"; the axis stands, or a gate leaves it out, for {100 * gated / len(tested):.0f} % of the time, so give"
+            f" records of about {duration(in_all_s)}"
+        )
         raise CalibrationError(
             f"{tested_samples * h:.3g} s of the records can be used, {tested_samples / memory:.0f} memories of"
             f" {memory * h:.3g} s:"
-            f" at least {FEWEST} are needed, {FEWEST * memory * h:.3g} s{way}",
+            f" at least {FEWEST} are needed, {FEWEST * memory * h:.3g} s{in_all if gated else ''}{way}",
             memory_s=shorter,
             joint_state=joint,
         )

@@ -133,6 +133,16 @@ def test_records_that_are_too_short_or_do_not_move(
     assert caught.value.without == (("fm",) if spoiled is without_excitation else ())
 
 
+def test_how_long_records_must_be_where_the_axis_mostly_stands() -> None:
+    """30 memories of 0.25 s of motion, ten of them to find P(0), take ten times as long where a tenth is motion."""
+    healthy = record(np.random.default_rng(1))
+    moving = np.repeat((np.arange(len(healthy.d)) % 100 < 10)[:, np.newaxis], 2, axis=1)
+    rests = replace(healthy, tested=moving, gated=int(np.count_nonzero(~moving[:, 0])))
+    words = r"5 s; the axis stands, or a gate leaves it out, for 90 % of the time, so give records of about 75 s, or"
+    with pytest.raises(CalibrationError, match=words):
+        check_records(AXIS, [rests])
+
+
 def test_nominal_values_that_cannot_be_told() -> None:
     with pytest.raises(CalibrationError, match="fm and fc cannot be distinguished"):
         check_settings(replace(SETTINGS, unidentifiable=(("fm", "fc"),)))
