@@ -231,7 +231,8 @@ def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) 
     """As on the bus, at the time of the row; blocks change nothing, to the last bit."""
     rng = np.random.default_rng(seed)
     rows = 60
-    t_us, angle = 5000.0 * np.arange(rows), np.cumsum(rng.normal(size=rows))
+    t_us = np.asarray(5000.0 * np.arange(rows), np.float64)
+    angle = np.cumsum(rng.normal(size=rows))
     config = make_config(
         tmp_path, axis1(time={"column": "t"}), axis2(time={"column": "t"}, signal=[ACCELERATION], **GATE_TWO)
     )
