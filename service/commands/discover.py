@@ -9,12 +9,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from service.can.frames import FrameBlock, concatenate_frames
+from service.can.frames import FrameBlock
 from service.can.inferred_layout import Field
-from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
-from service.can.user_errors import RecordError, left_out_words
+from service.can.log_files import LOG_SUFFIXES, log_suffix
+from service.can.user_errors import RecordError
 from service.commands.exit_codes import explained
-from service.commands.init import ListenFor, Output, heard_on, propose
+from service.commands.init import ListenFor, Output, heard_on, logged, propose
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new
 from service.config.schema import BusConfig
@@ -83,22 +83,16 @@ def _logged(record: Path, channel: str | None) -> tuple[str, FrameBlock]:
             f"{record} is no CAN log ({' '.join(LOG_SUFFIXES)}); a table is for `axiswatch init {record}`, and of"
             " another log of python-can, such as .db, `can_logconvert` makes a .log"
         )
-    blocks: dict[str, list[FrameBlock]] = {}
-    log = CanLog(record)
-    for block in log.blocks():
-        for number, name in enumerate(block.names):
-            if part := block.frames.select(block.channels == number):
-                blocks.setdefault(name, []).append(part)
-    if log.left_out:
-        print(left_out_words(record, log.left_out))
-    sizes = {name: sum(part.size for part in parts) for name, parts in blocks.items()}
-    if channel is not None and channel not in blocks:
-        raise RecordError(f"no channel {channel} in {record}; it has {', '.join(blocks)}")
-    chosen = max(sizes, key=sizes.__getitem__) if channel is None else channel
-    if len(blocks) > 1:
-        others = ", ".join(f"{name} ({sizes[name]} frames)" for name in blocks if name != chosen)
+    buses = logged(record)
+    if channel is not None and channel not in buses:
+        raise RecordError(f"no channel {channel} in {record}; it has {', '.join(buses)}")
+    chosen = max(buses, key=lambda name: buses[name].size) if channel is None else channel
+    if len(buses) > 1:
+        others = ", ".join(
+            f"{name} ({of_bus.size} frames)" for name, of_bus in buses.items() if name != chosen
+        )
         print(f"Looking at {chosen}; --channel chooses another one: {others}")
-    return chosen, concatenate_frames(blocks[chosen])
+    return chosen, buses[chosen]
 
 
 def _table(messages: tuple[UnknownMessage, ...]) -> Table:

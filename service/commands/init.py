@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,18 +13,20 @@ from monitor_core.arrays import Floats
 from service.can.bus_reader import CanReader
 from service.can.canopen_drives import SUFFIXES, commissioned_node
 from service.can.frames import FrameBlock, concatenate_frames
+from service.can.log_files import CanLog, log_suffix
 from service.can.message_files import KINDS, read_messages
-from service.can.messages import DescriptionError
-from service.can.user_errors import RecordError
+from service.can.messages import DescriptionError, MessageSet
+from service.can.user_errors import RecordError, left_out_words
 from service.commands.exit_codes import explained
 from service.commands.listen import rounds
-from service.commands.options import BusOption, Force, bus_named
+from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new, write_all
 from service.commands.signal_handling import stopped_by_signals
 from service.config.schema import BusConfig
 
 if TYPE_CHECKING:
     from service.ingest.column_roles import TableRoles
+    from service.ingest.live_roles import BusRoles
     from service.ingest.table_files import Table
 
 RecordFile = Annotated[
@@ -33,6 +35,15 @@ RecordFile = Annotated[
         metavar="FILE",
         help="A table (.csv .parquet .mat) of the healthy, moving robot, or the description of its"
         " bus (.dbc .kcd .sym .arxml), or of its CANopen drives (.eds .dcf).",
+    ),
+]
+CanRecord = Annotated[
+    Path | None,
+    typer.Argument(
+        metavar="LOG",
+        help=f"With a description of the bus: a CAN log ({LOG_KINDS}) of the healthy, moving robot, so that values are"
+        " looked at, too.",
+        show_default=False,
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
@@ -57,6 +68,7 @@ Nodes = Annotated[
 
 def init(
     record: RecordFile,
+    log: CanRecord = None,
     output: Output = Path("axis.toml"),
     force: Force = False,
     bus: BusOption = None,
@@ -70,10 +82,17 @@ def init(
     description of a bus, --bus looks at the values on the bus, too, while the robot moves. The EDS of CANopen drives
     tells what they send; what that is in SI units is in their data sheets.
     """
+    if log is not None and (bus is not None or record.suffix.lower() not in KINDS or not log_suffix(log)):
+        raise typer.BadParameter(
+            "a log is looked at with the description of its bus, without --bus: axiswatch init robot.dbc robot.log",
+            param_hint="LOG",
+        )
     check_new(output, force)
     with explained():
         if record.suffix.lower() in KINDS:
-            if bus is None:
+            if log is not None:
+                _from_log(record, log, output)
+            elif bus is None:
                 _from_description(record, output)
             else:
                 _from_bus(record, bus_named(bus, record), seconds, output)
@@ -105,7 +124,8 @@ def _from_table(record: Path, output: Path) -> None:
 
     if not is_table(record):
         raise typer.BadParameter(
-            f"{record} is a CAN log: give the description of its bus in its place (.dbc .kcd .sym .arxml)",
+            f"{record} is a CAN log: give the description of its bus (.dbc .kcd .sym .arxml) before it, such as"
+            f" axiswatch init robot.dbc {record}; without one `axiswatch discover {record}` looks at the frames",
             param_hint="FILE",
         )
     table = open_table(record)
@@ -145,12 +165,33 @@ def _from_description(description: Path, output: Path) -> None:
 def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -> None:
     """Write a configuration for a bus, by what it sends."""
     from service.commands.proposed_configuration import bus_lines
-    from service.ingest.live_roles import roles_on_bus
-    from service.ingest.signal_roles import summary
 
     where = f"{bus.interface} {bus.channel}"
     known = read_messages(description)  # a mistake in it is reported before anything is waited for
-    frames = heard_on(bus, seconds)
+    found = _roles(known, heard_on(bus, seconds), description, where)
+    next_step = f"Next: axiswatch commission --config {output} --minutes 10"
+    propose(
+        output, _bus_words(found, description), bus_lines(found.axes, description, output, bus), next_step
+    )
+
+
+def _from_log(description: Path, log: Path, output: Path) -> None:
+    """Write a configuration for the bus in a log that carries most of the described messages."""
+    from service.commands.proposed_configuration import bus_lines
+    from service.ingest.live_roles import roles_on_bus
+
+    known, buses = read_messages(description), logged(log)
+    name = max(buses, key=lambda bus: len(roles_on_bus(known, buses[bus]).came))
+    found = _roles(known, buses[name], description, f"{log}, {name}")
+    lines = bus_lines(found.axes, description, output, channel=name)
+    next_step = f"Next: axiswatch commission {log} --config {output}"
+    propose(output, _bus_words(found, description), lines, next_step)
+
+
+def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str) -> BusRoles:
+    """What these frames show of the axes that the file describes."""
+    from service.ingest.live_roles import roles_on_bus
+
     found = roles_on_bus(known, frames)
     if not found.came:
         raise RecordError(
@@ -162,10 +203,16 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
             f"no torque and motion of an axis on {where}: of {description} there came {_few(found.came)};"
             " do the axes move?"
         )
-    others = (("never came", found.missing), (f"not in {description.name}", found.strange))
-    words = [*summary(found.axes), *(f"{what}: {_few(names)}" for what, names in others if names)]
-    lines = bus_lines(found.axes, description, output, bus)
-    propose(output, words, lines, f"Next: axiswatch commission --config {output} --minutes 10")
+    return found
+
+
+def _bus_words(found: BusRoles, description: Path) -> Iterator[str]:
+    from service.ingest.signal_roles import summary
+
+    yield from summary(found.axes)
+    for what, names in (("never came", found.missing), (f"not in {description.name}", found.strange)):
+        if names:
+            yield f"{what}: {_few(names)}"
 
 
 def _from_drives(
@@ -226,6 +273,23 @@ def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
             " termination and bit rate right?"
         )
     return frames
+
+
+def logged(log: Path) -> Mapping[str, FrameBlock]:
+    """The frames of each bus in a CAN log, by the name of its channel.
+
+    Raises:
+        RecordError: the log cannot be read.
+    """
+    found = CanLog(log)
+    blocks: dict[str, list[FrameBlock]] = {}
+    for block in found.blocks():
+        for number, name in enumerate(block.names):
+            if part := block.frames.select(block.channels == number):
+                blocks.setdefault(name, []).append(part)
+    if found.left_out:
+        print(left_out_words(log, found.left_out))
+    return {name: concatenate_frames(parts) for name, parts in blocks.items()}
 
 
 def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str, str]]:

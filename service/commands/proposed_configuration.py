@@ -42,13 +42,20 @@ def _load_lines(column: str | None) -> Iterator[str]:
 
 
 def bus_lines(
-    axes: Sequence[AxisRoles], messages: Path, output: Path, bus: BusConfig | None = None
+    axes: Sequence[AxisRoles],
+    messages: Path,
+    output: Path,
+    bus: BusConfig | None = None,
+    channel: str = _BUS,
 ) -> Iterator[str]:
-    """The file ``output`` for the axes of a bus that ``messages`` describes; ``bus``: if one was listened to."""
+    """The file ``output`` for the axes of a bus that ``messages`` describes.
+
+    ``bus``: if one was listened to; else ``channel`` is its name in a log.
+    """
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts the unit on the bus, -1 turns the sign; of the angle of an arm it is the gear ratio."
-    yield from _bus_lines(bus)
+    yield from _bus_lines(bus, channel)
     yield f"messages = {toml_value(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
     yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis))] for axis in axes})
@@ -106,6 +113,7 @@ def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
     """The bus, without what describes its messages; None: only its name in a log is known."""
     yield "[[bus]]"
     if bus is None:
+        channel = f"can{channel}" if channel.isdigit() else channel  # as logs with channel numbers are read
         name = channel if re.fullmatch(r"[\w-]+", channel, re.ASCII) else _BUS
         yield f"name = {toml_value(name)}"
         yield f"channel = {toml_value(channel)}  # of the interface; the name in a log"

@@ -187,6 +187,28 @@ def test_what_accelerates_another_axis_is_found_beside_a_weight_or_alone(seed: i
         assert set(found.terms) == terms
 
 
+def test_the_gear_ratio_shows_beside_a_coupled_axis(seed: int) -> None:
+    """Whose acceleration takes more torque than the weight, and hides it else."""
+
+    def torque(q: Mapping[str, Floats]) -> Floats:
+        return np.asarray(10 * np.gradient(np.gradient(q["q3"])) * RATE_HZ**2 + 8 * np.cos(q["q2"]))
+
+    def ratio(record: Record, *accelerations: str) -> float:
+        return 80 * gear_ratios([record], "q2", ("q2",), ("q2",), accelerations).get("q2", 0.0)
+
+    found = []
+    for number in range(12):
+        rec = recorded(torque, np.random.default_rng(seed + number), seconds=180.0, reach=1.5)
+        coupled = np.asarray(np.gradient(np.gradient(rec.signals["q3"])) * RATE_HZ**2)
+        signals = {"q2": 80 * rec.signals["q2"], "q3_accel": coupled}
+        geared = replace(rec, y=80 * rec.y, signals=signals)
+        found.append((ratio(geared), ratio(geared, "q3_accel")))
+    without, beside = np.array(found).T
+    print(without, beside)
+    assert np.count_nonzero(abs(beside - 1) < 1 / 3) >= 9
+    assert np.count_nonzero(abs(without - 1) < 1 / 3) <= 6
+
+
 def test_long_records_and_several_are_used_together(seed: int) -> None:
     def weight(q: Mapping[str, Floats]) -> Floats:
         return np.asarray(8 * np.cos(q["q2"]) + 4 * np.cos(q["q2"] + q["q3"]))

@@ -10,6 +10,7 @@ import pytest
 from monitor_core.arrays import Floats
 from service.commands.exit_codes import NO_BUS
 from service.config import load
+from service.ingest.axis_records import silent_in
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.commands import can_logs
 from tests.service.commands.commissioning.test_commission import table
@@ -36,6 +37,31 @@ def wrong(rows: Floats) -> None:
     rows[:, 1] *= -1
     rows[:, 2] = 180 / math.pi * rows[:, 2] % 360
     rows[:, 3:] = 0.5
+
+
+@pytest.mark.parametrize("kind", [".log", ".asc"])
+def test_a_log_in_place_of_a_bus(kind: str, folder: Path, rows: Path) -> None:
+    """The log is then commissioned with what was written."""
+    described = can_logs.dbc(folder / "robot.dbc", 2, "deg", MORE)
+    config = can_logs.configured(folder / "robot.toml", described, 2)
+    log = can_logs.log_of(rows, config, folder / f"healthy{kind}")
+    text = shown("init", "robot.dbc", log.name)
+    assert (
+        "axis2: torque Joint2.Joint2_Torque_Act [Nm], angle Joint2.Joint2_Pos_Act [deg]: sure (as one" in text
+    )
+    assert "never came: Io (0x386)" in text
+    assert f"Next: axiswatch commission {log.name} --config axis.toml" in text
+    assert "no problems" in shown("check", "--config", "axis.toml")
+    assert [axis.config.sample_interval_s for axis in load(Path("axis.toml"), {}).axes] == [0.005, 0.005]
+    assert set(silent_in(log, load(Path("axis.toml"), {}))) == set()
+
+
+def test_what_no_log_is_looked_at_with(folder: Path, rows: Path) -> None:
+    can_logs.dbc(folder / "robot.dbc")
+    (folder / "empty.log").write_text("", encoding="utf-8")
+    assert "no CAN frames in it" in refused("init", "robot.dbc", "empty.log")
+    for given in (("robot.dbc", rows), (rows, "empty.log"), ("robot.dbc", "empty.log", "--bus", "virtual:a")):
+        assert "axiswatch init robot.dbc robot.log" in refused("init", *given)
 
 
 def test_signs_wraps_intervals_and_what_never_came(folder: Path, rows: Path) -> None:
