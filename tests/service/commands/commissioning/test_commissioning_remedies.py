@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -241,6 +242,18 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
         found = report(KT, FM, quality=quality)
         again = retry(found, text, configured(text, NAME, tmp_path)[1], links=lambda: load)
         assert (again.schedule if again else ()) == schedule
+    signals = (Correction(("signal", "a2-acceleration", "acceleration"), True, "links"), *load.signals)
+    for terms, shown in (
+        (("a2-acceleration",), "what it takes to accelerate other axes"),
+        (
+            ("cos(a2)", "a2-acceleration"),
+            "the weight of links at these angles and what it takes to accelerate other axes",
+        ),
+    ):
+        links = partial(LinkLoad, signals, terms)
+        again = retry(report(rejection="poor"), MASS, configured(MASS, NAME, tmp_path)[1], links=links)
+        assert again is not None
+        assert again.shown == shown
 
 
 @pytest.mark.parametrize("with_links", [report(KT), report(KT, rejection="poor"), report(NO_FM)])
