@@ -145,8 +145,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 fair = text, axis, task, report, outcome
             text, schedule = again.text, schedule or again.schedule
             if again.schedule:
-                weight = "the weight of links at these angles" if again.turns else "a load that follows this"
-                followed = f"{', '.join(again.schedule)}: the torque shows {weight}."
+                followed = f"{', '.join(again.schedule)}: the torque shows {again.shown}."
                 outcome = replace(outcome, notes=(*outcome.notes, followed))
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _MISTAKES as error:

@@ -54,8 +54,8 @@ class Retry(NamedTuple):
     changes: tuple[Correction, ...]
     schedule: tuple[str, ...] = ()
     """What follows signals, as `identify --schedule` has it"""
-    turns: bool = False
-    """Angles are among these signals"""
+    shown: str = ""
+    """By the torque: why the offset follows these"""
 
     @property
     def words(self) -> str:
@@ -137,11 +137,15 @@ def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
     changes = list(weight.signals)
     if name != axis.config.model.drive:
         changes.insert(0, Correction(("model", "drive"), name, "the torque shows a weight"))
+    turns = any(Term.read(term).turns for term in weight.terms)
+    coupled = any(change.key[-1] == "acceleration" for change in weight.signals)
+    parts = ["the weight of links at these angles"] if turns else []
+    parts += ["what it takes to accelerate other axes"] if coupled else []
     return Retry(
         corrected(text, axis.id, weight.signals),
         tuple(changes),
         (f"{OFFSET}: {', '.join(weight.terms)}",),
-        any(Term.read(term).turns for term in weight.terms),
+        " and ".join(parts) or "a load that follows this",
     )
 
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, Obstacle, Quality, Rejection, TurningWeight, Watched
-from service.commands.commissioning import axis_commissioning
+from service.commands import commission
+from service.commands.commissioning import axis_commissioning, axis_processes
 from service.commands.commissioning.axis_commissioning import Order, not_identified, unmonitored_words
 from service.commands.commissioning.commissioning_remedies import (
     memories_of,
@@ -20,7 +24,7 @@ from service.commands.commissioning.commissioning_remedies import (
     retry,
 )
 from service.commands.commissioning.link_load import LinkLoad
-from service.commands.commissioning.signal_proposals import configured
+from service.commands.commissioning.signal_proposals import Review, configured
 from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
@@ -241,6 +245,18 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
         found = report(KT, FM, quality=quality)
         again = retry(found, text, configured(text, NAME, tmp_path)[1], links=lambda: load)
         assert (again.schedule if again else ()) == schedule
+    signals = (Correction(("signal", "a2-acceleration", "acceleration"), True, "links"), *load.signals)
+    for terms, shown in (
+        (("a2-acceleration",), "what it takes to accelerate other axes"),
+        (
+            ("cos(a2)", "a2-acceleration"),
+            "the weight of links at these angles and what it takes to accelerate other axes",
+        ),
+    ):
+        links = partial(LinkLoad, signals, terms)
+        again = retry(report(rejection="poor"), MASS, configured(MASS, NAME, tmp_path)[1], links=links)
+        assert again is not None
+        assert again.shown == shown
 
 
 @pytest.mark.parametrize("with_links", [report(KT), report(KT, rejection="poor"), report(NO_FM)])
@@ -272,6 +288,32 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     assert chosen is (with_links if better else alone)
     assert [s.axis for s in axis.config.signal] == (["a2"] if better else [])
     assert (len(outcome.corrections), len(outcome.notes), words) == ((1, 1, "") if better else (0, 0, ""))
+
+
+def test_each_axis_sees_the_corrections_of_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The motion of one may be a signal of another, in the unit and at the interval that were found for it."""
+    text = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
+    options, provenance = CalibrationOptions(600.0), Provenance.now()
+    orders = [Order(text, name, (), tmp_path, options, provenance, True) for name in (NAME, "cell.a2")]
+    reviews = {
+        NAME: Review((Correction(("angle", "factor"), 0.5, "degrees"),), (), (), ""),
+        "cell.a2": Review((Correction(("sample_interval_s",), 0.008, "as measured"),), (), (), ""),
+    }
+    seen = list[Order]()
+
+    def outcomes(given: Sequence[Order], *_: object) -> Iterator[Outcome]:
+        seen.extend(given)
+        yield from (Outcome(order.axis_id) for order in given)
+
+    monkeypatch.setattr(axis_processes, "outcomes", outcomes)
+    commission._carried_out(orders, reviews, Console(quiet=True))
+    for order in seen:
+        first, second = configured(order.text, order.axis_id, tmp_path)[0].axes
+        assert first.config.motion.factor == 0.5
+        assert (first.config.sample_interval_s, second.config.sample_interval_s) == (0.005, 0.008)
+    assert [order.axis_id for order in seen] == [NAME, "cell.a2"]
 
 
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
