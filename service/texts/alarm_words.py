@@ -44,11 +44,11 @@ SENSORS = {
     TORQUE_STUCK: "the measured torque is stuck: it stays the same while another one acts",
     TORQUE_LOST: "the torque that acts is not the measured one: its signal is lost, or another one",
     OUTPUT_STUCK: "the measured motion is stuck: it repeats itself in every digit",
-    TORQUE_SCALE: "the torque that acts is {share} % {more} than the measured one, by its scale",
-    OUTPUT_SCALE: "the measured motion is {share} % {more} than the true one, by its scale",
-    TORQUE_OFFSET: "the torque that acts is {amount} {unit} {more} than the measured one, always",
-    OUTPUT_OFFSET: "the measured motion is {amount} {unit} {more} than the true one, always",
-    OUTPUT_NOISE: "the measured motion is noisier than it was, by {share} %",
+    TORQUE_SCALE: "the torque that acts is {share}{more} than the measured one, by its scale",
+    OUTPUT_SCALE: "the measured motion is {share}{more} than the true one, by its scale",
+    TORQUE_OFFSET: "the torque that acts is {amount}{more} than the measured one, always",
+    OUTPUT_OFFSET: "the measured motion is {amount}{more} than the true one, always",
+    OUTPUT_NOISE: "the measured motion is noisier than it was{by}",
 }
 """Faults of sensors, which the multi-model detector may name."""
 
@@ -115,8 +115,12 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
         return _inertia(size)
     amount, more = _digits(abs(size)), "less" if size < 0 else "more"
     if parameter in SENSORS:
-        share = _digits(abs(100 * size))
-        return SENSORS[parameter].format(share=share, amount=amount, unit=unit, more=more)
+        if not math.isfinite(size):
+            return SENSORS[parameter].format(share="", amount="", by="", more=more)
+        share = f"{_digits(abs(100 * size))} %"
+        return SENSORS[parameter].format(
+            share=f"{share} ", amount=f"{amount} {unit} ", by=f", by {share}", more=more
+        )
     side = "below" if size < 0 else "above"
     if not math.isfinite(size):
         return f"{parameter} is {side} its nominal value, by how much is not known"

@@ -33,6 +33,10 @@ _PARTS = 5
 """Of a record with bunches, in each of which some frames are hardly late"""
 _FEWEST = 100
 """Frames that tell their interval"""
+_NEAR = 0.5
+"""Of an interval: two samples that are farther from it are not of one cycle after the other."""
+_SMOOTHER = 0.5
+"""Of the third derivative by times of receipt: with even ones it is smaller than that, or the times are true."""
 _PAUSE_S = 0.5
 """After a longer one a counter may have wrapped, or the controller was off"""
 _ABOUT = 2.5
@@ -294,6 +298,40 @@ def _bunches(checked: Checked) -> Iterator[Correction]:
         )
 
 
+def _scatter(checked: Checked) -> Iterator[Correction]:
+    """Times of receipt that make a smooth motion rough, where even ones do not: the samples were taken evenly."""
+    time = checked.axis.config.time
+    if checked.in_tables or time.counter_signal is not None or time.clock != "receipt":
+        return
+    if all(_rougher(record, checked.axis.config.sample_interval_s) for record in checked.records):
+        yield Correction(
+            ("time", "clock"),
+            "cyclic",
+            sentence(
+                "scatter",
+                "the motion is smoother with even times than with those of receipt, which scatter: the clock of the"
+                " controller is fitted to them",
+            ),
+        )
+
+
+def _rougher(record: Record, interval_s: float) -> bool:
+    """Whether the third derivative of a motion is far larger by its times than by even ones, where none is lost."""
+    t, y = record.t[record.measured] / interval_s, record.y[record.measured]
+    steps = np.diff(t)
+    near = np.abs(steps - 1) < _NEAR
+    whole = near[:-2] & near[1:-1] & near[2:]
+    moves = np.abs(y[3:] - y[:-3])
+    whole &= moves > np.median(moves)
+    if np.count_nonzero(whole) < _FEWEST:
+        return False
+    by_time = y
+    for order in (1, 2, 3):
+        by_time = order * np.diff(by_time) / (t[order:] - t[:-order])
+    even = np.median(np.abs(np.diff(y, 3)[whole]))
+    return bool(even < _SMOOTHER * np.median(np.abs(by_time[whole])))
+
+
 def _sign(checked: Checked) -> Iterator[Correction]:
     for finding in (f for record in checked.records for f in suspicions(record)):
         if finding.kind == "wrong-sign":
@@ -345,6 +383,6 @@ def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
 
 
 _Check = Callable[[Checked], Iterator[Correction]]
-_FIRST_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches, _wrap)
+_FIRST_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches, _scatter, _wrap)
 """Before faults are looked for: an angle that jumps back looks like one that is stuck in between."""
 _SIGNAL_CHECKS: tuple[_Check, ...] = (by_name, _sign, _late, by_ratio, by_weight, by_inertia, by_speed)

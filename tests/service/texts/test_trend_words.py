@@ -122,6 +122,17 @@ CARRIES = "the axis carries {} weight than at its commissioning: another payload
         (("tau0", 0.25, 0.0, "N m"), "tau0 is 0.25 N m above its nominal value"),
         (("tau0", 0.25, 0.0, "N m", 0.02), "tau0 is 0.25 N m (0.21 to 0.29) above its nominal value"),
         (("fm", float("inf"), 0.06, "N m s/rad"), "fm is above its nominal value, by how much is not known"),
+        (("output noise", float("inf"), 1.0, "1"), "the measured motion is noisier than it was"),
+        (("output noise", 0.5, 1.0, "1"), "the measured motion is noisier than it was, by 50 %"),
+        (
+            ("torque scale", float("-inf"), 1.0, "1"),
+            "the torque that acts is less than the measured one, by its scale",
+        ),
+        (("output scale", 0.2, 1.0, "1"), "the measured motion is 20 % more than the true one, by its scale"),
+        (
+            ("torque offset", 0.2, 0.0, "N m"),
+            "the torque that acts is 0.2 N m more than the measured one, always",
+        ),
     ],
 )
 def test_alarms(alarm: tuple[Any, ...], words: str) -> None:

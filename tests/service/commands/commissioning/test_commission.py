@@ -288,6 +288,30 @@ def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, fold
     assert not found.faults
 
 
+@pytest.mark.parametrize(
+    ("scatter_s", "sampled", "changes"),
+    [(8e-5, "evenly", ['time.clock = "cyclic"']), (8e-5, "when received", []), (0.0, "evenly", [])],
+)
+def test_times_of_receipt_that_scatter(
+    scatter_s: float, sampled: str, changes: list[str], folder: Path, seed: int
+) -> None:
+    """By less than 2 % of the interval; the angle resolves that.  A controller may also sample at odd times."""
+    rng, h, w = np.random.default_rng(seed), 0.005, 4 * np.pi
+    t = h * np.arange(6000)
+    late = np.abs(rng.normal(0, scatter_s, t.size)) if scatter_s else np.zeros(t.size)
+    at = t + late if sampled == "when received" else t
+    angle, speed = 5 * np.sin(w * at), 5 * w * np.cos(w * at)
+    torque = 0.01 * -(w**2) * angle + 0.5 * np.tanh(speed) + 0.01 * speed + rng.normal(0, 0.02, t.size)
+    rows = folder / "rows.csv"
+    np.savetxt(
+        rows, np.column_stack([1e3 + t + late, torque, angle]), "%.10g", ",", header="t,u,y", comments=""
+    )
+    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
+    log = can_logs.log_of(rows, config, folder / "healthy.log")
+    found = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
+    assert [correction.change for correction in found.corrections] == changes
+
+
 @pytest.mark.parametrize(("bits", "every_s"), [(8, 0.004), (16, 0.0051), (8, 0.005)])
 def test_a_counter_whose_cycle_is_another_one(bits: int, every_s: float, folder: Path, seed: int) -> None:
     """Times by the counter have the configured interval of 5 ms, whatever the true one is.  Each twentieth is lost."""
