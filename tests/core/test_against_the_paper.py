@@ -100,6 +100,10 @@ def outliers(name: str, grows: bool, seed: int) -> Situation:
     return Situation(case, settings, rec, lambda p: p.outliers >= 3 and p.starts == starts, 1e-8)
 
 
+RATIO = BY_NAME["speed-behind-the-gear"]._replace(
+    name="ratio-before-the-sensor", monitored=("r", "fa", "1/J2")
+)
+"""What is measured depends on theta: C has a derivative."""
 FIVE_MASSES = (
     Case(
         "five-masses-speed",
@@ -148,7 +152,7 @@ PAUSES = ("paper", "speed-springs", "angle-paper", "angle-friction", "speed-drif
 STRUCK = {"paper": False, "angle-skew": False, "angle-gear": True, "mean-speed": True}
 """With a gain that grows over samples that are passed over, or the same."""
 SITUATIONS: dict[str, Callable[[int], Situation]] = {
-    **{case.name: partial(of_case, case) for case in CASES},
+    **{case.name: partial(of_case, case) for case in (*CASES, RATIO)},
     "alarms": alarms,
     "alarms, P widened": partial(alarms, widen=5.0),
     "alarms, thresholds of its own": partial(alarms, own=OWN),
