@@ -83,11 +83,12 @@ def receiving(answers: Answers, certificate: Path | None = None) -> Iterator[int
 
 @pytest.fixture
 def message(tmp_path: Path) -> Message:
-    post = Post(tmp_path, Inbox())
+    inbox = Inbox()
+    post = Post(tmp_path, inbox)
     record(post.journal, NAMED)
     post.settle()
     post.close()
-    return post.inbox.got[0]
+    return inbox.got[0]
 
 
 def webhook(port: int, scheme: str = "http", ca_file: Path | None = None, timeout_s: float = 5.0) -> Webhook:
