@@ -60,7 +60,7 @@ def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
     )
     recorded(stage, replace(FM_ALARM, ended_us=NOON_US))
     text += session("alarms", "comment 1 --comment 'gearbox changed' --work-order WO-18", "show 1")
-    golden.check(text, GOLDEN / "one_alarm.txt")
+    golden.check(text, GOLDEN / "alarms_one.txt")
 
 
 @pytest.mark.usefixtures("url")
@@ -76,7 +76,7 @@ def test_several_alarms_and_an_axis_out_of_service(stage: Stage) -> None:
         "list --state out-of-service",
         "return-to-service demo.axis1",
     )
-    golden.check(text, GOLDEN / "several_alarms.txt")
+    golden.check(text, GOLDEN / "alarms_several.txt")
 
 
 @pytest.mark.usefixtures("url")
@@ -137,7 +137,7 @@ def test_a_refusal_has_its_reason(stage: Stage) -> None:
         "ack 0",
         "ack 1 1",
     )
-    golden.check(text, GOLDEN / "refused.txt")
+    golden.check(text, GOLDEN / "alarms_mistakes.txt")
 
 
 def test_a_daemon_that_does_not_answer_is_a_message_and_exit_code_4() -> None:
