@@ -2,6 +2,9 @@
 
 import json
 import logging
+import re
+import shlex
+from pathlib import Path
 from typing import Any
 
 from typer.testing import CliRunner, Result
@@ -37,3 +40,18 @@ def refused(*words: object, code: int = 2) -> str:
     result = axiswatch(*words)
     assert (result.exit_code, result.stdout) == (code, ""), result.output
     return " ".join(result.stderr.replace("│", " ").split())
+
+
+def session(command: str, *given: str) -> str:
+    """What a person types and reads where the command is called with these words, one after the other.
+
+    What is wrong is in one line, without what typer says of the usage; paths are those from the working directory.
+    """
+    text = ""
+    for words in given:
+        result = axiswatch(command, *shlex.split(words))
+        problem = " ".join(re.sub("[│╭╮╰╯─]+", " ", result.stderr).split())
+        problem = re.sub("^Usage: .*? Error ", "", problem)
+        text += f"$ axiswatch {command} {words}".rstrip() + f"\n{result.stdout}"
+        text += f"{problem} (exit code {result.exit_code})\n" if problem else ""
+    return text.replace(f"{Path.cwd()}/", "")

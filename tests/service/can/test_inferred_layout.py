@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from service.can.frames import concatenate_frames
 from service.can.inferred_layout import Field, Part, counts_frames, find_multiplexer, infer_layout
 from service.can.log_files import CanLog
-from tests.service.pipeline.robots import blocks, demo
 
 N = 1000
 
@@ -58,14 +57,6 @@ def test_numbers_of_every_width_order_and_place(
         expected = columns[kind].astype(np.float32) if kind == "f" else np.rint(columns[kind])
         np.testing.assert_array_equal(found.values(data), expected)
         first += width
-
-
-def test_the_messages_of_the_demo(tmp_path: Path, seed: int) -> None:
-    """Torque in 16 bits, angle in 32 bits, a counter: nothing but the frames is known."""
-    frames = concatenate_frames(list(blocks(demo(tmp_path, 1), 10.0, seed)))
-    fields = infer_layout(frames.select(frames.ids == 0x181).data)
-    assert places(fields[:2]) == [(0, 2, "little", "signed"), (2, 4, "little", "signed")]
-    assert [field.kind for field in fields] == ["signal", "signal", "counter"]
 
 
 def test_counter_state_constant_and_checksum() -> None:

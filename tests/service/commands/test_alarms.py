@@ -17,10 +17,12 @@ from service.client import Client, ClientError, Remark
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_entries import Entry
 from service.store.journal import Journal
+from tests import golden
 from tests.end_to_end.processes import PATIENCE_S
-from tests.service.command_line import as_json, axiswatch, refused, shown
+from tests.service.command_line import as_json, refused, session, shown
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
 
+GOLDEN = Path(__file__).parent / "golden"
 TLS = Path(__file__).parents[2] / "tls"
 
 
@@ -44,62 +46,37 @@ def recorded(stage: Stage, alarm: Alarm = FM_ALARM) -> int:
 
 @pytest.mark.usefixtures("url")
 def test_one_alarm_from_the_list_to_the_work_order(stage: Stage) -> None:
-    assert shown("alarms", "list") == "no alarm\n"
-    number = recorded(stage)
-    words = "    fm is 0.018 N m s/rad (31 %, 24 to 37) above its nominal value\n"
-    name, raised = f"{number}  demo.axis1 fm up", "medium priority, raised 2026-03-01 11:59:53 UTC"
-    assert shown("alarms", "list") == f"{name}: unacknowledged, {raised}\n{words}"
-    assert shown("alarms", "ack", number, "--comment", "I look") == f"{name}: acknowledged, {raised}\n{words}"
-    hidden = shown("alarms", "shelve", number, "--for", "2h", "--work-order", "WO-17")
-    until = "shelved until 2026-03-01 14:00:00 UTC"
-    assert hidden == f"{name}: {until}, {raised}, work order WO-17\n{words}"
-    assert shown("alarms", "list", "--state", "unacknowledged") == "no alarm is unacknowledged\n"
-    assert until in shown("alarms", "list", "--state", "shelved", "--axis", "demo.axis1")
-    assert shown("alarms", "unshelve", number).startswith(f"{name}: acknowledged")
-    again = shown("alarms", "shelve", number, "--until", "2026-03-01T13:00:00Z")
-    assert "shelved until 2026-03-01 13:00:00 UTC" in again
-    recorded(stage, replace(FM_ALARM, ended_us=NOON_US))
-    shown("alarms", "comment", number, "--comment", "gearbox changed", "--work-order", "WO-18")
-    lines = shown("alarms", "show", number).splitlines()
-    assert "ended 2026-03-01 12:00:00 UTC, work order WO-18" in lines[0]
-    assert lines[2:10] == [
-        "  onset: 2026-03-01 11:59:51 UTC (90 %: from 2026-03-01 11:59:50 UTC to 2026-03-01 11:59:51 UTC)",
-        "  size: +0.01832 +- 0.0041 (95 %) N m s/rad; nominal value 0.06",
-        "  cause: fm, probability 97 %",
-        "  cause: kT, probability 3 %",
-        "  2026-03-01 11:59:53 UTC  raise by axiswatch: unacknowledged",
-        "  2026-03-01 12:00:00 UTC  acknowledge by local: acknowledged (I look)",
-        "  2026-03-01 12:00:00 UTC  shelve by local: shelved until 2026-03-01 14:00:00 UTC (WO-17)",
-        "  2026-03-01 12:00:00 UTC  unshelve by local: acknowledged",
-    ]
-    assert lines[-1].endswith("comment by local: shelved (gearbox changed) (WO-18)")
-
-
-@pytest.mark.usefixtures("url")
-def test_the_most_frequent_alarms_and_those_that_came_first(stage: Stage) -> None:
-    number = recorded(stage)
-    stage.record("demo.axis2", "1", 0.06, replace(FM_ALARM, raised_us=FM_ALARM.raised_us + 1))
-    heads = shown("alarms", "list").splitlines()[::2]
-    assert [head.rpartition(", ")[2] for head in heads] == [f"follows alarm {number}", "first-out"]
-    lines = shown("alarms", "statistics").splitlines()
-    assert lines[0] == "2026-02-22 12:00:00 UTC to 2026-03-01 12:00:00 UTC"
-    assert lines[1] == "raised: 2, announced: 2"
-    assert lines[2].startswith(
-        "announced in ten minutes: 0.00198 in the mean, 2 at most (from 2026-03-01 11:5"
-    )
-    assert lines[4:] == ["     1  demo.axis1 fm up", "     1  demo.axis2 fm up"]
-    assert shown("alarms", "statistics", "--until", "2026-03-01T11:00:00Z").count("raised: 0") == 1
-    assert as_json("alarms", "statistics", "--json")["raised"] == 2
-
-
-@pytest.mark.usefixtures("url")
-def test_an_axis_is_taken_out_of_service_and_returned(stage: Stage) -> None:
+    text = session("alarms", "list")
     recorded(stage)
-    done = shown("alarms", "out-of-service", "demo.axis1", "--comment", "oil", "--work-order", "WO-9")
-    assert done == "demo.axis1: taken out of service by local at 2026-03-01 12:00:00 UTC (oil) (WO-9)\n"
-    assert "out-of-service, medium" in shown("alarms", "list", "--state", "out-of-service")
-    found = as_json("alarms", "return-to-service", "demo.axis1", "--json")
-    assert (found["out_of_service"], len(found["steps"])) == (None, 2)
+    text += session(
+        "alarms",
+        "list",
+        "ack 1 --comment 'I look'",
+        "shelve 1 --for 2h --work-order WO-17",
+        "list --state unacknowledged",
+        "list --state shelved --axis demo.axis1",
+        "unshelve 1",
+        "shelve 1 --until 2026-03-01T13:00:00Z",
+    )
+    recorded(stage, replace(FM_ALARM, ended_us=NOON_US))
+    text += session("alarms", "comment 1 --comment 'gearbox changed' --work-order WO-18", "show 1")
+    golden.check(text, GOLDEN / "alarms_one.txt")
+
+
+@pytest.mark.usefixtures("url")
+def test_several_alarms_and_an_axis_out_of_service(stage: Stage) -> None:
+    recorded(stage)
+    stage.record("demo.axis2", "1", 0.06, replace(FM_ALARM, raised_us=FM_ALARM.raised_us + 1))
+    text = session(
+        "alarms",
+        "list",
+        "statistics",
+        "statistics --until 2026-03-01T11:00:00Z",
+        "out-of-service demo.axis1 --comment oil --work-order WO-9",
+        "list --state out-of-service",
+        "return-to-service demo.axis1",
+    )
+    golden.check(text, GOLDEN / "alarms_several.txt")
 
 
 @pytest.mark.usefixtures("url")
@@ -111,6 +88,8 @@ def test_answers_as_json_are_those_of_the_api(stage: Stage) -> None:
         "raise",
         "acknowledge",
     ]
+    assert as_json("alarms", "statistics", "--json")["raised"] == 1
+    assert len(as_json("alarms", "out-of-service", "demo.axis2", "--json")["steps"]) == 1
     stage.healthy()
     found = as_json("status", "--json")
     assert (found["ready"], found["active"], found["unacknowledged"]) == (True, 1, 0)
@@ -137,38 +116,28 @@ def test_status_has_the_reasons_why_it_is_not_ready(stage: Stage, url: str) -> N
     assert shown("status").splitlines()[0].endswith(f"at {url}: ready")
 
 
-REFUSED = [
-    (("unshelve", "1"), "axiswatch: not possible: unshelve; the alarm is unacknowledged: "),
-    (("show", "77"), "axiswatch: no alarm 77; the journal holds 1"),
-    (("shelve", "1", "--for", "8d"), "axiswatch: an alarm can be shelved for at most 7 days"),
-    (("shelve", "1", "--until", "2026-03-01T11:00:00Z"), "only until a time in the future"),
-    (("shelve", "1", "--until", "tomorrow"), "axiswatch: until: must be ISO 8601 with time zone"),
-    (("shelve", "1", "--for", "soon"), "write a time, such as 10min"),
-    (("shelve", "1"), "give one of --for and --until"),
-    (("comment", "1"), "give --comment, --work-order or both"),
-    (("list", "--state", "loud"), "'loud' is not one of"),
-    (("return-to-service", "demo.axis1"), "axiswatch: no person has taken demo.axis1 out of service; "),
-    (
-        ("out-of-service", "demo.axis9"),
-        "axiswatch: there is no axis 'demo.axis9'; there is demo.axis1, demo.axis2",
-    ),
-    (
-        ("list", "--axis", "demo.axis9"),
-        "axiswatch: there is no axis 'demo.axis9'; there is demo.axis1, demo.axis2",
-    ),
-    (("statistics", "--since", "noon"), "axiswatch: since: "),
-    (("ack", "0"), "axiswatch: id: Input should be greater than or equal to 1"),
-    (("ack", "1", "1"), "axiswatch: not possible: acknowledge; the alarm is acknowledged: "),
-]
-
-
 @pytest.mark.usefixtures("url")
 def test_a_refusal_has_its_reason(stage: Stage) -> None:
     recorded(stage)
-    for words, message in REFUSED:
-        result = axiswatch("alarms", *words)
-        assert result.exit_code == 2, words
-        assert message in " ".join(result.stderr.replace("│", " ").split()), words
+    text = session(
+        "alarms",
+        "unshelve 1",
+        "show 77",
+        "shelve 1 --for 8d",
+        "shelve 1 --until 2026-03-01T11:00:00Z",
+        "shelve 1 --until tomorrow",
+        "shelve 1 --for soon",
+        "shelve 1",
+        "comment 1",
+        "list --state loud",
+        "return-to-service demo.axis1",
+        "out-of-service demo.axis9",
+        "list --axis demo.axis9",
+        "statistics --since noon",
+        "ack 0",
+        "ack 1 1",
+    )
+    golden.check(text, GOLDEN / "alarms_mistakes.txt")
 
 
 def test_a_daemon_that_does_not_answer_is_a_message_and_exit_code_4() -> None:

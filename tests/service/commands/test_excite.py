@@ -12,7 +12,8 @@ from service.commands.excite import torque_columns
 from service.commands.options import configuration
 from service.config import drive_of, given_values, load
 from service.config.drive_sources import shipped
-from tests.service.command_line import refused, shown
+from tests import golden
+from tests.service.command_line import session, shown
 
 DEMO = shipped("demo.toml")
 
@@ -104,29 +105,26 @@ def test_a_seed_repeats_the_phases(tmp_path: Path) -> None:
     assert files[0] == files[1] != files[2]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("--torque-limit -1", "torque limit -1"),
-        ("--band 30 1", "0 <= low < high"),
-        ("--band 0 100", "0 <= low < high < 100 Hz"),
-        ("--band 0.01 0.02", "widen the band or lengthen the period"),
-        ("--seconds 0.01", "at least 16 samples"),
-        ("--seconds nan", "at least 16 samples"),
-        ("--seconds 1e9", "ask for less"),
-        ("--find jm", 'did you mean "Jm"'),
-        ("--find Ja,1/Ja", "named twice"),
-        ("--free Ja --find fm", "among the free parameters"),
-        ("--torque-limit 0.005", "torque limit does not hold"),
-        ("-o no/such/folder.csv", "cannot write no/such/folder.csv"),
-        ("--axis axis9", "axis9 is not there"),
-    ],
-)
-def test_mistakes(tmp_path: Path, arguments: str, message: str) -> None:
-    assert message in refused(*excite(tmp_path, *arguments.split()))
-
-
-def test_a_limit_must_be_given(tmp_path: Path) -> None:
-    assert "no limit is given" in refused(
-        "excite", "--config", DEMO, "--axis", "axis1", "-o", tmp_path / "e.csv"
+@pytest.mark.usefixtures("folder")
+def test_mistakes() -> None:
+    Path("demo.dbc").symlink_to(DEMO.with_name("demo.dbc"))
+    Path("demo.toml").write_bytes(DEMO.read_bytes())
+    start = "--config demo.toml --axis axis1 -o e.csv"
+    limited = f"{start} --seconds 2 --seed 3 --torque-limit 2"
+    wrong = (
+        "--torque-limit -1",
+        "--band 30 1",
+        "--band 0 100",
+        "--band 0.01 0.02",
+        "--seconds 0.01",
+        "--seconds nan",
+        "--seconds 1e9",
+        "--find jm",
+        "--find Ja,1/Ja",
+        "--free Ja --find fm",
+        "--torque-limit 0.005",
+        "-o no/such/folder.csv",
+        "--axis axis9",
     )
+    text = session("excite", start, *(f"{limited} {words}" for words in wrong))
+    golden.check(text, Path(__file__).parent / "golden" / "excite_mistakes.txt")

@@ -9,7 +9,8 @@ import pytest
 
 from service.config import load
 from service.ingest.roles_by_name import role_of
-from tests.service.command_line import refused, shown
+from tests import golden
+from tests.service.command_line import session, shown
 from tests.service.commands.commissioning.test_commission import read_rows, table, write_rows
 
 
@@ -223,21 +224,12 @@ def test_units_below_the_names(record: Path) -> None:
     assert "in mm of a linear axis; factor is 2 pi / (mm that a turn of the motor moves it)" in written
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["record.csv", "-o", "record.csv"], "is there already"),
-        (["frames.log"], "is a CAN log"),
-        (["missing.csv"], "cannot read missing.csv"),
-        (["still.csv"], "no torque and motion of an axis in still.csv; its columns are t, u, y"),
-        (["names.csv"], "names.csv holds no rows of numbers; its columns are t, u, y"),
-    ],
-)
-def test_mistakes(record: Path, words: list[str], message: str) -> None:
+@pytest.mark.usefixtures("record")
+def test_mistakes() -> None:
     Path("still.csv").write_text("t,u,y\n" + "".join(f"{k},0,1\n" for k in range(9)), encoding="utf-8")
     Path("names.csv").write_text("t,u,y\ns,Nm,rad\n", encoding="utf-8")
-    assert record.exists()
-    assert message in refused("init", *words)
+    text = session("init", "record.csv -o record.csv", "frames.log", "missing.csv", "still.csv", "names.csv")
+    golden.check(text, Path(__file__).parent / "golden" / "init_mistakes.txt")
 
 
 @pytest.mark.parametrize(

@@ -93,7 +93,7 @@ def test_a_record_that_cannot_be_played(config: Path, record: Path, tmp_path: Pa
     ("arguments", "words"),
     [
         ("simulate --fault fm", ["--fault", "PARAMETER=FACTOR"]),
-        ("simulate --fault fn=1.3", ["no parameter 'fn'", "Jm, Jg"]),
+        ("simulate --fault fn=1.3", ["no parameter 'fn' in axis demo.axis1; there is Jm, Jg"]),
         ("simulate --fault fm=1.3 --fault-axis axis9", ["axis9", "demo.axis1"]),
         ("run --port 99999", ["--port"]),
         ("demo --axes 7", ["--axes"]),

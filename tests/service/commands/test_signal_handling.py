@@ -10,6 +10,10 @@ PROGRAM = """
 import os, signal
 from service.commands.signal_handling import obeyed, stopped_by_signals
 
+def handlers():
+    return [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)]
+
+before = handlers()
 with stopped_by_signals() as stop:
     with stop._cond:  # as Event.wait holds it for moments
         os.kill(os.getpid(), signal.SIGTERM)
@@ -20,7 +24,7 @@ with obeyed([signal.SIGHUP], lambda: seen.append(1)):
         os.kill(os.getpid(), signal.SIGHUP)
         while len(seen) < count:
             pass
-assert signal.getsignal(signal.SIGTERM) == signal.getsignal(signal.SIGHUP) == signal.SIG_DFL
+assert handlers() == before
 print("ended")
 """
 

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from service.store.tokens import TokenFile
-from tests.service.command_line import axiswatch, refused, shown
+from tests import golden
+from tests.service.command_line import axiswatch, refused, session, shown
 from tests.service.robot_tables import configured
 
 
@@ -35,24 +36,19 @@ def test_a_token_is_made_shown_once_listed_and_revoked(config: Path) -> None:
     assert json.loads(file.read_text(encoding="utf-8"))["tokens"] == []
 
 
-@pytest.mark.parametrize(
-    ("words", "reason"),
-    [
-        (("new", "anna", "--scope", "read"), "there is a token 'anna' already; revoke it first"),
-        (("new", "a b", "--scope", "read"), "must be letters, digits, - and _"),
-        (("new", "local", "--scope", "read"), "local, anyone and nobody have a meaning"),
-        (("new", "ben", "--scope", "write"), "'read', 'operate', 'admin'"),
-        (("new", "ben"), "--scope"),
-        (("revoke", "ana"), 'did you mean "anna"'),
-        (("remove", "anna"), "revoke"),
-    ],
-)
-def test_a_mistake_is_answered_with_what_would_be_right(
-    words: tuple[str, ...], reason: str, config: Path
-) -> None:
-    shown("token", "new", "anna", "--scope", "read", "--config", config)
-    options = ("--config", config) if words[0] != "remove" else ()
-    assert reason in refused("token", *words, *options)
+@pytest.mark.usefixtures("folder", "config")
+def test_a_mistake_is_answered_with_what_would_be_right() -> None:
+    shown("token", "new", "anna", "--scope", "read", "--config", "robot.toml")
+    wrong = (
+        "new anna --scope read",
+        "new 'a b' --scope read",
+        "new local --scope read",
+        "new ben --scope write",
+        "new ben",
+        "revoke ana",
+    )
+    text = session("token", *(f"{words} --config robot.toml" for words in wrong), "remove anna")
+    golden.check(text, Path(__file__).parent / "golden" / "token_mistakes.txt")
 
 
 def test_a_damaged_file_is_named_and_kept(config: Path) -> None:

@@ -196,6 +196,7 @@ key = "opcua.key"
 TEXTS = {
     "base": BASE,
     "conditions": with_conditions(),
+    "demo": demo_axis().replace("memory_s = 1.0", "memory_s = 3.0"),
     "file": HEAD + FILE,
     "found": found(),
     "links": TABLES + LINKS,

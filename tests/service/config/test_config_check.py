@@ -136,13 +136,6 @@ def test_a_memory_too_short_for_the_predictor_is_a_mistake_in_one_line(tmp_path:
     assert line.startswith("axiswatch: demo.axis1: a memory of 0.2 s is less than 0.45 s, too short for")
 
 
-@pytest.mark.parametrize(("memory_s", "noted"), [(1.0, True), (3.0, False)])
-def test_a_memory_that_is_short_is_noted(memory_s: float, noted: bool, tmp_path: Path) -> None:
-    result = check(with_memory(tmp_path, memory_s))
-    assert result.exit_code == 0
-    assert ("Note: demo.axis1: a memory of 1 s is short compared with 0.9 s" in result.stdout) == noted
-
-
 def test_with_a_short_memory_joint_state_is_the_default(tmp_path: Path) -> None:
     def joint(memory_s: float, line: str = "") -> bool:
         file = with_memory(tmp_path, memory_s)

@@ -14,12 +14,10 @@ from monitor_core.samples import SampleBlock
 from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
-from service.config.remarks import remarks
 from service.ingest.loaded_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import Fault
 from tests.service import robot_tables
-from tests.service.command_line import shown
 from tests.service.pipeline.robots import blocks, live
 from tests.service.test_skew import replayed, written
 from tests.shares import soaked
@@ -189,32 +187,6 @@ def test_resolution_is_a_noise(tmp_path: Path) -> None:
     assert axis_settings(axis, model).lam0 == filter_gain(model, H, 0.05, noise)[1]
     given = load(config(tmp_path / "b", "resolution = 0.02"), {}).axes[0]
     assert axis_settings(given, model).lam0 == filter_gain(model, H, 0.05, 1e-4)[1]
-
-
-@pytest.mark.parametrize(
-    ("angle", "noise", "words"),
-    [
-        ("resolution = 0.001", "1e-4", "below 0.000289, which the resolution of the angle makes"),
-        ("resolution = 0.001", "3e-4", None),
-        ("resolution = 1e-7", "1e-9", "below 2.89e-08"),
-        ("", "1e-9", "which the resolution of the angle makes"),  # of the signal in the DBC
-        ("", "1e-4", None),
-        ("factor = 100.0", "1e-4", "which the resolution of the angle makes"),
-        (
-            "wrap_period = 6.283",
-            "1e-4",
-            "0.00019 rad, so the angle would jump each time; exact is 6.283185307",
-        ),
-        (f"wrap_period = 360\nfactor = {math.radians(1)!r}", "1e-4", None),
-        ("wrap_period = 5.0", "1e-4", None),
-    ],
-)
-def test_remarks(angle: str, noise: str, words: str | None, tmp_path: Path) -> None:
-    file = config(tmp_path / "a", angle, ("output_noise = 0.0001", f"output_noise = {noise}"))
-    notes = [note for note in remarks(load(file, {})) if "output_noise" in note or "wrap_period" in note]
-    assert len(notes) == (words is not None)
-    assert words is None or words in notes[0]
-    assert words is None or words in shown("check", "--config", file)
 
 
 GRAVITY = "gc = 1.0\ngs = 0.0\nJ = 0.006\n"

@@ -67,7 +67,6 @@ def test_a_fault_is_named_in_a_second(
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        (Fault("demo.axis1", {"fn": 1.3}, 1), "no parameter 'fn' in axis demo.axis1; there is Jm, Jg"),
         (Fault("demo.axis1", {"Jm": -1.0}, 1), "inertia of the motor must be finite and greater than zero"),
         (Fault("demo.axis1", {"1/Ja": 0.0}, 1), "fault: "),
     ],

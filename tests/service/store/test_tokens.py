@@ -35,10 +35,6 @@ def test_a_secret_names_its_caller_and_is_kept_nowhere(file: TokenFile) -> None:
     assert len(anna) == len("axw_") + 43  # 32 bytes, six bits a letter
 
 
-def test_each_scope_includes_the_smaller_ones() -> None:
-    assert [len(scope.included) for scope in (Scope.READ, Scope.OPERATE, Scope.ADMIN)] == [1, 2, 3]
-
-
 def test_a_change_by_another_process_holds_at_once(file: TokenFile) -> None:
     other = TokenFile(file.path)
     anna, ben = other.new("anna", Scope.READ), other.new("ben", Scope.READ)
