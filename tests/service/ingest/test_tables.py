@@ -281,7 +281,7 @@ def test_a_configuration_without_columns(tmp_path: Path, seed: int) -> None:
     with pytest.raises(RecordError, match=r"axis r\.one: angle\.column is missing"):
         read_record(tmp_path / "a.csv", make_config(tmp_path, axis))
     del axis["torque"]["column"]
-    assert "no axis says where it is in a table" in fault(tmp_path / "a.csv", axis)
+    assert "no axis has columns in the configuration" in fault(tmp_path / "a.csv", axis)
 
 
 def written(path: Path, table: dict[str, Any], row: Callable[..., str], header: str) -> Path:
