@@ -237,7 +237,7 @@ def sent(post: Post) -> None:
     """Of the first alarm."""
     alarms(post.journal, 1)
     post.wait(30.0)
-    post.delivery.look()
+    post.delivery.read_new()
     message = [post.delivery._message(w.numbered) for w in post.delivery._waiting]
     asyncio.run(post.delivery._receiver.send(message))
 
