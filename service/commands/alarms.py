@@ -1,4 +1,4 @@
-"""``axiswatch alarms``: the alarms of a running daemon, and what a person does about them."""
+"""``axiswatch alarms``: the alarms of a running daemon, and the actions of operators on them."""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Literal
@@ -11,7 +11,7 @@ from service.commands.daemon_options import Daemon, asks_daemon, short_time
 from service.commands.exit_codes import GROUP
 
 Z95 = 1.96
-"""Half of a 95 % interval, in standard deviations"""
+"""Half the width of a 95 % interval, in standard deviations"""
 
 AlarmIds = Annotated[list[int], typer.Argument(metavar="ID...", help="Numbers of the alarms.")]
 AlarmStateName = Literal[
@@ -169,14 +169,14 @@ def _service_line(found: Json, done: str) -> str:
 
 
 def _act(daemon: Daemon, alarm_ids: Sequence[int], action: AlarmAction, remark: Remark, **end: Value) -> None:
-    """Do it for each alarm; the first that is refused ends it."""
+    """Apply an action to each alarm; stops at the first alarm that refuses it."""
     for number in alarm_ids:
         found = daemon.client.act(number, action, remark, **end)
         daemon.show(found, [alarm_lines(found)])
 
 
 def _facts(a: Json) -> Iterator[str]:
-    """Since when, how much, and how sure, as far as it is known; its recording; what has happened to it."""
+    """Onset, size and certainty of an alarm as far as they are known, its recording, and its history."""
     ends = [("from", a["onset_low"]), ("to", a["onset_high"])]
     words = " ".join(f"{word} {short_time(end)}" for word, end in ends if end is not None)
     yield f"onset: {short_time(a['onset'])}" + (f" (90 %: {words})" if words else "")
@@ -197,7 +197,7 @@ def _facts(a: Json) -> Iterator[str]:
 
 
 def alarm_lines(a: Json) -> str:
-    """An alarm in two lines: what is done about it, and what it says."""
+    """An alarm in two lines: its state, and its message."""
     known = "" if a["id"] is None else f"{a['id']}"
     number = known if a["recorded"] else f"{known} not yet recorded".strip()
     state = a["state"] + (f" until {short_time(a['shelved_until'])}" if a["shelved_until"] else "")

@@ -68,32 +68,32 @@ def backup(config: ConfigPath, output: Output, secrets: Secrets = False, force: 
 
 
 OUTSIDE = "outside"
-"""Folder of the files that do not lie in that of the configuration"""
+"""Folder in the archive for files outside the folder of the configuration"""
 STATE = "state"
 _FOUND = ("nominal_file", "thresholds_file")
 
 
 class Bundle(NamedTuple):
-    """Names are relative to the folder of the bundle, with "/"."""
+    """The files of a configuration; names are relative to the folder of the bundle, with "/"."""
 
     name: str
-    """Of the configuration"""
+    """Name of the configuration file"""
     text: str
-    """Of the configuration; what lies outside its folder is renamed in it"""
+    """Text of the configuration; names of files outside its folder are replaced in it"""
     files: dict[str, Path]
-    """Where each other file lies now"""
+    """Present path of each other file, by its name in the bundle"""
     secrets: frozenset[str]
-    """Which of them are secret: the private key of TLS, passwords and keys of links"""
+    """Names of the secret files: the private key of TLS, passwords and keys of links"""
     state: str
     """The state directory"""
     renamed: dict[str, str]
-    """Files and folders that lie outside, and their names in the bundle"""
+    """Files and folders outside the folder of the configuration, and their names in the bundle"""
 
 
 def bundle(file: Path, config: Config) -> Bundle:
-    """The files of a configuration, in which all names stay as they are where that is possible.
+    """The files of a configuration; their names stay as they are where that is possible.
 
-    ``config``: what the file says, with the environment.
+    ``config``: contents of the file, with the values of the environment.
 
     Raises:
         OSError: it cannot be read.
@@ -122,7 +122,7 @@ def bundle(file: Path, config: Config) -> Bundle:
 
 
 def _inside(path: Path, folder: Path) -> str | None:
-    """The name of a path relative to the folder; None: it lies outside."""
+    """The name of a path relative to the folder; None: the path lies outside."""
     name = os.path.relpath(path, folder)
     return None if name == "." or name.startswith("..") else Path(name).as_posix()
 

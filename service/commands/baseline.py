@@ -1,4 +1,4 @@
-"""``axiswatch baseline``: new nominal values of one axis of a running daemon after a repair, and the way back."""
+"""``axiswatch baseline``: new nominal values of an axis of a running daemon after a repair, or former values again."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -114,7 +114,7 @@ def _text(path: Path | None, option: str) -> str | None:
 
 
 def _lines(e: Json) -> Iterator[str]:
-    """An epoch: its state and where its values come from, what was written about it, its values."""
+    """Lines about an epoch: its state, the source of its values, comments, its values."""
     head = f"epoch {e['number']}: {e['state'].replace('_', ' ')}"
     if e["length_s"] is not None:
         head += f", {(e['done_s'] or 0) / 3600:.3g} of {e['length_s'] / 3600:.3g} h of operation"

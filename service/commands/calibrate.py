@@ -103,7 +103,7 @@ def calibrate(
 
 
 def as_identified(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Config, NamedAxis]:
-    """The configuration and the axis, cold at first if its identification took the same records to begin so."""
+    """The configuration and the axis; with a cold start if its identification assumed one for the same records."""
     from service.ingest.loaded_records import begins_cold
 
     if not begins_cold(axis, records):

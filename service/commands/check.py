@@ -19,7 +19,7 @@ from service.config.remarks import remarks
 from service.config.schema import SignalConfig
 
 LOCAL_HOST = "127.0.0.1"
-"""The default, which needs nothing"""
+"""Default output format, which needs no further library"""
 
 
 def check(config: ConfigPath) -> None:
@@ -42,7 +42,7 @@ def check(config: ConfigPath) -> None:
 
 
 def _obstacles(config: Config) -> Iterator[str]:
-    """What the file names, but this machine, or this user, does not have: no mistake of the file."""
+    """Problems of this machine or user, such as missing files or rights; the configuration itself may be right."""
     if config.web.host == LOCAL_HOST and config.web.certificate is None and not config.links.any:
         return
     from service.commands.protection import obstacles

@@ -1,4 +1,4 @@
-"""``axiswatch commission``: from records of a healthy robot to a configuration that the daemon takes as it is."""
+"""``axiswatch commission``: turns records of a healthy robot into a configuration that the daemon can run."""
 
 from __future__ import annotations
 
@@ -111,13 +111,13 @@ def commission(
 
 
 def _wanted(minutes: float, yes: bool) -> bool:
-    """Whether planned motions are to be recorded at once; only a person can let the controller run them."""
+    """Whether planned motions are to be recorded now; only a person can start them on the controller."""
     question = f"Record the planned motion now, for {duration(60 * minutes)}?"
     return not yes and sys.stdin.isatty() and typer.confirm(question, default=False)
 
 
 def _exit(outcomes: Sequence[Outcome]) -> None:
-    """End with the exit code of what became of the axes."""
+    """Exit with the code that tells the results of the axes."""
     if any(outcome.fault for outcome in outcomes):
         raise typer.Exit(FAULT)
     if not any(outcome.found for outcome in outcomes):
@@ -127,7 +127,7 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
 
 
 def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
-    """What was found about the signals of each axis, with the corrections to which the user agrees."""
+    """Review the signals of each axis, and apply the corrections to which the user agrees."""
     from service.commands.commissioning.signal_proposals import exchanged, review
 
     text, folder = orders[0].text, orders[0].folder
@@ -155,7 +155,7 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
     reviews = {order.axis_id: review(text, order.axis_id, order.records, folder) for order in orders}
     for axis_id, looked in reviews.items():
         take(axis_id, looked.corrections)
-        # Where it goes on, faults are the refusal of the axis.
+        # If commissioning continues, these faults become the refusal of the axis.
         for words in (*looked.doubts, *(() if ask else looked.faults)):
             console.print(f"{axis_id}: {words}.", markup=False)
     if proposed and not ask:
@@ -173,7 +173,7 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
 
 
 def options_for(budget_s: float) -> CalibrationOptions:
-    """How every axis is calibrated: with the defaults of `calibrate`."""
+    """Settings of the calibration of every axis: the defaults of `calibrate`."""
     from monitor_core.calibration import CalibrationOptions
 
     return CalibrationOptions(budget_s)
@@ -187,7 +187,7 @@ def _command(
     minutes: float | None = None,
     yes: bool = False,
 ) -> str:
-    """As it is typed in a shell."""
+    """A command as it is typed in a shell."""
     words = ["axiswatch", "commission", *records, "--config", config, "--budget", budget, "--output", output]
     words += [] if minutes is None else ["--minutes", f"{minutes:g}"]
     return shlex.join(map(str, [*words, *(["--yes"] if yes else [])]))
@@ -220,7 +220,7 @@ def _orders(
     options: CalibrationOptions,
     shorten: bool,
 ) -> tuple[list[Order], list[Outcome]]:
-    """What is to be done for each axis with the records that have it; and the outcomes of axes that none has."""
+    """An order for each axis that has records, and the outcomes of axes that have none."""
     from service.commands.commissioning.axis_commissioning import Order
     from service.ingest.axis_records import silent_in, wanted
 
@@ -243,9 +243,9 @@ def _orders(
 
 
 def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
-    """What became of each axis, several at once, with their progress.
+    """Commission the axes in parallel and show the progress; returns their outcomes.
 
-    Each sees the corrections of all, as the motion of one may be a signal of another.
+    Each axis sees the corrections of all axes, as the motion of one may be a signal of another.
     """
     from service.commands.commissioning.axis_processes import outcomes
 
@@ -264,7 +264,7 @@ def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console
 
 
 def _write(path: Path, order: Order, outcomes: Sequence[Outcome], words: str) -> None:
-    """The report, and the configuration at this path with what was found, if anything was."""
+    """Write the report, and the configuration to this path if any axis was commissioned."""
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
     text, written = order.text, [order.folder / REPORT]
     write(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))

@@ -1,4 +1,4 @@
-"""The daemon: readers, worker, store and web are connected, started and stopped."""
+"""The daemon: connects, starts and stops readers, worker, store and web server."""
 
 import gc
 import os
@@ -49,13 +49,13 @@ def run_daemon(
         record: frames are also written here, as received.
         ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
-        file: of the configuration; beside it ``commission`` has left its report, if it has.
+        file: path of the configuration; a report of ``commission`` lies beside it.
         complete: called once everything is compiled and all detectors run, from another thread.
-        insecure: other machines may reach it without tokens or TLS.
-        reloadable: called with what takes over another configuration.
+        insecure: allow access from other machines without tokens or TLS.
+        reloadable: called with the object that applies another configuration.
 
     Raises:
-        UnprotectedError: they would, and may not.
+        UnprotectedError: other machines could reach the daemon unprotected, and ``insecure`` is not set.
         CertificateError: the certificate or its key cannot be used.
         AxisError, DescriptionError, IngestError: the configuration cannot be used.
         BusError: a bus cannot be opened.
@@ -70,7 +70,7 @@ def run_daemon(
     access = access_of(config, insecure)
     if access.danger is not None:
         log.warning("access", message=access.danger)
-    # Each of the many parts of a large answer waits so long for the interpreter while the worker computes.
+    # The parts of a large answer each wait this long for the interpreter while the worker computes.
     sys.setswitchinterval(0.001)
     with ExitStack() as stack:
         parts = DaemonParts(config, record, stop, stack)
@@ -116,7 +116,7 @@ def _app_state(
     file: Path | None,
     stack: ExitStack,
 ) -> AppState:
-    """What the web reads: the parts, recorded frames, and the file of the configuration."""
+    """Data for the web server: the parts, recorded frames, and the configuration file."""
     worker, baselines, extracts, journal = (
         parts.worker,
         parts.baselines,
@@ -152,10 +152,10 @@ def _app_state(
 
 
 def _settled(complete: Callable[[], None]) -> None:
-    """Everything is loaded: a full garbage collection, which stops all threads, need not look at it again and again.
+    """Exclude all loaded objects from garbage collection, as a full collection stops all threads.
 
-    What comes later is freed without one, but for cycles.  Full collections are rare then: with a thousand axes each
-    took a tenth of a second.
+    Later objects are freed without a collection, except cycles. Full collections then are rare; with a thousand axes
+    each of them took a tenth of a second.
     """
     gc.collect()
     gc.freeze()
@@ -165,7 +165,7 @@ def _settled(complete: Callable[[], None]) -> None:
 
 @contextmanager
 def _web(access: Access, certificate: Certificate | None, new: Config) -> Iterator[None]:
-    """What of [web] can be changed, and a certificate that was renewed; once all else is in force."""
+    """Apply changes of [web] that need no restart, and a renewed certificate, after everything else has succeeded."""
     try:
         renewed = certificate_of(new.web)
     except CertificateError as error:
@@ -178,14 +178,14 @@ def _web(access: Access, certificate: Certificate | None, new: Config) -> Iterat
 
 @contextmanager
 def _numbered(extracts: Extracts | None, new: Config) -> Iterator[None]:
-    """The numbers of the buses in files without their names."""
+    """Bus numbers of recorded frames, whose files hold no bus names."""
     if extracts is not None:
         extracts.folder.add_channels(blf_channels(new.bus) or {})
     yield
 
 
 def _shown(host: str) -> str:
-    """A host that a browser on this machine can use."""
+    """A host name under which a browser on this machine reaches the page."""
     if host in ("0.0.0.0", "::", ""):
         return "localhost"
     return f"[{host}]" if ":" in host else host

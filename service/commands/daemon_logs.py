@@ -12,13 +12,13 @@ from structlog.typing import EventDict, Processor, WrappedLogger
 LogFormat = Literal["auto", "console", "json"]
 
 _PRIORITIES = {"debug": 7, "info": 6, "warning": 4, "warn": 4, "error": 3, "exception": 3, "critical": 2}
-"""Priorities of syslog, as in sd-daemon(3), by the method of the log"""
+"""Priorities of syslog, as in sd-daemon(3), by method of the logger"""
 
 
 def configure_logs(
     log_format: LogFormat = "auto", stream: TextIO | None = None, environ: Mapping[str, str] = os.environ
 ) -> None:
-    """Send all logs, those of libraries too, to a stream.
+    """Send all logs, including those of libraries, to a stream.
 
     Args:
         log_format: auto is console on a terminal, else JSON.
@@ -51,8 +51,8 @@ def configure_logs(
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(logging.INFO)
-    # The daemon itself reports better what these log at INFO; httpx writes whole addresses, and those of webhooks are
-    # secrets.
+    # The daemon's own reports replace the INFO messages of these libraries; httpx logs whole addresses, and those of
+    # webhooks are secret.
     for name in ("can", "uvicorn", "asyncio", "httpx", "httpcore"):
         logging.getLogger(name).setLevel(logging.WARNING)
 
@@ -62,13 +62,13 @@ def _rendering(log_format: LogFormat, target: TextIO) -> list[Processor]:
     if log_format == "console" or (log_format == "auto" and terminal):
         plain = structlog.dev.plain_traceback
         return [structlog.dev.ConsoleRenderer(colors=terminal, exception_formatter=plain)]
-    # Without local variables: those of a request hold its token.
+    # Without local variables: those of a request contain its token.
     traceback = structlog.tracebacks.ExceptionDictTransformer(show_locals=False)
     return [structlog.processors.ExceptionRenderer(traceback), structlog.processors.JSONRenderer()]
 
 
 def _is_journal(target: TextIO, environ: Mapping[str, str]) -> bool:
-    """Whether systemd's journal reads the stream itself; it may have been redirected since."""
+    """Whether systemd's journal reads the stream directly; it may have been redirected since the start."""
     try:
         status = os.fstat(target.fileno())
     except (OSError, ValueError):  # it is no file
@@ -77,6 +77,6 @@ def _is_journal(target: TextIO, environ: Mapping[str, str]) -> bool:
 
 
 def _with_priority(_logger: WrappedLogger, method: str, rendered: EventDict | str) -> str:
-    """Each line with the priority that the journal files it under, and takes off."""
+    """Put the priority before each line; the journal stores it and removes it from the text."""
     prefix = f"<{_PRIORITIES.get(method, 6)}>"
     return "\n".join(prefix + line for line in str(rendered).splitlines())

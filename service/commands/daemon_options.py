@@ -1,6 +1,6 @@
-"""What the commands of a running daemon share: their options, and how they print its answers.
+"""Options of the commands that ask a running daemon, and the printing of its answers.
 
-They load nothing of the daemon itself, so that they answer at once.
+They import no module of the daemon itself, so that they start fast.
 """
 
 import json
@@ -38,13 +38,13 @@ WorkOrder = Annotated[
 
 
 class Daemon:
-    """The daemon that a command asks, by ``client``, and how its answers are printed."""
+    """The daemon that a command asks, by ``client``, and the format of the output."""
 
     def __init__(self, client: Client, url: str, as_json: bool) -> None:
         self.client, self.url, self._as_json = client, url, as_json
 
     def show(self, found: Any, lines: Iterable[str]) -> None:
-        """Print an answer of the API as JSON where that is wanted, else these lines about it."""
+        """Print an answer of the API as JSON if that was requested, else these lines."""
         if self._as_json:
             print(json.dumps(found, indent=1, ensure_ascii=False))
         else:
@@ -60,7 +60,7 @@ _DAEMON: dict[str, tuple[Any, Any]] = {
 
 
 def asks_daemon(command: Callable[..., None]) -> Callable[..., None]:
-    """A command whose first argument is the Daemon, for the options --url, --token and --json.
+    """Turn a function whose first argument is the Daemon into a command with the options --url, --token and --json.
 
     An argument ``remark`` stands for --comment and --work-order.
     """
@@ -84,5 +84,5 @@ def asks_daemon(command: Callable[..., None]) -> Callable[..., None]:
 
 
 def short_time(iso: str | None) -> str:
-    """A time of the API for people; empty: there is none."""
+    """A time of the API in readable form; empty: no time."""
     return "" if iso is None else f"{iso[:10]} {iso[11:19]} UTC"

@@ -1,4 +1,4 @@
-"""The parts of the daemon: opened, restored and connected."""
+"""The parts of the daemon: opens, restores and connects them."""
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -42,13 +42,13 @@ if TYPE_CHECKING:
 
 
 ALARMS_FILE, CHECKPOINTS_FILE, HISTORY_FILE = "alarms.sqlite", "checkpoints.sqlite", "history.sqlite"
-"""In the state directory."""
+"""Name of the lock file in the state directory"""
 
 log = structlog.get_logger(__name__)
 
 
 class DaemonParts:
-    """What the daemon consists of, connected; the stack closes all of it, the last one first."""
+    """The connected parts of the daemon; the stack closes them in reverse order."""
 
     def __init__(self, config: Config, record: Path | None, stop: threading.Event, stack: ExitStack) -> None:
         self.config = config
@@ -79,7 +79,7 @@ class DaemonParts:
         stack.callback(self.links.stop)
 
     def start(self) -> None:
-        """Begin: readers, worker, history, links, and what was going on with epochs."""
+        """Start readers, worker, history and links, and resume baselines that were in progress."""
         self.buses.start(self.worker.frames_arrived)
         self.worker.start()
         self.state.history.start()
@@ -87,13 +87,13 @@ class DaemonParts:
         self.baselines.start()
 
     def reloading(self, further: Sequence[Part]) -> Reloading:
-        """What takes over another configuration; ``further``: what else is exchanged."""
+        """Object that applies a new configuration; ``further``: other parts to replace."""
         return Reloading(
             self.config, self.worker, self.baselines, self.buses, self.state.journal, now_us, further
         )
 
     def problems(self) -> dict[str, str | None]:
-        """Why files of the state directory cannot be written now, by their names."""
+        """Faults of files in the state directory that cannot be written now, by file."""
         snapshot = self.worker.snapshot
         waiting = snapshot.alarms.waiting
         words = sentence("alarms wait", "{alarms} alarms are not recorded yet", alarms=waiting)
@@ -105,7 +105,7 @@ class DaemonParts:
 
 
 class _State(NamedTuple):
-    """What is in the state directory, and the epochs that are in force."""
+    """Contents of the state directory, and the epochs in force."""
 
     journal: Journal
     checkpoints: Checkpoints
@@ -114,7 +114,7 @@ class _State(NamedTuple):
 
 
 def _opened(config: Config, stack: ExitStack) -> _State:
-    """The files of the state directory, until the stack is left."""
+    """Open the files of the state directory; they are closed at the end of the block."""
     kept = config.service
     journal = Journal(kept.state_dir / ALARMS_FILE)
     stack.callback(journal.close)
@@ -137,7 +137,7 @@ def _opened(config: Config, stack: ExitStack) -> _State:
 def _restored(
     config: Config, monitors: AxisMonitors, state: _State, saver: Checkpointer, clock: WallClock
 ) -> tuple[Alarms, tuple[str, ...]]:
-    """The alarms of the journal, as the restored monitors have them; and what happened, for the operator."""
+    """Make the alarms of the journal agree with the restored monitors; returns messages for the operator."""
     restored = resume_monitors(monitors, state.begun, state.checkpoints, state.journal, now_us())
     saver.saved_us = restored.checkpoint_us
     known = quantities(monitors.by_id)
@@ -152,7 +152,7 @@ def _restored(
 
 
 def _extracts(config: Config) -> Extracts | None:
-    """What writes the frames around alarms, unless the configuration leaves no room for them."""
+    """The recorder of frames around alarms; None: the configuration allows no space for it."""
     kept = config.service
     if not kept.recordings_mb:
         return None
@@ -165,19 +165,19 @@ def _extracts(config: Config) -> Extracts | None:
 
 
 def needs_cyclic_clock(config: Config) -> bool:
-    """Whether the clock of an axis is fitted to its cycles, as it has no sample counter."""
+    """Whether the clock of an axis is fitted to its cycles, since it has no sample counter."""
     return any(axis.config.time.clock == "cyclic" for axis in config.axes)
 
 
 _LONGEST_LOAD_S = 5.0
-"""For which a stop waits for a kernel that is being loaded."""
+"""How long a stop waits for a kernel that is being loaded [s]"""
 
 
 def _in_background(config: Config, stack: ExitStack) -> Compiled:
-    """Compile the kernel, or load it from its cache, during the start: that of the estimates first.
+    """Compile the kernels, or load them from the cache, during the start; the kernel of the estimates first.
 
-    In parallel both would be slower where there are two processors.  This uses separate monitors: those of the worker
-    are used by one thread only.
+    On two processors compiling both in parallel would be slower.  It uses monitors of its own, since those of the
+    worker belong to one thread.
     """
     compiled = Compiled(Future(), Future())
     filler = EARLY if EARLY.begun else CacheFiller()
@@ -201,7 +201,7 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
 
     thread = threading.Thread(target=compile_kernel, name="compiler", daemon=True)
     thread.start()
-    # What it loads has finalizers: at the end of the program Python goes through their list, which must not grow then.
+    # Loading creates finalizers. Python runs all of them at exit, and their list must not grow at that time.
     stack.callback(thread.join, _LONGEST_LOAD_S)
     stack.callback(filler.stop)
     return compiled
@@ -211,13 +211,13 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
 
 
 class PlantLinks:
-    """The links that run; where there are none, nothing of them is imported.
+    """The running links; without configured links no module of them is imported.
 
     Args:
-        config: which ones, and the state directory.
-        journal: with what they deliver.
-        snapshot: returns the newest one.
-        extracts: recordings of the frames around alarms; None: there are none.
+        config: the configured links, and the state directory.
+        journal: the alarms to deliver.
+        snapshot: returns the newest snapshot.
+        extracts: the recorder of frames around alarms; None: no recordings.
 
     Raises:
         LinkSecretError: a secret or a certificate cannot be used.
@@ -242,27 +242,27 @@ class PlantLinks:
         return None if self._extracts is None else self._extracts.folder.holding(t_us)
 
     def start(self) -> None:
-        """Start them."""
+        """Start the links."""
         if self._links is not None:
             self._links.start()
 
     def stop(self) -> None:
-        """End them."""
+        """Stop the links."""
         links, self._links = self._links, None
         if links is not None:
             links.stop()
 
     def snapshots(self) -> Sequence[LinkSnapshot]:
-        """The newest state of each."""
+        """The latest state of each link."""
         links = self._links
         return () if links is None else links.snapshots()
 
     @contextmanager
     def exchanged(self, new: Config) -> Iterator[None]:
-        """Run those of another configuration, from where the outbox says; the former where what is done within fails.
+        """Run the links of another configuration from the outbox; if the block fails, the former links run again.
 
         Raises:
-            ReloadError: they cannot be run.
+            ReloadError: the new links cannot be run.
         """
         before = self._config
         if new.links == before:

@@ -31,16 +31,16 @@ log = structlog.get_logger(__name__)
 
 _MOST_AXES = 6
 _LATEST_S, _CATCH_UP = 60.0, 0.25
-"""Samples may be sent so late [s], and follow each other by so many intervals: their times are kept, so a busy machine
-lags behind, loses nothing, and is soon in time again."""
+"""Longest delay of sent samples [s], and their smallest distance in intervals. Their times are kept, so that a busy
+machine lags behind, loses no sample, and catches up."""
 
 _FEW_AXES = 2
-"""With --commission: more take longer."""
+"""Default number of axes with --commission; more axes take longer."""
 ROBOT, COMMISSIONED = "demo.toml", "demo/axiswatch.toml"
-"""The simulated robot as it is; and as it was commissioned, from records of it."""
+"""The simulated robot, and the same robot as it was when it was commissioned."""
 _RECORD_SEED = 1
 _PROPOSED = 'name = "robot1"'
-"""The name that init gives a robot, which it does not know."""
+"""Name that `init` gives a robot whose name it does not know."""
 
 Axes = Annotated[
     int | None,
@@ -100,15 +100,15 @@ def demo(
 
 
 def _robot(config: Config, axes: int) -> Config:
-    """The simulated robot, with its first axes."""
+    """The simulated robot with its first axes only."""
     robot = config.robot[0].model_copy(update={"axis": config.robot[0].axis[:axes]})
-    # The robot shares this process with the daemon: the bus keeps the times at which it should have sent.
+    # The robot shares this process with the daemon, so the bus keeps the scheduled send times.
     bus = config.bus[0].model_copy(update={"options": {"preserve_timestamps": True}})
     return config.model_copy(update={"bus": (bus,), "robot": (robot,)})
 
 
 def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir: Path) -> Config:
-    """What the daemon runs with: the commissioned axes of those that the robot has."""
+    """Configuration of the daemon: the commissioned axes among those of the robot."""
     names = {axis.config.name for axis in robot.axes}
     (own,) = commissioned.robot
     axes = tuple(axis for axis in own.axis if axis.name in names)
@@ -125,16 +125,16 @@ def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir:
 
 
 def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
-    """Run the daemon with ``config``, which ``file`` holds, and the robot ``moved`` once its bus is read.
+    """Run the daemon with ``config``, read from ``file``; the robot ``moved`` starts when its bus is being read.
 
-    An error of either ends both.
+    An error in one of them ends both.
     """
     from service.commands.daemon import run_daemon
 
     configure_logs()
     ready, stop, detecting = threading.Event(), threading.Event(), threading.Event()
     with explained(), ThreadPoolExecutor(1, "robot") as pool:
-        # At a first start a fault would come before its detector is compiled.
+        # At a first start the fault would otherwise begin before its detector is compiled.
         robot = SimulatedRobot(moved, faults=[fault], may_break=detecting.is_set)
         monitored = ", ".join(config.axes[0].config.model.monitor)
         moving = pool.submit(_move, robot, moved, ready, stop)
@@ -180,9 +180,9 @@ def _print_welcome(url: str, fault: Fault, monitored: str) -> None:
 
 
 def _commissioned(source: Path, robot: Config, folder: Path, minutes: float, budget: str) -> Path:
-    """Record, describe, commission and connect the simulated robot; returns the configuration that ``run`` takes.
+    """Record, describe, commission and connect the simulated robot; returns the configuration for ``run``.
 
-    ``source`` is its configuration, ``robot`` the same as read, with the axes that are wanted.
+    ``source``: path of its configuration; ``robot``: the configuration itself with the selected axes.
 
     Raises:
         typer.Exit: an axis could not be commissioned; the report in the folder says why.

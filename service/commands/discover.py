@@ -1,4 +1,4 @@
-"""``axiswatch discover``: torque and motion on a bus that nothing describes."""
+"""``axiswatch discover``: finds torque and motion on a bus without a description."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def discover(
 
 
 def _logged(record: Path, channel: str | None) -> tuple[str, FrameBlock]:
-    """The name of a bus in a log and its frames."""
+    """The bus names in a log, with their frames."""
     if not log_suffix(record):
         raise RecordError(
             f"{record} is no CAN log ({' '.join(LOG_SUFFIXES)}); a table is for `axiswatch init {record}`, and of"

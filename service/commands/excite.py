@@ -99,27 +99,27 @@ _LONGEST = 2_000_000
 
 
 class MotionRequest(NamedTuple):
-    """What is asked of a motion, with the defaults of ``excite``."""
+    """Requirements on a motion, with the defaults of ``excite``."""
 
     seconds: float = 10.0
-    """Length of a period"""
+    """Duration of a period"""
     periods: int = 2
-    """After one to warm up"""
+    """Number of recorded periods after one period of warming up"""
     band_hz: tuple[float, float] = (0.0, 30.0)
     torque: float | None = None
     """Largest absolute values [N m, rad/s, rad] at the motor; None: no limit"""
     speed: float | None = None
     angle: float | None = None
     find: tuple[str, ...] = ()
-    """Parameters for which the spectrum is the best; empty: a flat spectrum"""
+    """Parameters for which the spectrum is optimised; empty: a flat spectrum"""
     free: tuple[str, ...] = ()
     """Parameters to estimate; empty: all that can be distinguished"""
     command: Command = "torque"
-    """What is given to the axis"""
+    """Quantity that is commanded to the axis"""
 
     @property
     def options(self) -> tuple[str, ...]:
-        """Of ``excite``, for what commissioning asks for."""
+        """The defaults of ``excite`` for commissioning."""
         found = list[str]()
         if self.find:
             found += ["--find", ",".join(self.find)]
@@ -134,10 +134,10 @@ class MotionRequest(NamedTuple):
 
 
 def torque_columns(axis: NamedAxis) -> dict[str, float]:
-    """Columns of the torque in the file of a motion, with what they are of it: N m, and the current that makes it.
+    """Torque columns in the file of a motion and what they contain: torque [N m], and the current that produces it.
 
-    A current without a torque constant is the torque of the configuration, whose unit is then A.  A part of
-    the rated torque that nobody has put into N m stays what the records have: as N m it would be far too large.
+    Without a torque constant the current itself is the configured torque, with the unit A.  A share of the rated torque
+    that is not converted to N m stays as in the records, since as N m it would be far too large.
     """
     source = axis.config.torque
     if source.kT_Nm_per_A is not None:
@@ -153,7 +153,7 @@ def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -
     """Plan a motion of an axis.
 
     Raises:
-        ExcitationError: there is none, or a nominal value or a noise is not known; the text says what would be right.
+        ExcitationError: there is no such motion, or a nominal value or a noise is unknown; the text gives the remedy.
         ValueError: a parameter that the drive does not have.
         AxisError: the axis has no predictor.
     """
@@ -179,7 +179,7 @@ def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -
 
 
 def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
-    """The drive of an axis with its nominal values, and how its parameters will be estimated."""
+    """The drive of an axis with its nominal values, and the settings of their later estimation."""
     config = axis.config
     values, h = given_values(config), config.sample_interval_s
     if missing := unknown_of(config):
@@ -198,7 +198,7 @@ def _plant_and_estimation(axis: NamedAxis) -> tuple[Plant, Estimation]:
 
 
 def _samples(seconds: float, periods: int, interval_s: float) -> int:
-    """Samples in a period."""
+    """Number of samples in a period."""
     if not (math.isfinite(seconds) and seconds >= 16 * interval_s):
         raise ExcitationError(f"a period of {seconds:g} s: need at least 16 samples, {16 * interval_s:g} s")
     samples = round(seconds / interval_s)

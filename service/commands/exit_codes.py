@@ -1,4 +1,4 @@
-"""Exit codes and error messages: one message, never a traceback for a user's mistake."""
+"""Exit codes and error messages: for a mistake of the user one message and no traceback."""
 
 import sys
 from collections.abc import Iterator
@@ -28,12 +28,12 @@ GROUP: dict[str, Any] = {
 
 
 class DaemonFailedError(Exception):
-    """The daemon ended by an internal fault, which is in the log."""
+    """The daemon ended because of an internal fault, which is in the log."""
 
 
 @contextmanager
 def explained(*mistakes: type[Exception]) -> Iterator[None]:
-    """Turn the errors that a user can cause into a message and an exit code; ``mistakes`` are further ones here.
+    """Turn errors that a user can cause into a message and an exit code; ``mistakes``: further such errors.
 
     Raises:
         typer.Exit: after such an error.
@@ -51,7 +51,7 @@ def explained(*mistakes: type[Exception]) -> Iterator[None]:
 
 
 def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None:
-    # Imported here: what was not loaded yet has raised nothing, and a command starts without it.
+    # Imported here: a module that is not loaded cannot have raised its errors, and commands start faster.
     from monitor_core.calibration import CalibrationError
     from monitor_core.identification import IdentificationError
     from monitor_core.modeling import ModelError

@@ -81,7 +81,7 @@ def history(
 
 
 def _moment(text: str | None, option: str) -> str | None:
-    """A time as it is given, or as long before now; the daemon judges the former."""
+    """A time as given, which the daemon checks, or a duration before now."""
     if text is None or "T" in text or " " in text:
         return text
     try:

@@ -1,4 +1,4 @@
-"""From a configured axis and its record files to the arguments of ``monitor_core.identify``."""
+"""Prepares the arguments of ``monitor_core.identify`` from a configured axis and its record files."""
 
 from __future__ import annotations
 
@@ -47,29 +47,29 @@ from service.reports.identification_report import IdentificationReport
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
 SAME_INTERVAL = 0.01
-"""Relative difference of equal intervals, as between a file of nominal values and its axis."""
+"""Largest relative difference of intervals that count as equal, such as in a file of nominal values and its axis"""
 _OTHER_SAMPLING = 2.0
-"""Ratio of intervals from which on it is another sampling, not an inexact clock."""
+"""Ratio of intervals above which the sampling differs; below it the clock is only inexact"""
 TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-"""Units of time, by their number in a second"""
+"""Units of time, by how many of them make a second"""
 
 
 @dataclass(frozen=True)
 class Request:
-    """What the user asks for beside the axis.
+    """What the user requests in addition to the configuration of the axis.
 
     Args:
         free: names of the parameters to estimate; empty: all that are identifiable.
-        fix: names of the parameters to hold.
+        fix: names of the parameters that keep their values.
         predictor: None: as configured.
         delay: estimate the skew between torque and motion, too.
-        disturbance_s: time constant of a slow torque disturbance [s]; None: there is none.
+        disturbance_s: time constant of a slow torque disturbance [s]; None: no disturbance.
         robust: give outliers less weight.
         start: where the fit starts; None: "search" if nominal values are known, else "records".
         schedule: parameters that follow signals, "fm: temperature".
         masses: compare chains of up to this number of masses; None: do not.
-        thermal: how warm the axis is at the beginning of the first record, where friction may follow a heat that nobody
-            measures; "off": it does not; None: cold, and off where friction follows a signal.
+        thermal: state at the start of the first record, if friction may follow an unmeasured temperature; "off":
+            it does not; None: cold, or off if friction follows a signal.
         memories_s: memories of the monitor [s] to choose from, in ascending order; empty: that of the configuration.
     """
 
@@ -98,7 +98,7 @@ class IdentificationTask:
     options: IdentificationOptions
 
     def lively_part(self) -> IdentificationTask:
-        """The same with the part of long records that shows whether a drive is right at all."""
+        """The same problem with only that part of long records that shows whether a drive model fits at all."""
         parts = lively_parts([item.record for item in self.estimation])
         return replace(
             self,
@@ -180,7 +180,7 @@ def prepare(
 
 
 def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
-    """Name and sha256 of the Modelica file of an axis; None: its drive has no file of its own."""
+    """Name and sha256 of the Modelica file of an axis; None: its drive comes from the library."""
     if not axis.model.drive.endswith(SUFFIX):
         return None
     path = Path(axis.model.drive)
@@ -191,9 +191,9 @@ def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
 
 
 def known_values(axis: NamedAxis, drive: Drive) -> tuple[Mapping[str, float], tuple[str, ...]]:
-    """Values of all parameters, of the configuration or of the file that it names; and those that it has no value of.
+    """Values of all parameters from the configuration or the file that it names, and the parameters without a value.
 
-    The values of these are placeholders.
+    Those without a value get placeholders.
     """
     names = {p.name for p in (*drive.parameters, *drive.drawn)}
     values = {name: value for name, value in given_values(axis.config).items() if name in names}
@@ -220,7 +220,7 @@ def _start(unknown: Sequence[str], selection: ParameterSelection, requested: Sta
 
 
 def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
-    """A schedule as the user writes it: "fm: temperature", "Ja: payload, cos(angle2)".
+    """Parse a schedule as the user writes it: "fm: temperature", "Ja: payload, cos(angle2)".
 
     Raises:
         IdentificationError: the text has another form, or there is no such signal or function.
@@ -247,7 +247,7 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
 def _thermal_start(
     request: Request, axis: AxisConfig, drive: Drive, schedule: Schedule
 ) -> ThermalStart | None:
-    """How the first record begins; None: nothing follows a heat."""
+    """Thermal state at the start of the first record; None: no parameter depends on heat."""
     named = any(signal.name == HEAT for signal in axis.signal)
     if request.thermal is None:
         measured = any(name in schedule for names in friction_of(drive) for name in names)
@@ -293,7 +293,7 @@ def _problem(
 def _speed_scales(
     axis: AxisConfig, drive: Drive, nominal: Mapping[str, float], records: Sequence[Record]
 ) -> tuple[float, ...]:
-    """Speed scales of Coulomb friction: that which is configured, or those that are to be tried."""
+    """Speed scales of Coulomb friction: the configured one, or those to try."""
     given = axis.model.nominal_file is not None or "friction_speed_scale" in axis.model.model_fields_set
     if given or COULOMB not in drive.inputs:
         return (predictor_of(axis).friction_speed_scale,)
@@ -304,7 +304,7 @@ def _speed_scales(
 def _disturbance(
     kind: Predictor, used: Sequence[Loaded], time_constant_s: float | None
 ) -> Disturbance | None:
-    """The slow disturbance of the torque; None: there is only white noise, of unknown level."""
+    """The slow disturbance of the torque; None: only white noise of unknown level."""
     if time_constant_s is None:
         return None
     if kind == "output-error":
@@ -328,14 +328,14 @@ def _doubts(records: Sequence[Record], known: Known) -> list[str]:
 
 
 def _interval_s(configured_s: float, records: Sequence[Record]) -> float:
-    """The configured interval if the records have it, else theirs: K belongs to it."""
+    """The configured interval if the records agree with it, else that of the records, since K depends on it."""
     measured_s = float(np.median([record.mean_interval_s for record in records]))
     alike = math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL)
     return configured_s if alike else float(f"{measured_s:.5g}")
 
 
 def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[str]:
-    """Doubts about the sample intervals of records, in sentences."""
+    """Warnings about the sample intervals of records, in sentences."""
     for record in records:
         measured_s = record.mean_interval_s
         ratio = measured_s / interval_s

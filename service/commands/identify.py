@@ -153,7 +153,7 @@ def identify(
 
 
 def _masses(text: str | None) -> int | None:
-    """How many at most."""
+    """Largest number of masses."""
     from monitor_core.identification import MOST_MASSES, USUAL_MASSES
 
     if text is None:

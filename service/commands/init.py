@@ -1,4 +1,4 @@
-"""``axiswatch init``: a first configuration from the columns of a table, or from the signals of a bus."""
+"""``axiswatch init``: writes a first configuration for the columns of a table or the signals of a bus."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def init(
 
 
 def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step: str) -> None:
-    """Print what was found, write the lines of the configuration, and say what comes next."""
+    """Print the findings, write the lines of the configuration, and print the next step."""
     print(*found, sep="\n")
     write_all([(output, "\n".join(lines) + "\n")])
     print(next_step)
@@ -163,7 +163,7 @@ def _from_description(description: Path, output: Path) -> None:
 
 
 def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -> None:
-    """Write a configuration for a bus, by what it sends."""
+    """Write a configuration for a bus from the frames that it sends."""
     from service.commands.proposed_configuration import bus_lines
 
     where = f"{bus.interface} {bus.channel}"
@@ -218,7 +218,7 @@ def _bus_words(found: BusRoles, description: Path) -> Iterator[str]:
 def _from_drives(
     eds: Path, nodes: list[int] | None, bus: BusConfig | None, seconds: float, output: Path
 ) -> None:
-    """Write a configuration for CANopen drives, those given or those that are heard on the bus."""
+    """Write a configuration for CANopen drives: the given ones, or those heard on the bus."""
     from service.commands.proposed_configuration import drive_lines
     from service.ingest.drive_objects import nodes_in, objects_of
 
@@ -251,11 +251,11 @@ def _few(names: Sequence[str]) -> str:
 
 
 def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
-    """All frames on a bus in that time; Ctrl-C ends it early.
+    """All frames received from a bus in that time; Ctrl-C ends it early.
 
     Raises:
         BusError: the bus cannot be opened.
-        RecordError: it is silent.
+        RecordError: no frame was received.
     """
     where = f"{bus.interface} {bus.channel}"
     print(f"Listening to {where} for {seconds:g} s; the robot should move ...", flush=True)
@@ -293,7 +293,7 @@ def logged(log: Path) -> Mapping[str, FrameBlock]:
 
 
 def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str, str]]:
-    """The long columns of numbers; the sample interval, where a variable of its own is that; why others are none."""
+    """The long numeric columns; the sample interval, if a variable states it; faults of the other columns."""
     found, faults = dict[str, Floats](), dict[str, str]()
     for name in table.names:
         try:

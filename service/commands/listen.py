@@ -29,7 +29,7 @@ from service.texts.instants import now_us
 _LINES_S = 1.0
 _TAKE_S = 0.1
 _MOST = 1_000_000
-"""Frames of a bus that are taken at once"""
+"""Most frames of a bus that are taken at once"""
 
 _OLD_S = 1.0
 _COLUMNS = ("axis", "quantity", "value", "signal", "raw value", "rate", "age")
@@ -65,7 +65,7 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
 
 
 def _on_buses(config: Config) -> Carried:
-    """The auxiliary signals of each axis that are on its bus, whether its monitoring needs them or not yet."""
+    """The auxiliary signals of each axis on its bus, including those that its monitoring does not need yet."""
     return {axis.id: [source for source in axis.sources if source.message] for axis in config.axes}
 
 
@@ -73,7 +73,7 @@ def _on_buses(config: Config) -> Carried:
 
 
 class LiveBus(NamedTuple):
-    """A bus that is read, and what its frames mean."""
+    """A bus that is being read, and the decoder of its frames."""
 
     name: str
     reader: CanReader
@@ -81,13 +81,13 @@ class LiveBus(NamedTuple):
 
     @property
     def dropped(self) -> dict[str, int]:
-        """Frames that gave no sample, by reason."""
+        """Number of frames that gave no sample, by reason."""
         counts = {**self.reader.stats().dropped, **self.ingest.dropped}
         return {reason: n for reason, n in counts.items() if n}
 
     @property
     def lost(self) -> dict[str, int]:
-        """Those that were dropped, without those that no axis needs."""
+        """Dropped frames without those that no axis needs."""
         return {reason: n for reason, n in self.dropped.items() if reason != "unwanted"}
 
 
@@ -95,7 +95,7 @@ class LiveBus(NamedTuple):
 def live_buses(
     config: Config, everything: bool = False, carried: Carried | None = None
 ) -> Iterator[list[LiveBus]]:
-    """The buses of a configuration, read until the end of the block.
+    """Read the buses of a configuration until the end of the block.
 
     ``everything``: all frames, not only those that the axes need.  ``carried``: see Ingest.
 
@@ -120,7 +120,7 @@ def live_buses(
 
 
 def rounds(readers: Sequence[CanReader], seconds: float, stop: Event) -> Iterator[list[FrameBlock]]:
-    """What each reader brings, ten times a second, until the time is over or ``stop`` is set."""
+    """The new frames of each reader, ten times a second, until the time is over or ``stop`` is set."""
     end = time.monotonic() + seconds
     ended = False
     while not ended:
@@ -167,7 +167,7 @@ class _Reception:
 
 
 class Latest:
-    """The latest value of each quantity of each axis, if one was received."""
+    """The latest received value of each quantity of each axis."""
 
     def __init__(self, config: Config) -> None:
         self._seen: dict[tuple[str, str], _Reception | None] = {}

@@ -24,7 +24,7 @@ PANELS = {
     "Send on a bus, for tests": ("simulate", "play"),
     "The program": ("warm", "version"),
 }
-"""Commands by what they are for, in the order of the help."""
+"""Commands by purpose, in the order of the help."""
 COMMANDS = tuple(name for names in PANELS.values() for name in names)
 _PANEL = {name: panel for panel, names in PANELS.items() for name in names}
 
@@ -108,21 +108,22 @@ def _group(
 
 def main() -> None:
     """The program ``axiswatch``."""
-    # Libraries are objects that stay: to look for garbage among them takes a sixth of a short command.
+    # Library objects stay in memory, and searching them for garbage takes a sixth of the time of a short command.
     gc.set_threshold(50_000)
     atexit.register(gc.freeze)
-    # Before numpy is imported: on matrices this small more threads only cost.
+    # Must be set before numpy is imported: for matrices this small more threads only cost time.
     for library in ("OPENBLAS", "OMP", "MKL", "NUMBA"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     choose(os.environ)
     if sys.argv[1:2] in (["demo"], ["run"]) and {"-h", "--help"}.isdisjoint(sys.argv):
-        # A cold start: the compiler need not wait for the libraries of this process.
+        # At a cold start the compiler starts now instead of after this process has imported its libraries.
         EARLY.begin(Shape.FEW_AXES)
     try:
         app()
     except SystemExit as end:
         if sys.argv[1:2] == ["run"] and isinstance(end.code, int):
-            # All is saved and closed: to take the interpreter apart costs seconds of a stop on a busy machine.
+            # Everything is saved and closed; tearing down the interpreter would delay a stop by seconds on a busy
+            # machine.
             atexit._run_exitfuncs()
             for stream in (sys.stdout, sys.stderr):
                 with suppress(OSError):  # nobody reads it any more

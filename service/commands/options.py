@@ -1,4 +1,4 @@
-"""What several commands share: options, the configuration and the axis."""
+"""Options, configuration and axis selection that several commands share."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ ThermalStartOption = Annotated[
 
 
 def names_in(text: str) -> tuple[str, ...]:
-    """Names separated by commas; those of merged parameters contain blanks."""
+    """Split names at commas; names of merged parameters contain blanks."""
     return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
@@ -95,7 +95,7 @@ _NO_BUS = (
 
 
 def configuration(path: Path, without_bus: bool = False, thresholds: bool = True) -> Config:
-    """The configuration of a file and the environment; the files of thresholds that it names may be left out.
+    """The configuration from a file and the environment; threshold files that it names may be skipped.
 
     Raises:
         typer.Exit: with status 2, after all problems have been written to the error stream.
@@ -116,10 +116,10 @@ def configuration(path: Path, without_bus: bool = False, thresholds: bool = True
 
 
 def starting_as(config: Config, start: Literal["cold", "unknown"] | None) -> Config:
-    """The configuration with this start of all axes without a thermometer; None: as configured.
+    """The configuration with this thermal start for all axes without a thermometer; None: as configured.
 
     Raises:
-        typer.BadParameter: no axis follows its heat.
+        typer.BadParameter: no axis has a thermal model.
     """
     from service.config.conditions import thermal_of
 
@@ -146,7 +146,7 @@ def starting_as(config: Config, start: Literal["cold", "unknown"] | None) -> Con
 
 
 def _line(problem: Problem) -> Text:
-    """``file:line: key = value: message`` with the place and the key set apart by colour."""
+    """``file:line: key = value: message`` with place and key in colour."""
     text = Text(str(problem))
     text.stylize("cyan", 0, len(problem.place))
     if problem.key:
@@ -156,15 +156,15 @@ def _line(problem: Problem) -> Text:
 
 
 def axis_of(config: Path, wanted: str | None) -> NamedAxis:
-    """The one axis of a configuration file that is wanted; it needs no bus."""
+    """The selected axis of a configuration file, which needs no bus."""
     return axis_named(configuration(config, without_bus=True).axes, wanted)
 
 
 def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--axis") -> NamedAxis:
-    """The one of these axes that is wanted: by its name, with or without its robot, or the only one.
+    """The selected one of these axes, by its name with or without its robot, or the only one.
 
     Raises:
-        typer.BadParameter: there is none, or several.
+        typer.BadParameter: no axis fits, or several do.
     """
     names = ", ".join(a.id for a in axes)
     if wanted is None and len(axes) > 1:
@@ -177,10 +177,10 @@ def axis_named(axes: Sequence[NamedAxis], wanted: str | None, option: str = "--a
 
 
 def bus_named(text: str, messages: Path | None = None) -> BusConfig:
-    """The bus of "socketcan:can0", with further options after commas; ``messages`` is the file that describes it.
+    """The bus of a text such as "socketcan:can0", with options after commas; ``messages``: file that describes the bus.
 
     Raises:
-        typer.BadParameter: it has another form, or there is no such interface.
+        typer.BadParameter: the text has another form, or the interface does not exist.
     """
     from service.config.base_table import Reading
     from service.config.bus_rules import usable_bus
@@ -208,7 +208,7 @@ def bus_named(text: str, messages: Path | None = None) -> BusConfig:
 
 
 def _value(text: str) -> object:
-    """As in TOML; other words are texts."""
+    """A value as in TOML; everything else is text."""
     try:
         return tomllib.loads(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
@@ -224,7 +224,7 @@ SendYes = Annotated[
 
 
 def confirm_sending(buses: Iterable[BusSettings], yes: bool) -> None:
-    """Ask before frames are sent on buses that may have drives; without a terminal ``yes`` is needed.
+    """Ask before frames are sent on buses that may have drives; without a terminal, ``yes`` is required.
 
     Raises:
         typer.Exit: with status 2, where there is no consent.

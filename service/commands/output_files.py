@@ -19,11 +19,11 @@ from service.commands.exit_codes import MISTAKE
 
 STDOUT = Path("-")
 _WIDE = 160
-"""Characters of a line where the output is no terminal: in 80 the numbers of a table are broken."""
+"""Line width without a terminal; at 80 characters the numbers of a table would be broken."""
 
 
 class Files(NamedTuple):
-    """The file of each result; no ``json``: not requested."""
+    """The output file of each result; ``json`` is None if not requested."""
 
     values: Path
     report: Path
@@ -31,11 +31,11 @@ class Files(NamedTuple):
 
     @classmethod
     def chosen(cls, values: Path, report: Path | None, json: Path | None) -> Files:
-        """The report next to the values, unless another path is given."""
+        """Output files with the report beside the values, unless another path is given."""
         return cls(values, report or values.parent / "report.html", json)
 
     def check(self, force: bool, what: str) -> None:
-        """Check that the files can be written; ``what`` is written to the first of them.
+        """Check that the files can be written; ``what``: name of the contents of the first one.
 
         Raises:
             typer.BadParameter: a file exists already, or a folder does not.
@@ -60,15 +60,15 @@ class Files(NamedTuple):
 
 
 def table_console() -> Console:
-    """Where the tables of results are printed."""
+    """The console for tables of results."""
     return Console(highlight=False, width=None if sys.stdout.isatty() or "COLUMNS" in os.environ else _WIDE)
 
 
 def check_new(path: Path, force: bool) -> None:
-    """Check that a file can be written, and is not there yet, unless that is meant.
+    """Check that a file can be written and does not exist yet, unless ``force`` is set.
 
     Raises:
-        typer.BadParameter: it cannot, or is.
+        typer.BadParameter: it cannot be written, or exists.
     """
     check_writable(path)
     if path.exists() and not force:
@@ -79,7 +79,7 @@ def check_writable(path: Path) -> None:
     """Check that a file can be written, before anything is computed.
 
     Raises:
-        typer.BadParameter: it is a folder, or is in none, or must not be written.
+        typer.BadParameter: it is a folder, its folder does not exist, or the rights are missing.
     """
     if path.is_dir():
         raise typer.BadParameter(f"{path} is a folder")
@@ -90,7 +90,7 @@ def check_writable(path: Path) -> None:
 
 
 def write_all(texts: Sequence[tuple[Path, str]]) -> None:
-    """Write files, and their names to the error stream."""
+    """Write files, and print their names on the error stream."""
     for path, text in texts:
         write(path, text)
     written = ", ".join(str(path) for path, _ in texts if path != STDOUT)
@@ -98,7 +98,7 @@ def write_all(texts: Sequence[tuple[Path, str]]) -> None:
 
 
 def write(path: Path, content: str | bytes) -> None:
-    """Write a file, a text atomically: a reader never sees a part of it."""
+    """Write a file; text is written atomically, so that a reader never sees a part of it."""
     try:
         if isinstance(content, bytes):
             path.write_bytes(content)

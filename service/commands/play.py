@@ -74,7 +74,7 @@ _NAP_S = 0.05
 
 
 class PlayFrame(NamedTuple):
-    """A frame to be sent at a time after the first one."""
+    """A frame and its time of sending after the first one."""
 
     offset_s: float
     bus: str
@@ -85,7 +85,7 @@ class PlayFrame(NamedTuple):
 
 
 def play_record(record: Record, config: Config) -> Iterator[PlayFrame]:
-    """The frames of a record: those of a CAN log unchanged, those of a table encoded by the messages of the bus.
+    """The frames of a record: those of a CAN log unchanged, rows of a table encoded with the messages of the bus.
 
     Raises:
         RecordError: the record is damaged, or a value does not fit into its signal.
@@ -122,8 +122,8 @@ def play_frames(
 
     Args:
         buses: open buses by name.
-        frames: what to send, in the order of time.
-        speed: 2.0 is twice as fast; inf is as fast as the bus takes it.
+        frames: the frames to send, in order of time.
+        speed: 2.0 is twice as fast; inf is as fast as the bus accepts them.
         stop: ends it early, when set.
     """
     stop = stop or threading.Event()
@@ -145,7 +145,7 @@ def _wait(wait_s: float, stop: threading.Event) -> None:
 
 
 def _by_time(step: Step) -> Iterator[tuple[int, dict[str, Values]]]:
-    """The samples of all axes, those of one time together, in the order of time."""
+    """The samples of all axes in order of time; samples of the same time together."""
     rows: dict[int, dict[str, Values]] = {}
     for axis_id, block in step.samples.items():
         signals = np.zeros((len(block.t_us), 0)) if block.signals is None else block.signals

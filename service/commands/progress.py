@@ -1,4 +1,4 @@
-"""Progress on the error stream, bars if that is a terminal; and a task in a thread that reports its progress."""
+"""Progress on the error stream, with bars on a terminal; and a task in a thread that reports its progress."""
 
 import sys
 import threading
@@ -45,7 +45,7 @@ def steps_bar(name: str) -> Iterator[Callable[[str, float, float], None]]:
 
 
 def announced(what: str, work: Callable[[], T]) -> T:
-    """The result of work that is mostly done at once; where it takes a while, it is said what that is."""
+    """The result of work that is usually short; if it takes longer, a message says what is being done."""
     with ThreadPoolExecutor(1) as pool:
         task = pool.submit(work)
         if not wait([task], _SOON_S).done:
@@ -56,7 +56,7 @@ def announced(what: str, work: Callable[[], T]) -> T:
 
 
 class AxesBars:
-    """A bar for each axis that is worked on; without a terminal a line where an axis enters a phase."""
+    """A bar for each axis in progress; without a terminal a line whenever an axis enters a phase."""
 
     def __init__(self, progress: Progress, axis_ids: Sequence[str]) -> None:
         self._progress = progress
@@ -64,7 +64,7 @@ class AxesBars:
         self._phases: dict[str, str] = {}
 
     def show(self, axis_id: str, phase: str, work: str, share: float) -> None:
-        """Where an axis is: its phase, what is done in it, and how much of that, 0 to 1."""
+        """Show the progress of an axis: its phase, the present work, and its share, 0 to 1."""
         description = f"{axis_id}: {phase}: {work}"
         self._progress.update(self._tasks[axis_id], completed=share, description=description)
         if self._progress.disable and self._phases.get(axis_id) != phase:
@@ -72,13 +72,13 @@ class AxesBars:
         self._phases[axis_id] = phase
 
     def end(self, axis_id: str) -> None:
-        """The axis is done, its bar goes."""
+        """Remove the bar of an axis that is finished."""
         self._progress.remove_task(self._tasks[axis_id])
 
 
 @contextmanager
 def axes_bars(axis_ids: Sequence[str]) -> Iterator[AxesBars]:
-    """Bars for axes that are worked on at the same time."""
+    """Bars for axes that are processed at the same time."""
     with _bar(TaskProgressColumn(), TimeElapsedColumn()) as progress:
         yield AxesBars(progress, axis_ids)
 
@@ -97,7 +97,7 @@ class _CancelledError(Exception):
 
 
 class Background(Generic[T]):
-    """Starts with the ``with`` block and ends with it at the latest; it is cancelled if the block fails.
+    """A task that starts with the ``with`` block and ends with it at the latest; it is cancelled if the block fails.
 
     ``work`` receives a function for its progress, 0 to 1, which raises when the task is cancelled.
     """
@@ -122,7 +122,7 @@ class Background(Generic[T]):
         self._part = part
 
     def __call__(self, progress: Callable[[float], None]) -> T:
-        """Wait for the result, reporting the progress meanwhile; an exception of the task is raised here."""
+        """Wait for the result and report the progress; an exception of the task is raised here."""
         while not wait([self._future], _POLL_S).done:
             progress(self._part)
         return self._future.result()

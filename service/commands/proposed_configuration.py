@@ -1,4 +1,4 @@
-"""The configuration that ``axiswatch init`` proposes, with what is to be checked in it: of a table, or of a bus."""
+"""The configuration that ``axiswatch init`` proposes for a table or a bus, with comments on what to check."""
 
 import os
 import re
@@ -15,7 +15,7 @@ from service.ingest.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'
-"""The model of every proposed axis: the motion of production seldom determines springs."""
+"""Model of every proposed axis: the motion in production seldom determines springs."""
 _INTERVAL_S = 0.005
 _BUS = "can0"
 _RATED_CURRENT = ("rated_current_A", "0x6075 (mA)", "0x6078")
@@ -24,7 +24,7 @@ _RATED_TORQUE = ("rated_torque_Nm", "0x6076 (mN m)", "0x6077")
 
 
 def table_lines(found: TableRoles, record: str) -> Iterator[str]:
-    """The file for a table."""
+    """The configuration file for a table."""
     yield f"# Proposed by `axiswatch init` from {record}."
     yield "# Check units and signs: torque in N m, motion in rad or rad/s, both of the motor."
     yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
@@ -50,7 +50,7 @@ def bus_lines(
 ) -> Iterator[str]:
     """The file ``output`` for the axes of a bus that ``messages`` describes.
 
-    ``bus``: if one was listened to; else ``channel`` is its name in a log.
+    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.
     """
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
@@ -64,7 +64,7 @@ def bus_lines(
 def drive_lines(
     drives: Mapping[int, DriveObjects], eds: Path, output: Path, bus: BusConfig | None = None
 ) -> Iterator[str]:
-    """The file ``output`` for CANopen drives, by their node ids, that share an EDS; ``bus``: where it is known."""
+    """The file ``output`` for CANopen drives with these node ids, which share an EDS; ``bus``: the bus, if known."""
     yield f"# Proposed by `axiswatch init` from {eds.name}."
     yield "# Fill in what the data sheets say: remove # and put your values; `axiswatch check` names what is missing."
     yield from _bus_lines(bus)
@@ -110,7 +110,7 @@ def drive_lines(
 
 
 def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
-    """The bus, without what describes its messages; None: only its name in a log is known."""
+    """The [[bus]] table without the description of its messages; None: only its name in a log is known."""
     yield "[[bus]]"
     if bus is None:
         channel = f"can{channel}" if channel.isdigit() else channel  # as logs with channel numbers are read
@@ -128,9 +128,9 @@ def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
 def unknown_bus_lines(
     axes: Sequence[AxisRoles], messages: Sequence[UnknownMessage], name: str, bus: BusConfig | None = None
 ) -> Iterator[str]:
-    """The file for the axes of a bus that nothing describes, with the numbers in the messages that carry them.
+    """The file for the axes of an undescribed bus, with the fields of the messages that carry their signals.
 
-    ``name``: of the bus in a log; ``bus``: if one was listened to.
+    ``name``: name of the bus in a log; ``bus``: the bus that was listened to.
     """
     yield "# Proposed by `axiswatch discover`: what the numbers mean is a guess by their values."
     yield "# Put in the units: the factor of a torque makes it N m, that of a motion rad or rad/s, both of the motor."
@@ -153,7 +153,7 @@ def unknown_bus_lines(
 
 
 def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """A robot of axes, whose lines are given by their names: what all have in common stands once."""
+    """A robot with axes, given as lines; keys that all axes share are written once."""
     yield "[[robot]]"
     yield 'name = "robot1"'
     first, *others = axes.values()
@@ -173,7 +173,7 @@ def _robot_lines(axes: Mapping[str, Sequence[str]]) -> Iterator[str]:
 
 
 def _axis_lines(axis: AxisRoles, time: Iterable[str]) -> Iterator[str]:
-    """Its keys; ``time``: those of the time of its samples."""
+    """The keys of an axis; ``time``: keys of its sample times."""
     if axis.interval_s is None:
         yield f"sample_interval_s = {_INTERVAL_S:g}  # not known: correct it; `commission` measures it where it can"
     else:
@@ -189,11 +189,11 @@ def _axis_lines(axis: AxisRoles, time: Iterable[str]) -> Iterator[str]:
 
 
 _ARM, _MOTOR = 20.0, 100.0
-"""Speeds [rad/s]: no arm is faster than this, and hardly a motor slower; no arm is nearly as fast as that."""
+"""Speeds [rad/s]: arms are slower than the first one and most motors faster; no arm comes near the second one."""
 
 
 def _side(fastest: float) -> str:
-    """On which side of the gear something turns that hardly ever is faster [rad/s]; empty: that does not tell."""
+    """Side of the gear on which this largest speed [rad/s] occurs; empty: it can be either side."""
     if fastest > _MOTOR:
         return f"; likely of the motor, as it reaches {fastest:.3g} rad/s"
     words = f"; likely of the arm, as it reaches {fastest:.3g} rad/s only: multiply factor by the gear ratio"
@@ -204,7 +204,7 @@ def _time_lines(axis: AxisRoles) -> Iterator[str]:
     """The source of the times on a bus."""
     if axis.counter is not None:
         message, signal = axis.counter
-        # The times of a counter are whole intervals: nothing would show that the interval is wrong.
+        # The times of a counter are whole intervals, so that nothing would show a wrong interval.
         remark, off = "a sample counter, by its name", ""
         if axis.interval_s is None:
             remark, off = f"{remark}: use it once sample_interval_s is right", "#"

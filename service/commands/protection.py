@@ -1,4 +1,4 @@
-"""What the daemon needs to let others in, and to reach its links: certificates, tokens, secrets."""
+"""Certificates, tokens and secrets: what the daemon needs to admit clients and to reach its links."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -14,10 +14,10 @@ from service.web.server import CannotListenError, Certificate, CertificateError,
 
 
 def certificate_of(web: WebConfig) -> Certificate | None:
-    """The certificate of the web server; None: it has none.
+    """The certificate of the web server; None: no TLS.
 
     Raises:
-        CertificateError: it cannot be used.
+        CertificateError: the certificate cannot be used.
     """
     if web.certificate is None or web.key is None:
         return None
@@ -27,12 +27,12 @@ def certificate_of(web: WebConfig) -> Certificate | None:
 
 
 def access_of(config: Config, insecure: bool) -> Access:
-    """Who may ask the daemon.
+    """The rules for access to the daemon.
 
     Raises:
-        UnprotectedError: other machines reach it, and it lacks tokens or TLS.
+        UnprotectedError: other machines can reach the daemon, and tokens or TLS are missing.
         StoreError: the tokens cannot be read.
-        CannotListenError: its address is none.
+        CannotListenError: the host is not an address.
     """
     web = config.web
     return Access(
@@ -46,7 +46,7 @@ def access_of(config: Config, insecure: bool) -> Access:
 
 
 def obstacles(config: Config) -> Iterator[str]:
-    """What would keep the daemon from starting on this machine, as this user: each in words."""
+    """Reasons why the daemon could not start on this machine as this user, in words."""
     try:
         certificate_of(config.web)
         access_of(config, insecure=False)

@@ -1,4 +1,4 @@
-"""``axiswatch replay``: the daemon's own pipeline over records, as fast as it goes."""
+"""``axiswatch replay``: runs the daemon's pipeline over records at full speed."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def _replay(config: Config, path: Path, records: list[Path], drawn: bool) -> Rep
     from service.reports.replay_result import Replay
 
     run = Replay(AxisMonitors(config.axes), config, drawn)
-    # All are opened before the first is run: a missing one is found at once.
+    # All files are opened before the first one is processed, so that a missing file is reported at once.
     for record in [read_record(name, config) for name in records]:
         with progress_bar(record.path.name) as progress:
             run.add(record, progress)
@@ -113,7 +113,7 @@ def write_report(order: ReplayOrder) -> None:
     """Write the report.
 
     Raises:
-        SystemExit: it cannot be made; with the reason.
+        SystemExit: the report cannot be made; with the reason.
     """
     give_way()
     from service.pipeline.axis_monitors import AxisMonitors

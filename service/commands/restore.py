@@ -1,4 +1,4 @@
-"""``axiswatch restore``: a folder with all that a backup has."""
+"""``axiswatch restore``: creates a folder from a backup."""
 
 from pathlib import Path
 from typing import Annotated

@@ -72,19 +72,19 @@ def run(
 
 
 class _Hangup:
-    """What SIGHUP does: the configuration is read, checked and taken over; one call after the other."""
+    """The action of SIGHUP: read, check and apply the configuration; calls run one after the other."""
 
     def __init__(self, path: Path, port: int | None) -> None:
         self._path, self._port = path, port
         self.reload: Callable[[Config], Reloaded] | None = None
-        """None: the daemon has not begun yet"""
+        """None: the daemon has not started yet"""
 
     def use(self, reload: Callable[[Config], Reloaded]) -> None:
-        """The daemon runs: ``reload`` takes a configuration over."""
+        """The daemon runs; ``reload`` applies a configuration."""
         self.reload = reload
 
     def look(self) -> None:
-        """Read the configuration and take it over; what is wrong with it is logged, and changes nothing."""
+        """Read and apply the configuration; a faulty one is logged and changes nothing."""
         from service.pipeline.baselines import BaselineError
         from service.pipeline.reloading import ReloadError
 
@@ -106,7 +106,7 @@ class _Hangup:
 
 
 def with_port(config: Config, port: int | None) -> Config:
-    """The configuration with the port of the command line."""
+    """The configuration, with the port of the command line if there is one."""
     if port is None:
         return config
     return config.model_copy(update={"web": config.web.model_copy(update={"port": port})})

@@ -1,6 +1,6 @@
-"""Reports to systemd: ready, how it goes, alive, stopping (sd_notify(3), $NOTIFY_SOCKET); nothing without systemd.
+"""Reports to systemd: ready, status, alive, stopping (sd_notify(3), $NOTIFY_SOCKET); does nothing without systemd.
 
-A few short datagrams: less than what a library for them would have to be trusted with.
+The protocol is a few short datagrams, for which a library is not worth the dependency.
 """
 
 import os
@@ -14,24 +14,24 @@ from monitor_core.wording import listed
 from service.pipeline.snapshot import Snapshot
 
 _WITHOUT_WATCHDOG_S = 5.0
-"""Between two looks at the status"""
+"""Time between two checks of the status [s]"""
 _LOOKS = 4
-"""In the time after which the watchdog bites"""
+"""Notifications within the time-out of the watchdog"""
 _SEND_S = 1.0
 
 log = structlog.get_logger(__name__)
 
 
 class ServiceManager:
-    """Tells systemd how the daemon is, from a thread of its own, between ``ready`` and ``close``.
+    """Reports the state of the daemon to systemd from a thread of its own, between ``ready`` and ``close``.
 
-    The watchdog is fed when all loops have turned since it was fed last.  They turn on a silent bus, too, and on one
-    that is down: a robot that is switched off is no reason to kill the daemon.
+    The watchdog is notified when all loops have made progress since the last notification.  They also do so while a bus
+    is silent or down, so that systemd does not kill the daemon when a robot is switched off.
 
     Args:
         environ: variables that systemd has set: NOTIFY_SOCKET, WATCHDOG_USEC, WATCHDOG_PID.
-        turns: how often each loop has turned, by its name.
-        status: how it goes, in a line.
+        turns: number of cycles of each loop, by its name.
+        status: returns the state of the daemon in a line.
     """
 
     def __init__(
@@ -47,25 +47,25 @@ class ServiceManager:
         self._thread = threading.Thread(target=self._run, name="service-manager", daemon=True)
 
     def ready(self) -> None:
-        """The service is up; from now on its status is kept up to date, and the watchdog is fed."""
+        """Report that the service is up; from now on its status and the watchdog notifications are sent."""
         if self._address is not None:
             self._shown = self._status()
             self._send("READY=1", f"STATUS={self._shown}")
             self._thread.start()
 
     def stopping(self) -> None:
-        """The service ends."""
+        """Report that the service is stopping."""
         self.close()
         self._send("STOPPING=1", "STATUS=stopping: the last frames are processed and saved")
 
     def close(self) -> None:
-        """End the thread, if it runs."""
+        """End the thread if it runs."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def look(self) -> None:
-        """Tell a new status, and feed the watchdog if all loops have turned."""
+        """Send a new status, and notify the watchdog if all loops of the daemon have made progress."""
         lines = []
         if (status := self._status()) != self._shown:
             self._shown = status
@@ -102,19 +102,19 @@ class ServiceManager:
 
 
 def _address(name: str) -> str | None:
-    """The address of a socket by its name: a path, or @ and an abstract one; None: there is none that can be used."""
+    """The address of a socket by its name: a path, or @ and an abstract name; None: unusable name."""
     return name.replace("@", "\0", 1) if name.startswith(("/", "@")) else None
 
 
 def _watchdog_s(environ: Mapping[str, str]) -> float | None:
-    """The time within which systemd wants to hear that this process is alive [s]."""
+    """The time-out of systemd's watchdog for this process [s]."""
     wanted = environ.get("WATCHDOG_USEC", "")
     own = environ.get("WATCHDOG_PID", str(os.getpid())) == str(os.getpid())
     return int(wanted) * 1e-6 if own and wanted.isdecimal() and int(wanted) else None
 
 
 def status_line(snapshot: Snapshot) -> str:
-    """How the daemon is, in a line: for `systemctl status`."""
+    """The state of the daemon in a line, for `systemctl status`."""
     active = sum(len(axis.open_alarms) for axis in snapshot.axes)
     parts = [
         f"monitoring {len(snapshot.axes)} ax{'is' if len(snapshot.axes) == 1 else 'es'}",

@@ -1,4 +1,4 @@
-"""Signals of the operating system, obeyed by a thread: the end of a command, a changed configuration."""
+"""Handling of operating system signals in a thread: end of a command, changed configuration."""
 
 import os
 import signal
@@ -12,9 +12,9 @@ _SIGNAL, _END = b"s", b"e"
 
 @contextmanager
 def stopped_by_signals(stop: threading.Event | None = None) -> Iterator[threading.Event]:
-    """An event that SIGINT and SIGTERM set, which is a regular end: exit code 0; the second one ends the process.
+    """An event set by SIGINT and SIGTERM for a regular end with exit code 0; a second signal ends the process.
 
-    Handlers are as before afterwards.  In another thread than the main one signals are left alone.
+    The former handlers are restored at the end.  Outside the main thread signals are not changed.
     """
     stop = stop or threading.Event()
     if threading.current_thread() is not threading.main_thread():
@@ -26,15 +26,15 @@ def stopped_by_signals(stop: threading.Event | None = None) -> Iterator[threadin
 
 @contextmanager
 def obeyed(numbers: Sequence[int], action: Callable[[], object], *, once: bool = False) -> Iterator[None]:
-    """In this block, which the main thread runs, each of these signals lets a thread call ``action``.
+    """In this block, run by the main thread, each of these signals makes a thread call ``action``.
 
-    The main thread runs a handler between any two of its instructions, also while it holds the lock of an event that it
-    waits for: to set the event in the handler would then wait for ever.  So the handler only writes to a pipe.
+    The main thread can run a handler between any two instructions, even while it holds the lock of an event.  Setting
+    the event in the handler would then block for ever; therefore the handler only writes to a pipe.
 
     Args:
-        numbers: of the signals.
-        action: one call after the other, none at the same time.
-        once: the next signal does what it does by default.
+        numbers: numbers of the signals.
+        action: called for each signal; calls never overlap.
+        once: the second signal has its default effect.
     """
     reading, writing = os.pipe()
 

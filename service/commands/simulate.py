@@ -37,7 +37,7 @@ FaultAfter = Annotated[
 
 
 def factors(options: list[str]) -> dict[str, float]:
-    """{"fm": 1.3} from ["fm=1.3"]."""
+    """Parse ["fm=1.3"] to {"fm": 1.3}."""
     found = {}
     for text in options:
         name, _, factor = text.partition("=")

@@ -7,7 +7,7 @@ from service.commands.daemon_options import Daemon, asks_daemon
 from service.commands.exit_codes import OK, UNAVAILABLE
 
 MOST = 10
-"""Alarms that are described"""
+"""Most alarms that are described"""
 
 
 @asks_daemon

@@ -1,4 +1,4 @@
-"""``axiswatch token``: who may use the API of the daemon, and what they may do."""
+"""``axiswatch token``: access tokens of the API of the daemon."""
 
 from pathlib import Path
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""``axiswatch version``: which version this is."""
+"""``axiswatch version``: prints the version."""
 
 from importlib.metadata import version as installed
 

@@ -1,6 +1,6 @@
-"""Delivery of a link: the transitions of alarms, in order, each at least once, tried again until it is too old.
+"""Delivery of alarm transitions to one link: in order, each at least once, with retries until it is too old.
 
-Time and chance are arguments, so that tests need not wait.
+Clock and random numbers are arguments, so that tests need not wait.
 """
 
 import math
@@ -27,19 +27,19 @@ from service.texts.instants import now_us
 
 FIRST_RETRY_S, LAST_RETRY_S = 1.0, 300.0
 LONGEST_REQUESTED_S = 3600.0
-"""A receiver may ask for that much time, not for more."""
+"""Longest time for which a receiver may postpone the next try."""
 LOOK_S = 0.25
-"""Time after which a link looks for new transitions [s]"""
+"""Time between two checks for new transitions [s]"""
 PAGE = 500
-"""Transitions that are read at once."""
+"""Most transitions in one read, and most that wait in memory."""
 
 log = structlog.get_logger(__name__)
 
 
 class UnavailableError(Exception):
-    """The receiver cannot be reached, or cannot take anything now: it is tried again.
+    """The receiver cannot be reached, or accepts nothing now; delivery is retried.
 
-    ``retry_after_s``: the time for which it asks; None: it does not.
+    ``retry_after_s``: waiting time that the receiver requests; None: none.
     """
 
     def __init__(self, reason: str, retry_after_s: float | None = None) -> None:
@@ -48,11 +48,11 @@ class UnavailableError(Exception):
 
 
 class RefusedError(Exception):
-    """The receiver does not want this, now or later."""
+    """The receiver refuses this message permanently."""
 
 
 class NotYetError(Exception):
-    """It is not time to send this; in ``wait_s`` it may be."""
+    """It is too early to send this; try again after ``wait_s``."""
 
     def __init__(self, wait_s: float) -> None:
         self.wait_s = wait_s
@@ -60,15 +60,15 @@ class NotYetError(Exception):
 
 
 def answers(place: str, answer: str) -> Sentence:
-    """What a receiver answers that does not take the message."""
+    """The reason that a receiver has refused a message with this answer."""
     return sentence("link answers", "{place} answers {answer}", place=place, answer=answer)
 
 
 class Message(NamedTuple):
-    """A transition with the alarm as it is now."""
+    """A transition and the present state of its alarm."""
 
     id: str
-    """Unique; the same whenever it is sent again"""
+    """Unique; the same in repeated deliveries"""
     transition: RecordedTransition
     alarm: RecordedAlarm
     recording: str | None = None
@@ -76,36 +76,36 @@ class Message(NamedTuple):
 
 
 class Receiver(Protocol):
-    """Where a link delivers to."""
+    """Interface of a receiver of messages."""
 
     most: int
-    """Number of messages that it takes at once"""
+    """Most messages in one call"""
 
     async def send(self, messages: Sequence[Message]) -> None:
-        """Deliver all of them.
+        """Deliver all messages.
 
         Raises:
-            UnavailableError: not possible now.
-            RefusedError: never possible.
-            NotYetError: not wanted yet.
+            UnavailableError: delivery is not possible now.
+            RefusedError: the receiver refuses the messages.
+            NotYetError: the receiver wants to wait.
         """
 
 
 class Backoff:
-    """Time between tries: doubled with each failure up to five minutes; by chance up to a half less."""
+    """Time between tries: doubles with each failure up to five minutes; a random part of up to a half is subtracted."""
 
     def __init__(self, chance: Callable[[], float] = random.random) -> None:
         self._chance, self._failures = chance, 0
 
     def failed(self, requested_s: float | None = None) -> float:
-        """Time to wait after one more failure, not less than the receiver asks for [s]."""
+        """Count a failure; returns the time to wait [s], at least that requested by the receiver."""
         longest_s = min(LAST_RETRY_S, FIRST_RETRY_S * 2.0 ** min(self._failures, 30))
         self._failures += 1
         wait_s = longest_s * (0.5 + 0.5 * self._chance())
         return max(wait_s, min(requested_s or 0.0, LONGEST_REQUESTED_S))
 
     def succeeded(self) -> None:
-        """The next failure is the first one."""
+        """Reset the number of failures."""
         self._failures = 0
 
 
@@ -117,26 +117,26 @@ class LinkName(NamedTuple):
 
 
 class _Waiting(NamedTuple):
-    """A transition that waits, until it is too old by the clock that only grows [s]."""
+    """A waiting transition, and the monotonic time at which it becomes too old [s]."""
 
     numbered: NumberedTransition
     until_s: float
 
 
 class Delivery:
-    """Transitions of the journal to one receiver.
+    """Delivers transitions of the journal to one receiver.
 
     Args:
-        link: which one it is.
-        limits: which alarms it delivers, and for how long.
-        receiver: delivers.
-        journal: with what is promised.
-        outbox: how far the link is.
-        done: number of the last transition that it is done with.
-        clock: time that only grows [s].
+        link: name and kind of the link.
+        limits: which alarms to deliver, and for how long to try.
+        receiver: delivers the messages.
+        journal: source of the transitions.
+        outbox: stores the number of the last finished transition.
+        done: number of the last finished transition.
+        clock: monotonic clock [s].
         now_us: wall clock, for the age of a transition when it is read.
-        chance: from 0 to 1, for the time between tries.
-        recording_of: name of the recording of a time; None: there is none (yet).
+        chance: random number from 0 to 1, for the time between tries.
+        recording_of: returns the name of the recording of a time; None: there is none (yet).
     """
 
     def __init__(
@@ -162,17 +162,17 @@ class Delivery:
         self._log = log.bind(link=link.name)
         self._is_saved = True
         self.snapshot = LinkSnapshot(link.name, link.kind, connected=True)
-        """The newest state; others read it in one assignment"""
+        """The present state; replaced in one assignment, so that other threads can read it"""
 
     def begin(self) -> None:
-        """The link needs a connection, which it does not have yet."""
+        """Mark the link as not connected yet, if it needs a lasting connection."""
         self.snapshot = replace(
             self.snapshot, connected=False, problem=sentence("link begins", "not connected yet")
         )
 
     async def step(self) -> float:
-        """Deliver what waits, at most once; the time until there is something to do [s]; infinite: nothing waits."""
-        self.look()
+        """Read new transitions, and deliver at most once; returns the time until the next step [s], inf: none waits."""
+        self.read_new()
         left_s = math.inf
         if self._waiting:
             left_s = self._next_try - self._clock()
@@ -181,9 +181,9 @@ class Delivery:
                 self._finish()
         return left_s
 
-    def look(self) -> None:
-        """Read what has been recorded since, and give up what is too old; deliver nothing."""
-        with suppress(StoreError):  # of the journal, which the worker reports
+    def read_new(self) -> None:
+        """Read new transitions and give up those that are too old, without delivering."""
+        with suppress(StoreError):  # the worker reports errors of the journal
             self._read()
         self._give_up_old()
         self._finish()
@@ -193,7 +193,7 @@ class Delivery:
         self.snapshot = replace(self.snapshot, pending=len(self._waiting) + self._beyond)
 
     def failed(self, problem: str, requested_s: float | None = None) -> float:
-        """The link does not work; the time until the next try [s]."""
+        """Mark the link as not working; returns the time until the next try [s]."""
         if self.snapshot.connected:
             self._log.warning("a link is down", reason=problem)
         self.snapshot = replace(self.snapshot, connected=False, problem=problem)
@@ -202,7 +202,7 @@ class Delivery:
         return wait_s
 
     def works(self, problem: str = "") -> None:
-        """The link works, but may have something to report."""
+        """Mark the link as working; ``problem``: a remaining problem to show."""
         if not self.snapshot.connected:
             self._log.info("a link is up")
         self.snapshot = replace(self.snapshot, connected=True, problem=problem)
@@ -238,22 +238,22 @@ class Delivery:
         return Message(f"{self._journal.identity}-{n.number}", n.transition, alarm, recording)
 
     def _read(self) -> None:
-        """Read what has been recorded since, unless so much waits already."""
+        """Read new transitions, unless ``PAGE`` transitions already wait."""
         revision = self._journal.revision
         if revision == self._revision:
             return
-        room = PAGE - len(self._waiting)
-        page = self._journal.transitions_after(self._read_to, room) if room > 0 else []
+        free = PAGE - len(self._waiting)
+        page = self._journal.transitions_after(self._read_to, free) if free > 0 else []
         for numbered in page:
             if numbered.priority in self._limits.priorities:
                 self._waiting.append(_Waiting(numbered, self._clock() + self._left_s(numbered)))
             self._read_to = numbered.number
-        complete = len(page) < room
+        complete = len(page) < free
         self._beyond = 0 if complete else self._journal.last_transition() - self._read_to
         self._revision = revision if complete else -1
 
     def _left_s(self, numbered: NumberedTransition) -> float:
-        """Time for which it may still wait [s]; a wall clock that is set later changes nothing of that."""
+        """Time for which a transition may still wait [s]; later steps of the wall clock have no effect on it."""
         age_s = max(0.0, (self._now_us() - numbered.transition.at_us) / 1e6)
         return self._limits.max_age_s - age_s
 
@@ -277,7 +277,7 @@ class Delivery:
             self._waiting.popleft()
 
     def _save(self) -> None:
-        """Remember how far the link is; a failure costs nothing but repetitions after a restart."""
+        """Store the number of the last finished transition; a failure only causes repetitions after a restart."""
         done = self._waiting[0].numbered.number - 1 if self._waiting else self._read_to
         if done == self._saved:
             return

@@ -1,4 +1,4 @@
-"""Secrets and certificates of links, read at the start: no message, log or configuration shows a secret."""
+"""Reads secrets and certificates of links at the start; no message, log or configuration shows a secret."""
 
 import os
 import ssl
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 MIN_KEY_CHARACTERS = 16
-"""Of the key of a signature, which is no word that someone has to remember."""
+"""Shortest key of a signature; it is random, not a word to remember."""
 
 
 class LinkSecretError(Exception):
@@ -14,10 +14,10 @@ class LinkSecretError(Exception):
 
 
 def secret(file: Path | None, variable: str | None, environ: Mapping[str, str] = os.environ) -> str | None:
-    """The text of a variable, or else of a file, without the line break at its end; None: neither is given.
+    """The secret from an environment variable, otherwise from a file without its last line break; None: neither given.
 
     Raises:
-        LinkSecretError: there is no text.
+        LinkSecretError: the variable or the file has no usable text.
     """
     if variable is not None and (text := environ.get(variable)):
         return text
@@ -42,7 +42,7 @@ def key(file: Path | None, variable: str | None, environ: Mapping[str, str] = os
     """The key of a signature.
 
     Raises:
-        LinkSecretError: there is none, or it is too short.
+        LinkSecretError: there is no key, or it is too short.
     """
     text = secret(file, variable, environ)
     if text is None or len(text) < MIN_KEY_CHARACTERS:
@@ -55,10 +55,10 @@ def key(file: Path | None, variable: str | None, environ: Mapping[str, str] = os
 
 
 def tls(ca_file: Path | None) -> ssl.SSLContext:
-    """Verified TLS, with the known authorities, or with that of a file instead.
+    """A TLS context that verifies certificates, with the authorities of the system, or with that of a file.
 
     Raises:
-        LinkSecretError: the file holds no certificate.
+        LinkSecretError: the file has no certificate.
     """
     try:
         return ssl.create_default_context(cafile=None if ca_file is None else str(ca_file))

@@ -1,4 +1,4 @@
-"""E-mail: which alarms have begun and ended, in sentences for people; many at a time are one message."""
+"""E-mail link: reports new and ended alarms in sentences; alarms at about the same time share one message."""
 
 import asyncio
 import smtplib
@@ -24,7 +24,7 @@ from service.texts.alarm_words import episode_words
 from service.texts.instants import now_us
 
 MOST_IN_FULL = 20
-"""Alarms of a message that are described; of the others it has the number."""
+"""Most alarms that a message describes; for the others it states their number."""
 
 _BEGINS = (
     AlarmEvent.RAISE,
@@ -39,21 +39,21 @@ log = structlog.get_logger(__name__)
 
 
 class News(NamedTuple):
-    """What a message is about: alarms by what has become of them, each once."""
+    """Contents of a message: alarms by what has happened to them, each once."""
 
     begun: list[RecordedAlarm]
-    """New, and still there"""
+    """New alarms that are still active"""
     named: list[RecordedAlarm]
-    """Of an earlier message; the cause is known now"""
+    """Alarms of an earlier message whose cause is now named"""
     over: list[RecordedAlarm]
-    """Gone, also those that have begun since the last message"""
+    """Ended alarms, also those that have begun since the last message"""
 
     def __bool__(self) -> bool:
         return any(self)
 
 
 def news_in(messages: Iterable[Message]) -> News:
-    """What of transitions is worth a message: not what a person has done, nor what is hidden."""
+    """The news in transitions; actions of persons and hidden alarms are left out."""
     found = News([], [], [])
     by_alarm: dict[int, list[Message]] = {}
     for message in messages:
@@ -75,18 +75,18 @@ def news_in(messages: Iterable[Message]) -> News:
 
 
 class MailText:
-    """Messages as a person reads them.
+    """Writes subject and text of a message.
 
     Args:
-        snapshot: returns the newest one; it has what a parameter means.
-        zone: of the times; None: that of this machine.
+        snapshot: returns the newest snapshot, for the meanings of parameters.
+        zone: time zone; None: that of this machine.
     """
 
     def __init__(self, snapshot: Callable[[], Snapshot], zone: tzinfo | None = None) -> None:
         self._snapshot, self._zone = snapshot, zone
 
     def subject(self, news: News) -> str:
-        """In some words."""
+        """The subject."""
         only = [*news.begun, *news.named, *news.over]
         if len(only) == 1:
             what = "new alarm" if news.begun else "cause is known" if news.named else "alarm has ended"
@@ -95,7 +95,7 @@ class MailText:
         return f"axiswatch: alarms: {', '.join(f'{count} {word}' for count, word in counts if count)}"
 
     def body(self, news: News) -> str:
-        """All of it."""
+        """The text."""
         parts = (
             ("New", news.begun),
             ("The cause is known now", news.named),
@@ -135,16 +135,16 @@ class MailText:
 
 
 class Mail:
-    """The receiver behind a mail server.
+    """The receiver: sends messages through a mail server.
 
     Args:
-        config: of the server, and who gets the messages.
-        text: writes them.
-        clock: time that only grows [s].
+        config: the server, and the addresses.
+        text: writes the messages.
+        clock: monotonic clock [s].
         now_us: wall clock.
 
     Raises:
-        LinkSecretError: the password or the authority cannot be used.
+        LinkSecretError: the password or the certificate of the authority cannot be used.
     """
 
     most = PAGE
@@ -162,18 +162,18 @@ class Mail:
         self._next = self._clock()
 
     async def send(self, messages: Sequence[Message]) -> None:
-        """One message about all of these transitions, or none if nothing is news.
+        """Send one message about these transitions; none if they contain no news.
 
         Raises:
-            NotYetError: others may join it, or the last message was sent a moment ago.
-            UnavailableError: the server cannot be reached, or takes nothing now.
-            RefusedError: it never takes such a message.
+            NotYetError: further alarms may join the message, or the last one was sent a moment ago.
+            UnavailableError: the server cannot be reached, or accepts nothing now.
+            RefusedError: the server refuses the message permanently.
         """
         news = news_in(messages)
         if not news:
             return
         age_s = (self._now_us() - messages[0].transition.at_us) / 1e6
-        # A clock that was set must not keep it back for longer.
+        # If the clock was set, the message must not wait longer than collect_s.
         collect_s = min(self._config.collect_s - age_s, self._config.collect_s)
         wait_s = max(collect_s, self._next - self._clock())
         if wait_s > 0:
@@ -187,7 +187,7 @@ class Mail:
         mail["Subject"] = self._text.subject(news)
         mail["Date"] = format_datetime(datetime.fromtimestamp(self._now_us() / 1e6, UTC))
         mail["Message-ID"] = f"<{messages[0].id}.{len(messages)}@axiswatch.invalid>"
-        mail["Auto-Submitted"] = "auto-generated"  # no answer that somebody is on holiday (RFC 3834)
+        mail["Auto-Submitted"] = "auto-generated"  # prevents automatic replies (RFC 3834)
         mail.set_content(self._text.body(news))
         return mail
 
@@ -233,7 +233,7 @@ def _text(answer: bytes | str) -> str:
 
 
 async def _in_thread(work: Callable[[], None]) -> None:
-    """Do it in a thread that a stopping daemon does not wait for, as it would for those of asyncio."""
+    """Run ``work`` in a daemon thread, as a stopping daemon would wait for threads of asyncio."""
     loop = asyncio.get_running_loop()
     done: asyncio.Future[None] = loop.create_future()
 

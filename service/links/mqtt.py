@@ -1,7 +1,7 @@
-"""MQTT 5: whether the daemon is there, the state of each axis (both retained), and each transition of an alarm.
+"""MQTT 5 link: publishes the status of the daemon and the state of each axis (both retained), and alarm transitions.
 
-``PREFIX/status``: "online", or by the last will "offline".  ``PREFIX/ROBOT/AXIS/state``: JSON, at most once in each
-interval, only what has changed.  ``PREFIX/ROBOT/AXIS/alarm``: JSON, with QoS 1, from the journal.
+``PREFIX/status``: "online", or "offline" by the last will.  ``PREFIX/ROBOT/AXIS/state``: JSON, if it has changed, at
+most once in each interval.  ``PREFIX/ROBOT/AXIS/alarm``: JSON, QoS 1, from the journal.
 """
 
 import asyncio
@@ -20,13 +20,13 @@ from service.texts.instants import now_us
 from service.web import models, views
 
 KEEPALIVE_S = 20
-"""A broker that hears nothing for one and a half times as long publishes the last will"""
+"""The broker publishes the last will after 1.5 times this time without a packet"""
 ANSWER_S = 10.0
 """Time in which the broker must answer [s]"""
 
 
 def state_body(axis: AxisSnapshot, now_us: int) -> models.AxisState:
-    """What of an axis is published, with the names of the API."""
+    """The published state of an axis, with the names of the API."""
     shown = views.axis(axis, now_us)
     parameters = [
         models.ParameterState(
@@ -40,7 +40,7 @@ def state_body(axis: AxisSnapshot, now_us: int) -> models.AxisState:
 
 
 class Broker:
-    """The connection to a broker, while there is one; receives the alarms of a Delivery."""
+    """The connection to a broker, if there is one; the receiver of a Delivery."""
 
     most = 1
 
@@ -49,7 +49,7 @@ class Broker:
         self.client: aiomqtt.Client | None = None
 
     async def send(self, messages: Sequence[Message]) -> None:
-        """Publish messages; the broker has confirmed each.
+        """Publish messages, and wait for the broker's confirmation of each.
 
         Raises:
             MqttError: the connection is lost.
@@ -70,12 +70,12 @@ class Broker:
 
 
 class States:
-    """States of the axes that are to be published, one after another, so that an alarm need not wait for all.
+    """Provides the changed states of axes one by one, so that an alarm need not wait until all are published.
 
     Args:
-        snapshot: returns the newest one.
+        snapshot: returns the newest snapshot.
         interval_s: time between two states of an axis [s].
-        clock: time that only grows [s].
+        clock: monotonic clock [s].
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class States:
         self._next = -math.inf
 
     def next(self) -> tuple[str, str] | None:
-        """Id and JSON of an axis that has changed since it was published; None: there is none now."""
+        """Id and JSON of an axis that has changed since its last publication; None: there is none now."""
         if not self._due and self._clock() >= self._next:
             self._next = self._clock() + self._interval_s
             self._due.extend(self._snapshot().axes)
@@ -101,16 +101,16 @@ class States:
 
 
 class MqttLink:
-    """The link to a broker: connects again and again.
+    """The link to a broker; reconnects after failures.
 
     Args:
-        config: of the broker.
-        broker: receives what ``delivery`` delivers.
-        delivery: of the alarms.
-        snapshot: returns the newest one.
+        config: the broker.
+        broker: receiver of ``delivery``.
+        delivery: delivers the alarms.
+        snapshot: returns the newest snapshot.
 
     Raises:
-        LinkSecretError: the password or the authority cannot be used.
+        LinkSecretError: the password or the certificate of the authority cannot be used.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class MqttLink:
 
     @property
     def snapshot(self) -> LinkSnapshot:
-        """The newest state."""
+        """The present state of the link."""
         return self._delivery.snapshot
 
     async def run(self) -> None:
@@ -180,10 +180,10 @@ class MqttLink:
             lost.cancel()
 
     async def _wait(self, wait_s: float) -> None:
-        """Wait, and meanwhile give up what becomes too old."""
+        """Wait; meanwhile give up transitions that become too old."""
         end = monotonic() + wait_s
         while (left_s := end - monotonic()) > 0:
-            self._delivery.look()
+            self._delivery.read_new()
             await asyncio.sleep(min(left_s, LOOK_S))
 
 

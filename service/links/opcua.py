@@ -1,4 +1,4 @@
-"""OPC UA: a server of the axes and alarms, in a thread and a loop of its own, fed from the snapshot and the journal."""
+"""OPC UA link: a server for axes and alarms in a separate thread, with data from the snapshot and the journal."""
 
 import asyncio
 import gc
@@ -36,14 +36,14 @@ _ENCRYPTED = [
 
 
 class OpcUaLink:
-    """The link to whoever connects: it begins again and again where its port is taken.
+    """The OPC UA server as a link; if its port is taken, it retries.
 
     Args:
-        config: where it listens, and for whom.
-        tokens: of the API; its users.
-        conditions: receives what ``delivery`` delivers.
-        delivery: of the alarms.
-        snapshot: returns the newest one.
+        config: address and access.
+        tokens: tokens of the API, which are the users of the server.
+        conditions: receiver of ``delivery``.
+        delivery: delivers the alarms.
+        snapshot: returns the newest snapshot.
 
     Raises:
         LinkSecretError: the certificate or its key cannot be used.
@@ -61,16 +61,16 @@ class OpcUaLink:
         self._snapshot_of, self._users = snapshot, Users(tokens, config.anonymous)
         self._identity = identity(config)
         delivery.begin()
-        # What it logs are mistakes of clients, with tracebacks; the daemon logs itself who is refused and who writes.
+        # asyncua logs mistakes of clients with tracebacks; the daemon itself logs refused clients and writes.
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
 
     @property
     def snapshot(self) -> LinkSnapshot:
-        """The newest state."""
+        """The present state of the link."""
         return self._delivery.snapshot
 
     async def run(self) -> None:
-        """Serve until it is cancelled, in another thread: clients must not delay the other links."""
+        """Serve until cancelled, in another thread, so that clients cannot delay the other links."""
         stop, ended, failures = threading.Event(), threading.Event(), list[Exception]()
 
         def work() -> None:
@@ -94,10 +94,10 @@ class OpcUaLink:
             await asyncio.sleep(self._delivery.failed(f"a fault of the program: {failure}"))
             raise failure
 
-    async def _made(self) -> Server:
-        """A server that does not listen yet."""
+    async def _make_server(self) -> Server:
+        """Make a server that does not listen yet."""
         inner = GuardedServer(self._users, self._conditions.operate)
-        inner.bind_condition_methods = 1  # severity of its own events of a refresh
+        inner.bind_condition_methods = 1  # severity of the server's own refresh events
         server = Server(inner)
         server.name, server.manufacturer_name, server.product_uri = "axiswatch", "axiswatch", NAMESPACE
         server.application_type = ua.ApplicationType.Server
@@ -114,7 +114,7 @@ class OpcUaLink:
             plain = SecurityPolicyFactory(
                 SecurityPolicyNone, ua.MessageSecurityMode.None_, permission_ruleset=Nobody()
             )
-            server._policies.append(plain)  # there is no public way to refuse it
+            server._policies.append(plain)  # asyncua has no public way to refuse unencrypted connections
         server.set_security_policy(policies, self._users)
         named = [ua.UserNameIdentityToken]
         server.set_identity_tokens([*named, ua.AnonymousIdentityToken] if self._config.anonymous else named)
@@ -123,27 +123,27 @@ class OpcUaLink:
         server.socket_address = host, port
         return server
 
-    async def _port_is_free(self, stop: threading.Event) -> None:
-        """Wait for it; meanwhile alarms wait, too, until they are too old."""
+    async def _wait_for_port(self, stop: threading.Event) -> None:
+        """Wait until the port is free; meanwhile give up alarm transitions that become too old."""
         while not stop.is_set():
             try:
                 listen(self._config.host, self._config.port).close()
             except CannotListenError as error:
                 end = monotonic() + self._delivery.failed(str(error))
                 while not stop.is_set() and monotonic() < end:
-                    self._delivery.look()
+                    self._delivery.read_new()
                     await asyncio.sleep(LOOK_S)
             else:
                 return
 
     async def _serve(self, stop: threading.Event) -> None:
-        """Serve until it shall stop."""
+        """Serve until ``stop`` is set."""
         with _without_collections():
-            server = await self._made()
+            server = await self._make_server()
             tree = Tree(server.iserver, await server.register_namespace(NAMESPACE))
             await tree.update(self._snapshot_of(), now_us())
         await self._begin(server, tree, stop)
-        await self._port_is_free(stop)
+        await self._wait_for_port(stop)
         if stop.is_set():
             return
         await server.start()
@@ -163,7 +163,7 @@ class OpcUaLink:
             await server.stop()
 
     async def _begin(self, server: Server, tree: Tree, stop: threading.Event) -> None:
-        """The present state of the alarms, before anybody is let in."""
+        """Load the present state of the alarms, before clients can connect."""
         while not stop.is_set():
             try:
                 await self._conditions.begin(server.iserver, tree)
@@ -176,9 +176,9 @@ class OpcUaLink:
 
 @contextmanager
 def _without_collections() -> Iterator[None]:
-    """The nodes of the standard are a million objects that stay.
+    """Turn off the garbage collector while the server makes its nodes, then exclude these from collections.
 
-    The garbage collector need not look at them again and again, as it holds Python's lock meanwhile.
+    The nodes of the standard are a million permanent objects; scanning them again and again would hold Python's lock.
     """
     gc.disable()
     try:

@@ -1,7 +1,7 @@
-"""Who may use the OPC UA server: its users are the tokens of the API; and the certificate that it is known by.
+"""Access to the OPC UA server, whose users are the tokens of the API; and the server's certificate.
 
-asyncua trusts a client in more than it should: whoever guesses the number of a session could join it, and change the
-subscriptions of others.  Here a session belongs to its connection, and a subscription to its session.
+asyncua trusts clients too much: a client that guesses the number of a session can join it, and can change subscriptions
+of others.  Here a session belongs to its connection, and a subscription to its session.
 """
 
 import socket
@@ -33,7 +33,7 @@ _CHANGING = (
     ua.ObjectIds.HistoryReadRequest_Encoding_DefaultBinary,
     ua.ObjectIds.TransferSubscriptionsRequest_Encoding_DefaultBinary,
 )
-"""Requests that nobody may make: no value can be written, no history read, no subscription of another one taken."""
+"""Requests that nobody may make: writing values, reading history, taking over a subscription of another client."""
 _ALLOWED = frozenset(ua.NodeId(kind) for kind in USER_TYPES if kind not in _CHANGING)
 _REFRESH = frozenset(
     ua.NodeId(method)
@@ -47,12 +47,12 @@ _OLD_PADDING = "http://www.w3.org/2001/04/xmlenc#rsa-1_5"
 log = structlog.get_logger(__name__)
 
 Method = Callable[[str, ua.CallMethodRequest], Awaitable[ua.CallMethodResult | None]]
-"""What the server does at the call of a method by somebody who may operate; None: it has no such method."""
+"""Handles a method call of a user with the scope operate; returns None if there is no such method."""
 
 
 @dataclass
 class Client(User):
-    """A user who was let in.  The secret is asked for again at each request, so that a revoked token ends."""
+    """A user with access.  The secret is checked at each request, so that a revoked token has effect."""
 
     role: UserRole = UserRole.User
     secret: str | None = field(default=None, repr=False)
@@ -62,8 +62,8 @@ class Users(PermissionRuleset):
     """Users by the tokens of the API: the name of a token with its secret as password.
 
     Args:
-        tokens: of the API.
-        anonymous: who gives neither may read.
+        tokens: tokens of the API.
+        anonymous: whether a client without name and password may read.
     """
 
     def __init__(self, tokens: TokenFile, anonymous: bool) -> None:
@@ -71,7 +71,7 @@ class Users(PermissionRuleset):
 
     @property
     def problem(self) -> str:
-        """Why nobody is let in; empty: somebody is."""
+        """Why no client has access; empty: some may have."""
         try:
             known = self._anonymous or self._tokens.tokens()
         except StoreError as error:
@@ -94,8 +94,8 @@ class Users(PermissionRuleset):
         return None
 
     def may(self, user: User, scope: Scope) -> bool:
-        """Whether a user may do this now."""
-        if not isinstance(user, Client):  # before it has logged in
+        """Whether a user has this scope now."""
+        if not isinstance(user, Client):  # not logged in yet
             return False
         if user.secret is None:
             return self._anonymous and user.name == ANONYMOUS and scope is Scope.READ
@@ -105,50 +105,50 @@ class Users(PermissionRuleset):
     def _caller(self, secret: str) -> Caller | None:
         try:
             return self._tokens.caller(secret)
-        except StoreError:  # the state of the link says so
+        except StoreError:  # shown as the problem of the link
             return None
 
     def check_validity(self, user: User, action_type: ua.NodeId, body: object) -> bool:  # noqa: ARG002
-        """Whether a user may make a request of that kind."""
+        """Whether a user may make a request of this kind."""
         return action_type in _ALLOWED and self.may(user, Scope.READ)
 
 
 class Nobody(PermissionRuleset):
-    """Who connects without encryption, where it is needed: asyncua would let everything pass, without any rules."""
+    """Rules for unencrypted connections, if encryption is needed: without rules, asyncua would allow everything."""
 
     def check_validity(self, user: User, action_type: ua.NodeId, body: object) -> bool:  # noqa: ARG002
-        """False: such a connection is good for asking how to connect, which needs no session."""
+        """Always False: on such a connection, a client can only ask how to connect, which needs no session."""
         return False
 
 
 class GuardedServer(InternalServer):
-    """The server behind the connections, with limits, and sessions that nobody else can join.
+    """The server behind the connections, with limits, and with sessions that no other client can join.
 
     Args:
-        users: who is let in.
-        operate: does what a method asks for.
+        users: the users and their scopes.
+        operate: handles method calls.
     """
 
     def __init__(self, users: Users, operate: Method) -> None:
-        super().__init__(user_manager=users)  # its methods count, not its class
+        super().__init__(user_manager=users)  # duck typing: it need not be a UserManager
         self.users, self.operate = users, operate
         self.max_connections, self.max_subscriptions = MOST_CONNECTIONS, MOST_SUBSCRIPTIONS
 
     async def load_standard_address_space(self, shelf_file: object = None) -> None:  # noqa: ARG002
-        """The nodes of the standard, in this thread: there would be no way to end another one when the daemon stops."""
+        """Make the nodes of the standard in this thread, as another thread could not be ended when the daemon stops."""
         standard_address_space.fill_address_space(self.node_mgt_service)
 
     def create_session(self, name: str, user: User | None = None, external: bool = False) -> InternalSession:
-        """A session of one connection, whose user is not known yet."""
+        """Make the session of a connection, whose user is not known yet."""
         who = user or User(role=UserRole.Anonymous)
         return _Session(self, self.aspace, self.subscription_service, name, user=who, external=external)
 
     def lookup_external_session(self, auth_token: ua.NodeId) -> None:  # noqa: ARG002
-        """None: asyncua numbers its sessions in order, and lets a stranger join one before it asks who that is."""
+        """Always None: asyncua numbers sessions in order, and would let a client join one before it has logged in."""
         return
 
     def register_server(self, server: object, conf: object = None) -> None:  # noqa: ARG002
-        """Refused: this is no directory of other servers.
+        """Refuse, as this is no discovery server.
 
         Raises:
             ServiceError: always.
@@ -156,10 +156,10 @@ class GuardedServer(InternalServer):
         raise ServiceError(ua.StatusCodes.BadServiceUnsupported)
 
     def decrypt_user_token(self, isession: Any, token: ua.UserNameIdentityToken) -> tuple[str, str]:
-        """Name and password of a user.
+        """Decrypt name and password of a user.
 
         Raises:
-            ServiceError: the password has a padding from which it can be found out.
+            ServiceError: the padding of the encrypted password is insecure.
         """
         if token.EncryptionAlgorithm == _OLD_PADDING:
             raise ServiceError(ua.StatusCodes.BadIdentityTokenInvalid)
@@ -167,11 +167,11 @@ class GuardedServer(InternalServer):
 
 
 class _Session(InternalSession):
-    """A session that changes only its own subscriptions, and calls methods as its user."""
+    """A session that can change only its own subscriptions, and calls methods with the rights of its user."""
 
     iserver: GuardedServer
 
-    def _own(self, number: int) -> None:
+    def _check_own(self, number: int) -> None:
         subscription = self.subscription_service.subscriptions.get(number)
         if subscription is None or subscription.session_id != self.session_id:
             raise ServiceError(ua.StatusCodes.BadSubscriptionIdInvalid)
@@ -182,7 +182,7 @@ class _Session(InternalSession):
     async def _called(self, method: ua.CallMethodRequest) -> ua.CallMethodResult:
         if method.MethodId in _REFRESH:
             arguments = method.InputArguments or []
-            self._own(arguments[0].Value if arguments else 0)
+            self._check_own(arguments[0].Value if arguments else 0)
             (result,) = await super().call([method])
             return result
         if not self.iserver.users.may(self.user, Scope.OPERATE):
@@ -194,44 +194,44 @@ class _Session(InternalSession):
 
     async def delete_subscriptions(self, ids: list[int]) -> list[ua.StatusCode]:
         for number in ids:
-            self._own(number)
+            self._check_own(number)
         return await super().delete_subscriptions(ids)
 
     async def create_monitored_items(
         self, params: ua.CreateMonitoredItemsParameters
     ) -> list[ua.MonitoredItemCreateResult]:
-        self._own(params.SubscriptionId)
+        self._check_own(params.SubscriptionId)
         return await super().create_monitored_items(params)
 
     async def modify_monitored_items(
         self, params: ua.ModifyMonitoredItemsParameters
     ) -> list[ua.MonitoredItemModifyResult]:
-        self._own(params.SubscriptionId)
+        self._check_own(params.SubscriptionId)
         return await super().modify_monitored_items(params)
 
     async def delete_monitored_items(self, params: ua.DeleteMonitoredItemsParameters) -> list[ua.StatusCode]:
-        self._own(params.SubscriptionId)
+        self._check_own(params.SubscriptionId)
         return await super().delete_monitored_items(params)
 
     async def set_monitoring_mode(self, params: ua.SetMonitoringModeParameters) -> list[ua.StatusCode]:
-        self._own(params.SubscriptionId)
+        self._check_own(params.SubscriptionId)
         return await super().set_monitoring_mode(params)
 
     async def set_publishing_mode(self, params: ua.SetPublishingModeParameters) -> list[ua.StatusCode]:
         for number in params.SubscriptionIds:
-            self._own(number)
+            self._check_own(number)
         return await super().set_publishing_mode(params)
 
     def republish(self, params: ua.RepublishParameters) -> ua.NotificationMessage:
-        self._own(params.SubscriptionId)
+        self._check_own(params.SubscriptionId)
         return super().republish(params)
 
 
 class Identity(NamedTuple):
-    """By what the server is known to its clients."""
+    """Application URI and certificate of the server."""
 
     uri: str
-    """Of the application; that of its certificate, as clients compare them"""
+    """URI of the application; equal to that in the certificate, as clients compare them"""
     certificate: bytes = b""
     """PEM; empty: connections are neither signed nor encrypted"""
     key: bytes = b""
@@ -241,7 +241,7 @@ def identity(config: OpcUaConfig) -> Identity:
     """The identity of a configuration.
 
     Raises:
-        LinkSecretError: its certificate or key cannot be used.
+        LinkSecretError: the certificate or the key cannot be used.
     """
     if config.certificate is None or config.key is None:
         return Identity(f"urn:{socket.gethostname()}:axiswatch")
@@ -267,7 +267,7 @@ def identity(config: OpcUaConfig) -> Identity:
 
 
 def _uri(certificate: x509.Certificate) -> str:
-    """The URI in a certificate; empty: it has none, and some clients refuse it."""
+    """The URI in a certificate; empty: it has none, so that some clients refuse it."""
     try:
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     except x509.ExtensionNotFound:

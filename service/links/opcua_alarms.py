@@ -1,7 +1,7 @@
-"""Alarms as conditions of OPC UA: an event for each transition of the journal, Acknowledge, AddComment, refresh.
+"""Alarms as OPC UA conditions: an event for each transition of the journal; methods to acknowledge, comment, shelve.
 
-A condition is an alarm of the journal.  It is no node: clients name it by the ConditionId of its events, as OPC
-10000-9 allows.  What they do is recorded in the journal, and comes back as a transition, for all of them.
+A condition is an alarm of the journal.  It is no node; clients refer to it by the ConditionId of its events, as OPC
+10000-9 allows.  Their actions are recorded in the journal, and return to all clients as transitions.
 """
 
 import re
@@ -32,11 +32,11 @@ from service.texts.alarm_words import episode_words
 from service.texts.instants import now_us
 
 SEVERITIES: dict[Priority, int] = {"low": 200, "medium": 500, "high": 800}
-"""From 1 to 1000; OPC 10000-9 has low up to 333, high from 667"""
+"""Severities from 1 to 1000; in OPC 10000-9, low is up to 333, high from 667"""
 MOST_COMMENT = 2000
-"""Characters, as in the API"""
+"""Most characters of a comment, as in the API"""
 MOST_RETURNED = 1000
-"""Alarms that have gone and nobody has acknowledged: so many are shown again after a start"""
+"""Most returned, unacknowledged alarms that are loaded at a start"""
 
 _METHODS = {
     ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge): AlarmEvent.ACKNOWLEDGE,
@@ -48,7 +48,7 @@ _SHELVING = {
     ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_Unshelve): (AlarmEvent.UNSHELVE, 0),
     ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_Unshelve2): (AlarmEvent.UNSHELVE, 1),
 }
-"""What a method does, and the number of its arguments: the time [ms] of a shelf; a comment, in the second ones"""
+"""Event and number of arguments of each method: the shelving time [ms]; a comment, in the methods named ...2"""
 _NOT_POSSIBLE = {
     AlarmEvent.ACKNOWLEDGE: ua.StatusCodes.BadConditionBranchAlreadyAcked,
     AlarmEvent.SHELVE: ua.StatusCodes.BadConditionAlreadyShelved,
@@ -61,11 +61,11 @@ log = structlog.get_logger(__name__)
 
 
 class Conditions:
-    """What a Delivery delivers, as conditions of the server, while there is one.
+    """The receiver of a Delivery: shows alarms as conditions of the server, while one runs.
 
     Args:
-        journal: of the alarms.
-        priorities: alarms of these.
+        journal: the alarm journal.
+        priorities: priorities of the alarms to show.
     """
 
     most = PAGE
@@ -77,7 +77,7 @@ class Conditions:
         self._events = dict[int, set[bytes]]()
 
     async def begin(self, server: InternalServer, tree: Tree) -> None:
-        """A server has begun: what is active, or waits for a person, is there for who asks to refresh.
+        """Attach a new server, and load the alarms that are active or wait for a person, for clients' refresh requests.
 
         Raises:
             StoreError: the journal cannot be read.
@@ -91,18 +91,18 @@ class Conditions:
                 await self._show(f"{self._journal.identity}-alarm-{alarm.id}", alarm, alarm.life, note)
 
     def end(self) -> None:
-        """The server has ended."""
+        """Detach the server, which has ended."""
         self._server = self._tree = None
 
     async def send(self, messages: Sequence[Message]) -> None:
-        """An event for each.
+        """Trigger an event for each message.
 
         Raises:
-            UnavailableError: there is no server.
+            UnavailableError: no server runs.
         """
         for m in messages:
             t = m.transition
-            # Of a hidden alarm a transition does not tell the state below.
+            # The transition of a hidden alarm does not contain the state to which it returns.
             life = m.alarm.life if t.to_state in HIDDEN_STATES else AlarmLife(t.to_state)
             await self._show(m.id, m.alarm, life, Note(t.at_us, t.who, t.comment))
 
@@ -118,7 +118,7 @@ class Conditions:
         await self._server.subscription_service.trigger_event(event)
 
     async def operate(self, who: str, method: ua.CallMethodRequest) -> ua.CallMethodResult | None:
-        """Do what a method asks for; None: it is no method of a condition."""
+        """Handle a method call; returns None if it is no method of a condition."""
         number, arguments = _alarm_id(method.ObjectId), [v.Value for v in method.InputArguments or []]
         shelving = _SHELVING.get(method.MethodId)
         event = _METHODS.get(method.MethodId) if shelving is None else shelving[0]
@@ -164,7 +164,7 @@ class Conditions:
         return self._done(number, event, Note(at_us, who, comment), until_us)
 
     def _done(self, number: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> ua.StatusCode:
-        """What came of an event in the journal."""
+        """Record an event in the journal; returns the status code."""
         try:
             self._journal.act(number, event, note, until_us)
         except AlarmTransitionError:
@@ -174,7 +174,7 @@ class Conditions:
                 and alarm is not None
                 and alarm.life.state is not AlarmState.SHELVED
             ):
-                return _code(ua.StatusCodes.BadInvalidState)  # as it has returned
+                return _code(ua.StatusCodes.BadInvalidState)  # the alarm is no longer active
             return _code(_NOT_POSSIBLE.get(event, ua.StatusCodes.BadInvalidState))
         except StoreError as error:
             log.error("an OPC UA client cannot act on an alarm", reason=str(error))
@@ -183,7 +183,7 @@ class Conditions:
 
 
 def condition(tree: Tree, alarm: RecordedAlarm, life: AlarmLife, note: Note) -> AlarmCondition:
-    """The event of an alarm in a state of its life, and what was noted when it came into it."""
+    """The event for an alarm in a state, with the note of the transition to that state."""
     event = AlarmCondition(
         tree.known(alarm.axis),
         episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload),
@@ -211,7 +211,7 @@ def condition(tree: Tree, alarm: RecordedAlarm, life: AlarmLife, note: Note) -> 
 
 
 def _put(event: AlarmCondition, name: str, state: bool, word: str, other: str = "") -> None:
-    """A state of two, with its word."""
+    """Set a two-state variable with its text."""
     setattr(event, name, ua.LocalizedText(word if state or not other else other))
     setattr(event, f"{name}/Id", state)
 
@@ -225,13 +225,13 @@ def _put_shelf(event: AlarmCondition, shelved: bool) -> None:
 
 
 def _alarm_id(node: ua.NodeId) -> int | None:
-    """The number of the alarm of a ConditionId; None: it is none."""
+    """The number of the alarm in a ConditionId; None: it is no ConditionId of an alarm."""
     found = _CONDITION_ID.fullmatch(str(node.Identifier))
     return None if found is None else int(found[1])
 
 
 def _comment(argument: object) -> str | None:
-    """The text of a comment; None: it is none."""
+    """The text of a comment; None: the argument is no valid text."""
     if argument is None:
         return ""
     text = argument.Text if isinstance(argument, ua.LocalizedText) else argument

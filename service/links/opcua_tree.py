@@ -1,7 +1,7 @@
-"""The axes as nodes of OPC UA, in the order and by the names of OPC 40010-1 (robotics), and their values.
+"""The axes as OPC UA nodes with their values, in the structure and with the names of OPC 40010-1 (robotics).
 
 ``MotionDeviceSystem/MotionDevices/ROBOT/Axes/AXIS/ParameterSet/PARAMETER`` is the estimate of a parameter; its status
-says whether it can be relied on.  Below it are the nominal value, the standard deviation, the status in words.
+code says whether it is reliable.  Below it are nominal value, standard deviation, and the status in words.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ NAMESPACE = "urn:axiswatch"
 SYSTEM = "MotionDeviceSystem"
 _UNECE = "http://www.opcfoundation.org/UA/units/un/cefact"
 _CODES = {"1": "C62", "N m": "NU", "kg m^2": "B32", "s": "SEC", "rad": "C81", "rad/s": "2A", "W": "WTT"}
-"""Of UNECE recommendation 20; other units have none, and only their text"""
+"""Codes of UNECE recommendation 20; other units have only a text"""
 
 _GOOD = ua.StatusCodes.Good
 _NO_VALUE = ua.StatusCodes.BadWaitingForInitialData
@@ -39,7 +39,7 @@ _FIELDS = {
     "Status": (_STRING, "state of the parameter, as in the API"),
     "NotTestedReason": (_STRING, "why no change of it would be found now; empty: it would"),
 }
-"""Below each parameter"""
+"""Variables below each parameter"""
 _OF_AXIS = {
     "GatedBy": (_STRING, "operating condition that excludes the samples now; empty: none"),
     "Epoch": (_STRING, "learning, verifying or current: what is under way with the nominal values"),
@@ -55,14 +55,14 @@ _Branch = tuple[object, ...]
 
 
 class _Content(ua.DataValue):
-    """A value that never changes: asyncua copies it for each subscription, which would take longer than all else."""
+    """An immutable value, which need not be copied: asyncua copies values for each subscription, which takes long."""
 
     def __deepcopy__(self, _memo: object) -> "_Content":
         return self
 
 
 class Reading(NamedTuple):
-    """The value of a node now."""
+    """The present value of a node."""
 
     node: str
     kind: ua.VariantType
@@ -72,7 +72,7 @@ class Reading(NamedTuple):
 
 
 def quality(axis: AxisSnapshot, p: ParameterStatus, now_us: int) -> int:
-    """The status code of an estimate: good while the parameter is tested with samples of now."""
+    """The status code of an estimate: good while the parameter is tested with present samples."""
     if axis.status.time_us is None:
         return _NO_VALUE
     if p.status is Status.INVALID or not math.isfinite(p.estimate):
@@ -85,7 +85,7 @@ def quality(axis: AxisSnapshot, p: ParameterStatus, now_us: int) -> int:
 
 
 def unit_of_measure(unit: str) -> ua.EUInformation:
-    """A unit as OPC UA has it."""
+    """A unit in the form of OPC UA."""
     code = _CODES.get(unit)
     return ua.EUInformation(
         NamespaceUri=NAMESPACE if code is None else _UNECE,
@@ -96,10 +96,10 @@ def unit_of_measure(unit: str) -> ua.EUInformation:
 
 
 class Tree:
-    """Nodes of the axes and buses of snapshots.
+    """The nodes of axes and buses.
 
     Args:
-        server: has the nodes.
+        server: server with the nodes.
         namespace: index of ``NAMESPACE``.
     """
 
@@ -113,22 +113,22 @@ class Tree:
             self._add(self._object(folder, SYSTEM, folder, folder=True))
 
     def node_id(self, name: str) -> ua.NodeId:
-        """The id of a node, such as ``cell1.axis1/fm``; it stays the same whenever the server starts."""
+        """The id of a node, such as ``cell1.axis1/fm``; it is the same after every start of the server."""
         return ua.NodeId(name, self._namespace)
 
     def known(self, name: str) -> ua.NodeId:
-        """The id of a node that there is; else the null id."""
+        """The id of an existing node; the null id if there is none."""
         return self._ids.get(name, ua.NodeId())
 
     async def update(self, snapshot: Snapshot, now_us: int) -> int:
-        """Follow the axes, and write the values that have changed; their number."""
+        """Add and remove nodes as axes change, and write changed values; returns the number of written values."""
         await self._follow(snapshot)
         count, now = 0, _time(now_us)
         code = _GOOD if is_alive(snapshot, now_us) else _OLD
         for axis in snapshot.axes:
             sampled = now if axis.status.time_us is None else _time(axis.status.time_us)
             count += await self._write(_axis_readings(axis, now_us, code), sampled, now)
-            await asyncio.sleep(0)  # clients need not wait for all axes
+            await asyncio.sleep(0)  # so that clients need not wait for all axes
         for bus in snapshot.buses:
             place = f"Controllers/{bus.name}"
             readings = (
@@ -150,10 +150,10 @@ class Tree:
             count += 1
         return count
 
-    # --- Nodes come and go with the axes -----------------------------------------------------------------------------
+    # --- Adding and removing nodes -----------------------------------------------------------------------------------
 
     async def _follow(self, snapshot: Snapshot) -> None:
-        """Nodes of new axes and buses; none of those that are gone, or have other parameters."""
+        """Add nodes of new axes and buses; remove those of axes and buses that are gone or have other parameters."""
         wanted = _branches(snapshot)
         for branch in self._branches.keys() - wanted.keys():
             await self._remove(self._branches.pop(branch))
@@ -162,13 +162,13 @@ class Tree:
                 self._branches[branch] = [self._add(item) for item in items(self)]
 
     def _add(self, item: ua.AddNodesItem) -> str:
-        """Add a node; its name."""
+        """Add a node; returns its name."""
         (result,) = self._server.node_mgt_service.add_nodes([item])
         result.StatusCode.check()
         return str(item.RequestedNewNodeId.Identifier)
 
     async def _remove(self, names: Iterable[str]) -> None:
-        """Remove nodes; who has subscribed to them is told, which asyncua's own way does not do."""
+        """Remove nodes and notify their subscribers, which asyncua's own function does not do."""
         space, gone = self._server.aspace, ua.DataValue(StatusCode=ua.StatusCode(_GONE))
         for name in [*names][::-1]:
             node = self._ids.pop(name)
@@ -184,7 +184,7 @@ class Tree:
             del space[node]
 
     def bus(self, name: str) -> Iterator[ua.AddNodesItem]:
-        """Nodes of a bus, behind which is the controller of a robot."""
+        """Nodes of a bus, as a controller."""
         place = f"Controllers/{name}"
         yield self._object(place, "Controllers", name)
         yield from self._set(place, _OF_BUS)
@@ -203,7 +203,7 @@ class Tree:
             yield from self._parameter(axis.id, p)
 
     def _set(self, place: str, fields: dict[str, tuple[ua.VariantType, str]]) -> Iterator[ua.AddNodesItem]:
-        """The ParameterSet of an object, with variables."""
+        """The ParameterSet of an object with its variables."""
         name = f"{place}/ParameterSet"
         yield self._object(name, place, "ParameterSet")
         for key, (kind, meaning) in fields.items():
@@ -253,7 +253,7 @@ class Tree:
         attributes = _attributes(title, ua.NodeId(ua.ObjectIds.EUInformation), "")
         attributes.Value = value
         item = self._item(name, parent, title, ua.NodeClass.Variable, attributes)
-        item.BrowseName = ua.QualifiedName(title, 0)  # a name of the standard
+        item.BrowseName = ua.QualifiedName(title, 0)  # the name belongs to the standard
         item.TypeDefinition, item.ReferenceTypeId = (
             ua.NodeId(ua.ObjectIds.PropertyType),
             ua.NodeId(ua.ObjectIds.HasProperty),
@@ -272,7 +272,7 @@ class Tree:
 
 
 def _branches(snapshot: Snapshot) -> dict[_Branch, Callable[[Tree], Iterator[ua.AddNodesItem]]]:
-    """What has nodes of its own, with all that they depend on, and how they are made; robots before their axes."""
+    """Groups of nodes by all that they depend on, with the function that makes them; robots before their axes."""
     found = dict[_Branch, Callable[[Tree], Iterator[ua.AddNodesItem]]]()
     for bus in snapshot.buses:
         found["bus", bus.name] = partial(Tree.bus, name=bus.name)
@@ -284,7 +284,7 @@ def _branches(snapshot: Snapshot) -> dict[_Branch, Callable[[Tree], Iterator[ua.
 
 
 def _attributes(title: str, data_type: ua.NodeId, meaning: str) -> ua.VariableAttributes:
-    """Of a variable that can be read only, and has no value yet."""
+    """Attributes of a read-only variable without a value."""
     mask = ua.NodeAttributesMask
     attributes = ua.VariableAttributes()
     attributes.SpecifiedAttributes = (
@@ -305,7 +305,7 @@ def _attributes(title: str, data_type: ua.NodeId, meaning: str) -> ua.VariableAt
 
 
 def _axis_readings(axis: AxisSnapshot, now_us: int, alive: int) -> Iterator[Reading]:
-    """What is read of an axis.  ``alive``: status code of what does not depend on samples."""
+    """The values of the nodes of an axis.  ``alive``: status code of values that do not depend on samples."""
     waits = axis.status.time_us is None
     code = _OLD if is_silent(axis, now_us) and not waits else alive
     alarms = ", ".join(dict.fromkeys(e.parameter for e in axis.open_alarms if e.kind != "forecast"))
@@ -322,7 +322,7 @@ def _axis_readings(axis: AxisSnapshot, now_us: int, alive: int) -> Iterator[Read
 
 
 def _number(node: str, value: float, code: int) -> Reading:
-    """A number; a bad one has no value."""
+    """The reading of a number; one with a bad status code has no value."""
     if not math.isfinite(value):
         code = _INVALID if code in (_GOOD, _OLD, _NOT_JUDGED) else code
     return Reading(node, _DOUBLE, None if code in (_NO_VALUE, _INVALID) else value, code)

@@ -1,4 +1,4 @@
-"""The links of a configuration, in one thread of their own: a task for each, which waits for no other."""
+"""Runs the configured links in one separate thread, with an independent task for each."""
 
 import asyncio
 import contextlib
@@ -16,7 +16,7 @@ from service.store.journal import Journal
 from service.store.outbox import OUTBOX_FILE, Outbox
 
 STOP_S = 3.0
-"""Time in which the links must have ended [s]; what they have not delivered is delivered after the next start"""
+"""Longest wait for the links to end [s]; undelivered transitions are delivered after the next start"""
 
 log = structlog.get_logger(__name__)
 
@@ -26,21 +26,21 @@ class Link(Protocol):
 
     @property
     def snapshot(self) -> LinkSnapshot:
-        """The newest state."""
+        """The present state of the link."""
 
     async def run(self) -> None:
-        """Until it is cancelled."""
+        """Run until cancelled."""
 
 
 class AlarmLink:
-    """A link that delivers alarms and nothing else."""
+    """A link that only delivers alarms."""
 
     def __init__(self, delivery: Delivery) -> None:
         self._delivery = delivery
 
     @property
     def snapshot(self) -> LinkSnapshot:
-        """The newest state."""
+        """The present state of the link."""
         return self._delivery.snapshot
 
     async def run(self) -> None:
@@ -50,14 +50,14 @@ class AlarmLink:
 
 
 class Links:
-    """All links of a configuration; nothing of them is imported where there are none.
+    """All configured links; their libraries are imported only if they are configured.
 
     Args:
-        config: which ones.
+        config: the links.
         state_dir: folder of the outbox.
-        journal: with what they deliver.
-        snapshot: returns the newest one.
-        recording_of: name of the recording of a time; None: there is none (yet).
+        journal: source of the transitions.
+        snapshot: returns the newest snapshot.
+        recording_of: returns the name of the recording of a time; None: there is none (yet).
 
     Raises:
         LinkSecretError: a secret or a certificate cannot be used.
@@ -76,7 +76,7 @@ class Links:
         self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
         try:
             self._done = self._outbox.begin(config.names)
-            self.links: tuple[Link, ...] = tuple(self._made(config, state_dir, snapshot))
+            self.links: tuple[Link, ...] = tuple(self._make_links(config, state_dir, snapshot))
         except BaseException:
             self._outbox.close()
             raise
@@ -88,7 +88,7 @@ class Links:
             log.warning("start", message=message)
 
     def snapshots(self) -> Sequence[LinkSnapshot]:
-        """The newest state of each."""
+        """The present state of each link."""
         return [link.snapshot for link in self.links]
 
     def start(self) -> None:
@@ -99,7 +99,7 @@ class Links:
         """End the thread, and close the outbox."""
         if self._thread.ident is not None:
             self._started.wait()
-            with contextlib.suppress(RuntimeError):  # it has ended
+            with contextlib.suppress(RuntimeError):  # the loop has ended
                 self._loop.call_soon_threadsafe(self._stop.set)
             self._thread.join(STOP_S)
         self._outbox.close()
@@ -113,8 +113,10 @@ class Links:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _made(self, config: LinksConfig, state_dir: Path, snapshot: Callable[[], Snapshot]) -> Iterator[Link]:
-        """The links; the library of each is imported only where it is configured."""
+    def _make_links(
+        self, config: LinksConfig, state_dir: Path, snapshot: Callable[[], Snapshot]
+    ) -> Iterator[Link]:
+        """Make the links; the library of each is imported only if it is configured."""
         if config.webhook:
             from service.links.webhook import webhook
 
@@ -148,7 +150,7 @@ class Links:
 
 
 async def _run_on(link: Link) -> None:
-    """Run a link; a fault of the program in it stops neither it nor anything else."""
+    """Run a link; after an unexpected exception it is run again, and other links are not affected."""
     while True:
         try:
             await link.run()

@@ -1,4 +1,4 @@
-"""Webhook: each transition of an alarm is posted as JSON, with a signature that holds for some minutes only."""
+"""Webhook link: posts each transition of an alarm as JSON, with a signature that is valid for some minutes."""
 
 import asyncio
 import hashlib
@@ -20,22 +20,22 @@ from service.web import views
 from service.web.app_state import VERSION
 
 TRY_AGAIN = (408, 425, 429)
-"""What a receiver may answer that is busy; every 5xx, too.  The rest of 4xx is no wish to get it again."""
+"""Answers that lead to a retry, as do all 5xx; any other 4xx is a refusal."""
 
 
 def signature(key: bytes, timestamp: int, body: bytes) -> str:
-    """Of a request, as in its header; the timestamp in seconds since 1970 keeps an old one from being sent again."""
+    """The signature header of a request; the timestamp [s since 1970] in it prevents a replay of old requests."""
     return "sha256=" + hmac.new(key, b"%d." % timestamp + body, hashlib.sha256).hexdigest()
 
 
 class Webhook:
-    """The receiver at an address.
+    """The receiver: posts to an address.
 
     Args:
-        url: of the receiver.
-        key: of the signature.
-        context: how its certificate is verified.
-        timeout_s: within which it must answer [s].
+        url: address of the receiver.
+        key: key of the signature.
+        context: TLS context, for verifying the receiver's certificate.
+        timeout_s: time within which the receiver must answer [s].
         now_us: wall clock.
     """
 
@@ -54,11 +54,11 @@ class Webhook:
         self._host = urlsplit(url).netloc
 
     async def send(self, messages: Sequence[Message]) -> None:
-        """Post one message.
+        """Post messages.
 
         Raises:
-            UnavailableError: no answer, or one that asks for another try.
-            RefusedError: any other answer than 2xx; redirects are not followed, as they may lead anywhere.
+            UnavailableError: there is no answer, or an answer that leads to a retry.
+            RefusedError: any other answer than 2xx; redirects are not followed, as they may lead to any host.
         """
         for message in messages:
             now_us = self._now_us()
@@ -70,7 +70,7 @@ class Webhook:
                 raise RefusedError(answers(self._host, _named(status)))
 
     async def _post(self, body: bytes, timestamp: int) -> tuple[int, float | None]:
-        """The status of the answer, and the time for which it asks [s]; what else it says is not read."""
+        """Post a body; returns the status of the answer and the requested waiting time [s]; its body is not read."""
         headers = {
             "content-type": "application/json",
             "user-agent": f"axiswatch/{VERSION}",
@@ -78,9 +78,11 @@ class Webhook:
             "x-axiswatch-signature": signature(self._key, timestamp, body),
         }
         try:
-            # One connection for each: alarms are rare, and a receiver would have closed it long since.
+            # A new connection for each post: alarms are rare, and the receiver would have closed an old one.
             async with (
-                asyncio.timeout(self._timeout_s),  # httpx would have it for each step alone
+                asyncio.timeout(
+                    self._timeout_s
+                ),  # for the whole request; httpx applies its timeout to each step
                 httpx.AsyncClient(verify=self._context, trust_env=False, timeout=self._timeout_s) as http,
                 http.stream("POST", self._url, content=body, headers=headers) as answer,
             ):
@@ -94,7 +96,7 @@ class Webhook:
             raise UnavailableError(f"{self._host}: {str(error) or type(error).__name__}") from None
 
     def _retry_after_s(self, text: str) -> float | None:
-        """Retry-After in seconds, or as a date."""
+        """Waiting time [s] from Retry-After, which is in seconds or a date; None: not given."""
         if text.isascii() and text.isdigit():
             return float(text)
         try:
@@ -113,7 +115,7 @@ def webhook(config: WebhookConfig) -> Webhook:
     """The webhook of a configuration.
 
     Raises:
-        LinkSecretError: its key or its authority cannot be used.
+        LinkSecretError: the key or the certificate of the authority cannot be used.
     """
     signing = key(config.secret_file, config.secret_env)
     return Webhook(config.url, signing, tls(config.ca_file), config.timeout_s)

@@ -1,7 +1,7 @@
-"""Results for people and programs: of ``model``, ``excite``, ``identify``, ``calibrate``, ``commission``, ``replay``.
+"""Reports for people and programs: of ``model``, ``excite``, ``identify``, ``calibrate``, ``commission``, ``replay``.
 
 * ``*_report``: sentences and tables, for the terminal and for the page.  ``*_files``: TOML and JSON.
 * ``*_html`` and ``*_plots``: the page, from ``templates/``, and its pictures.
-* ``replay_result`` and ``replay_course``: what a replay collects while it runs.
-* ``formats`` and ``plot_style``: what all of them share.
+* ``replay_result`` and ``replay_course``: results that a replay collects while it runs.
+* ``formats`` and ``plot_style``: shared by all of them.
 """

@@ -23,7 +23,7 @@ Json = dict[str, Any]
 
 
 def as_toml(calibration: Calibration) -> str:
-    """thresholds.toml."""
+    """The contents of thresholds.toml."""
     return "\n".join(_tables(calibration))
 
 
@@ -87,13 +87,13 @@ def _rate(result: DetectorResult) -> Json:
 
 
 def _hypothesis(own: Limit) -> Json:
-    """Without what it does not have."""
+    """The values without those that are None."""
     entries = {name: value for name, value in fields_of(own).items() if name != "alike" or value}
     return {name: value for name, value in entries.items() if name != "size" or math.isfinite(value)}
 
 
 def as_json(calibration: Calibration) -> str:
-    """Everything that was found."""
+    """All results of a calibration, for JSON."""
     result, made = calibration.result, calibration.provenance
     return json_text(
         {
@@ -179,7 +179,7 @@ _HEIGHT = 2.9
 
 
 def as_html(calibration: Calibration) -> str:
-    """The whole page."""
+    """The complete HTML page."""
     return render(
         "calibration.html",
         title=f"Calibration of {calibration.axis.id}",
@@ -204,7 +204,7 @@ def as_html(calibration: Calibration) -> str:
 
 
 def _smallest_with_meaning(calibration: Calibration) -> Table:
-    """As on the terminal, and what each parameter is."""
+    """The tables of the terminal, with the meaning of each parameter."""
     (first, *titles), rows = content.smallest(calibration)
     meanings = [p.meaning for p in calibration.result.model.parameters]
     with_meaning = [(name, about, *sizes) for (name, *sizes), about in zip(rows, meanings, strict=True)]
@@ -242,11 +242,11 @@ _LOOKS: tuple[Look, Look] = (
     {"color": TEXT, "marker": "o", "ms": 5},
     {"color": QUIET, "marker": "s", "ms": 5, "mfc": PANEL},
 )
-"""Lines of the detector that alarms, and of the other one"""
+"""Line styles of the detector that alarms and of the other one"""
 
 
 def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, look: Look) -> None:
-    """Curves of one detector; there is no delay where it detects nothing."""
+    """Curves of one detector; without a delay where it detects nothing."""
     mine = [trial for trial in result.caught if trial.fault.parameter == name]
     mine.sort(key=lambda trial: trial.fault.size)
     sizes = [100 * trial.fault.size for trial in mine]

@@ -29,17 +29,17 @@ class Calibration:
     provenance: Provenance
     alarms: DetectorName = "cusum"
     ranges: Sequence[Range] = ()
-    """Of the conditions in the records"""
+    """Ranges of the conditions in the records"""
 
     @property
     def detectors(self) -> tuple[DetectorResult, ...]:
-        """Performance of each detector, first of the one that will raise the alarms."""
+        """Performance of each detector; the detector that raises the alarms comes first."""
         results = [d for d in (self.result.by_bank, self.result.tests) if d is not None]
         return tuple(sorted(results, key=lambda d: d.detector != self.alarms))
 
 
 def print_text(calibration: Calibration, console: Console) -> None:
-    """The smallest changes found in time; the promise; faults and names, by the detector that alarms; thresholds."""
+    """Report the smallest changes found in time, the promise, faults and names of the alarming detector, thresholds."""
 
     def show(title: str, table: Table) -> None:
         console.print(for_terminal(table, title))
@@ -77,7 +77,7 @@ _SELDOM = 0.05
 
 
 def answer(calibration: Calibration) -> str:
-    """First of all: from which change of each parameter on the detector that alarms is in time."""
+    """First line of the report: the smallest change of each parameter that the alarming detector finds in time."""
     first, result = calibration.detectors[0], calibration.result
     if not first.caught:
         return "What would be found was not tried."
@@ -93,7 +93,7 @@ def answer(calibration: Calibration) -> str:
 
 
 def promises(calibration: Calibration) -> Iterator[str]:
-    """False-alarm rate of each detector in one sentence; or why there is no multi-model detector."""
+    """False-alarm rate of each detector in one sentence, or why there is no multi-model detector."""
     for detector in calibration.detectors:
         yield f"The {DETECTORS[detector.detector]}, {part(calibration, detector)}: {detector.promise}."
     if calibration.result.bank is None:
@@ -101,7 +101,7 @@ def promises(calibration: Calibration) -> Iterator[str]:
 
 
 def part(calibration: Calibration, detector: DetectorResult) -> str:
-    """The role of a detector with these thresholds."""
+    """The role of a detector when these thresholds are used."""
     return f"which {_VERB[detector.detector][detector.detector != calibration.alarms]}"
 
 
@@ -157,7 +157,7 @@ def _smallest(size: float | None) -> str:
 
 
 def faults(calibration: Calibration, result: DetectorResult) -> Table:
-    """A row for each fault, as detected by a detector, with the delay of the other one that tried the same."""
+    """A row for each fault found by a detector, with the delay of the other detector if it was tested on it, too."""
     named = "named" if result.detector == "multimodel" else "named first"
     others = [d for d in calibration.detectors if d.detector != result.detector and d.caught]
     medians = [f"{_SHORT[other.detector]}: median" for other in others]
@@ -181,7 +181,7 @@ def _seconds(delay: float) -> str:
 
 
 def _names(trial: TrialResult) -> str:
-    """Names of its alarms, the most frequent first; rare ones are counted together."""
+    """Names given by its alarms, the most frequent first; rare ones are counted together."""
     counts = sorted(((trial.first.count(name), name) for name in set(trial.first) if name), reverse=True)
     total = sum(n for n, _ in counts)
     often = [(n, name) for n, name in counts if n == counts[0][0] or n >= _SELDOM * total]
@@ -202,7 +202,7 @@ def confusion(result: DetectorResult) -> Table:
 
 
 def conditions(calibration: Calibration) -> Table:
-    """A row for each condition: outside of these ranges the promise does not hold."""
+    """A row for each condition; outside of these ranges the promise is not valid."""
     rows = [(r.condition, plain(r.low, 3), plain(r.high, 3)) for r in calibration.ranges]
     return Table(("", "lowest", "highest"), rows)
 
@@ -211,7 +211,7 @@ _ONE_DAY_S, _SHORT_S = 86400.0, 3600.0
 
 
 def one_sided(records: Sequence[SampleBlock], found: Sequence[Range]) -> Iterator[str]:
-    """Cautions about records that cover little of what the axis will meet."""
+    """Cautions about records that cover little of the conditions that the axis will meet."""
     starts = [record.t_us[0] * 1e-6 for record in records]
     longest = max((record.t_us[-1] - record.t_us[0]) * 1e-6 for record in records)
     if max(starts) - min(starts) < _ONE_DAY_S and longest < _SHORT_S:

@@ -1,4 +1,4 @@
-"""The summary of a commissioned robot: each axis with what is found how soon, what is not, and the next step."""
+"""The summary of a commissioned robot: for each axis what is found how fast, what is not found, and the next step."""
 
 import shlex
 from collections.abc import Sequence
@@ -14,42 +14,42 @@ READY = "ready"
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an axis, in values and words."""
+    """The result of commissioning an axis, in values and words."""
 
     axis_id: str
     verdict: str = ""
     outlook: str = ""
-    """What can be watched, and what would give the rest"""
+    """What can be monitored, and what is needed for the rest"""
     watched: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     corrections: tuple[Correction, ...] = ()
     nominal_file: str | None = None
     thresholds_file: str | None = None
     budget_s: float | None = None
-    """Of the thresholds; None: there are none"""
+    """Operating time between false alarms by the thresholds; None: there are no thresholds"""
     promise: str = ""
     within_s: float = 0.0
     smallest: tuple[tuple[str, float | None, float | None], ...] = ()
-    """By parameter, the smallest changes up and down that are found within that time"""
+    """The smallest changes up and down that are found within that time, by parameter"""
     untested: tuple[str, ...] = ()
-    """Parameters that `replay` would not test in these very records"""
+    """Parameters that `replay` would not test in these same records"""
     refusal: str = ""
-    """Why the axis has no nominal values, or no thresholds; empty: it has both"""
+    """Why the axis has no nominal values or no thresholds; empty: it has both"""
     pages: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
-    """What the records do not show"""
+    """Parameters that the records do not determine"""
     excite: tuple[str, ...] = ()
-    """Options of `excite` for a motion that would"""
+    """Options of `excite` for a motion that would determine them"""
     motion: str = ""
     """File with that motion, beside the report; empty: there is none"""
     motion_s: float = 0.0
-    """How long it is"""
+    """Duration of that motion"""
     fault: bool = False
-    """A fault of the program, not one of the records, is why"""
+    """The refusal is an internal error, not a fault of the records"""
 
     @property
     def finds(self) -> dict[str, float]:
-        """By parameter that is tested, the smallest change that is found in time in either direction."""
+        """The smallest change of each tested parameter that is found in time in either direction."""
         sizes = {name: (up, down) for name, up, down in self.smallest if name not in self.untested}
         return {
             name: max(abs(up), abs(down))
@@ -70,12 +70,12 @@ class Outcome:
 
     @property
     def is_blind(self) -> bool:
-        """Whether nothing would be tested in its own records."""
+        """Whether no parameter would be tested in its own records."""
         return bool(self.untested) and set(self.watched) <= set(self.untested)
 
     @property
     def state(self) -> str:
-        """Whether it is ready, and else why not."""
+        """Whether the axis is ready, or else why not."""
         if self.refusal:
             return self.refusal
         if self.is_blind:
@@ -85,19 +85,19 @@ class Outcome:
 
     @property
     def found(self) -> Found | None:
-        """For the configuration; None: the axis cannot be monitored."""
+        """The results for the configuration; None: the axis cannot be monitored."""
         if self.nominal_file is None or not self.watched:
             return None
         return Found(self.nominal_file, self.thresholds_file, self.watched)
 
 
 def own_config(axis_id: str) -> str:
-    """Name of the configuration of an axis of which nothing can be watched yet, from which a motion is planned."""
+    """Name of the configuration of an axis that cannot be monitored yet; a motion is planned from it."""
     return f"{axis_id}.toml"
 
 
 def motion_step(outcome: Outcome, config: Path) -> str:
-    """Which motion would show what the records of an axis do not; empty: they show all that can be shown.
+    """The motion that would show what the records of an axis lack; empty: none would show more.
 
     ``config``: of the commissioned robot.
     """
@@ -122,7 +122,7 @@ def motion_step(outcome: Outcome, config: Path) -> str:
 
 
 def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: str) -> str:
-    """What to do now, in a sentence or two.
+    """The next step, in a sentence or two.
 
     ``config``: of the commissioned robot; ``again``: the command that records, or takes, planned motions.
     """
@@ -145,7 +145,7 @@ def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: 
 
 
 def recording_s(outcomes: Sequence[Outcome]) -> float:
-    """How long a record of all planned motions takes, one after the other, with time to start each."""
+    """Duration of a record of all planned motions one after the other, with time to start each."""
     return sum(outcome.motion_s + _TO_START_S for outcome in outcomes if outcome.motion)
 
 
@@ -180,7 +180,7 @@ def overview(outcomes: Sequence[Outcome]) -> Table:
 
 
 def as_html(outcomes: Sequence[Outcome], next_step: str, config: Path, provenance: Provenance) -> str:
-    """The page, beside the pages of each axis; ``config``: of the commissioned robot."""
+    """The page, which lies beside the pages of each axis; ``config``: configuration of the commissioned robot."""
     known = [outcome.notes for outcome in outcomes if outcome.notes]
     common = [note for note in known[0] if all(note in notes for notes in known)] if len(known) > 1 else []
     ready = sum(outcome.state == READY for outcome in outcomes)

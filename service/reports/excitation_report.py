@@ -18,7 +18,7 @@ REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
 def as_csv(experiment: PlannedExperiment, torques: Mapping[str, float]) -> str:
     """Time, the predicted torque, speed and angle, and the reference where one is followed.
 
-    ``torques``: columns of the torque, with what they are of it.
+    ``torques``: columns of the torque, with their factors.
     """
     motion, task = experiment.motion, experiment.task
     columns = {
@@ -36,7 +36,7 @@ def as_csv(experiment: PlannedExperiment, torques: Mapping[str, float]) -> str:
 
 
 def print_text(experiment: PlannedExperiment, axis: str, console: Console) -> None:
-    """Course, limits, crest factor, predicted standard deviations, and warnings."""
+    """Time course, limits, crest factor, predicted standard deviations, and warnings."""
     task, signal = experiment.task, experiment.trial.signal
     s, h = task.schedule, task.plant.interval_s
     console.print(

@@ -1,4 +1,4 @@
-"""Numbers, tables, JSON, TOML and pages as all reports write them, and how a result was made."""
+"""Numbers, tables, JSON, TOML and pages as all reports write them, and the origin of a result."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _DIGITS, _FEW = 10, 5
 
 
 class Provenance(NamedTuple):
-    """How a result was made: ``date`` in ISO 8601, ``drawing`` name and sha256 of the drive's file, if it has one."""
+    """Origin of a result: ``date`` in ISO 8601, ``drawing`` name and sha256 of the drive's file, if it has one."""
 
     version: str
     date: str
@@ -37,24 +37,24 @@ class Provenance(NamedTuple):
 
     @classmethod
     def now(cls, drawing: tuple[str, str] | None = None) -> Provenance:
-        """By this program and its command line, at this time."""
+        """Origin of a result of this program with its command line, at the present time."""
         date = datetime.now(UTC).isoformat(timespec="seconds")
         return cls(version("axiswatch"), date, shlex.join(["axiswatch", *sys.argv[1:]]), drawing)
 
 
 def plain(value: float, digits: int) -> str:
-    """So many digits, large numbers in full: 281330, not 2.8133e+05."""
+    """A number with so many digits; large numbers in full: 281330, not 2.8133e+05."""
     rounded = float(f"{value:.{digits}g}")
     return f"{rounded:.0f}" if 10 ** (digits - 1) <= abs(rounded) < _FULL else f"{value:.{digits}g}"
 
 
 class Fact(NamedTuple):
-    """A value of a result as files have it: JSON the value, TOML also what it means."""
+    """A value of a result in files: JSON contains the value, TOML also its meaning."""
 
     value: Any
     meaning: str = ""
     rough: bool = False
-    """It is known to five digits only"""
+    """The value is known to five digits only"""
 
 
 # --- Tables -----------------------------------------------------------------------------------------------------------
@@ -70,15 +70,15 @@ class Table(NamedTuple):
 def for_terminal(
     table: Table, title: str, right: Collection[str] = (), unbroken: int = 2, styles: Mapping[int, str] = {}
 ) -> RichTable:
-    """The table as rich draws it; cells may contain markup, which is shown as it is.
+    """The table for rich; markup in cells is shown unchanged.
 
-    ``right``: titles of columns that are aligned at the right; ``unbroken``: so many columns are never broken;
-    ``styles``: of rows, by their number.
+    ``right``: titles of right-aligned columns; ``unbroken``: number of columns that are never broken; ``styles``:
+    styles of rows, by row number.
     """
     drawn = RichTable(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
     for number, name in enumerate(table.titles):
         side: Literal["right", "left"] = "right" if name in right else "left"
-        # What is too wide is broken, not cut: a number without its last digits is another number.
+        # Wide cells are folded, not cut: without its last digits a number would be another number.
         drawn.add_column(name, justify=side, no_wrap=number < unbroken, overflow="fold")
     for number, row in enumerate(table.rows):
         drawn.add_row(*map(escape, row), style=styles.get(number))
@@ -128,7 +128,7 @@ def toml_table(header: str, entries: Mapping[str, Any], about: str = "") -> str:
 
 
 def toml_value(value: Any, digits: int = _DIGITS) -> str:
-    """Text, a number with so many digits, an array, a matrix row by row, or an inline table."""
+    """A value in TOML: text, a number with so many digits, an array, a matrix row by row, or an inline table."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if isinstance(value, bool):
@@ -143,7 +143,7 @@ def toml_value(value: Any, digits: int = _DIGITS) -> str:
         pairs = ", ".join(f"{toml_key(key)} = {toml_value(entry)}" for key, entry in value.items())
         return f"{{ {pairs} }}" if pairs else "{}"
     if isinstance(value, str):
-        # JSON's escapes are TOML's, too, but for the delete character, which TOML wants escaped.
+        # JSON's escapes are valid in TOML, which in addition requires one for the delete character.
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
     if isinstance(value, int):
         return str(value)
@@ -152,13 +152,13 @@ def toml_value(value: Any, digits: int = _DIGITS) -> str:
 
 
 def toml_key(name: str) -> str:
-    """A key, in quotes where it must be."""
+    """A key, in quotes if TOML requires them."""
     bare = name.replace("_", "")
     return name if bare.isascii() and bare.isalnum() else toml_value(name)
 
 
 def one_line(text: str) -> str:
-    """The text without line breaks and control characters: it can stand in a comment."""
+    """The text without line breaks and control characters, for use in a comment."""
     return "".join(c if c.isprintable() else " " for c in text)
 
 
@@ -173,13 +173,13 @@ _NOT_HTML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 def render(template: str, **values: Any) -> str:
     """The page that a template makes of these values; pictures are ``safe`` HTML.
 
-    The filter ``marked`` shows what stands between backticks in a sentence as what is typed.
+    The filter ``marked`` shows text between backticks as code.
     """
     return _environment().get_template(template).render(**values)
 
 
 def safe(html: str) -> str:
-    """HTML that is made by the program itself, as a picture, and is not escaped."""
+    """HTML that the program itself has made, such as a picture, and that is not escaped."""
     from markupsafe import Markup
 
     return Markup(html)

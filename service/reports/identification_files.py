@@ -24,7 +24,7 @@ Json = dict[str, Any]
 
 
 def as_toml(report: IdentificationReport) -> str:
-    """nominal.toml."""
+    """The contents of nominal.toml."""
     return "\n".join(_tables(report))
 
 
@@ -210,7 +210,7 @@ def _record(purpose: str, s: RecordOrigin, trace: Trace) -> Json:
 
 
 def as_json(report: IdentificationReport) -> str:
-    """Everything that was found."""
+    """All results of an identification, for JSON."""
     result, e, p = report.result, report.result.estimate, report.provenance
     return json_text(
         {
@@ -299,7 +299,7 @@ def _predictor(report: IdentificationReport) -> Json:
 
 
 def _response(response: Any) -> Any:
-    """A frequency response; what is none, such as the words beside them, as it is."""
+    """A frequency response; other values, such as the texts beside them, unchanged."""
     if not isinstance(response, FrequencyResponse):
         return response
     return {

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.axis import XAxis
 
 _LEAST, _MOST = 1e-4, 1.0
-"""Standard deviations at the ends of their bars, which are logarithmic."""
+"""Standard deviations at the ends of the logarithmic bars."""
 _POOR = 0.1
 _STRONG = 0.95
 
 
 def as_html(report: IdentificationReport) -> str:
-    """The whole page."""
+    """The complete HTML page."""
     result = report.result
     rows, names = list(result.rows()), list(result.estimate.names)
     parameters = content.parameter_table(rows)
@@ -65,7 +65,7 @@ def as_html(report: IdentificationReport) -> str:
 
 
 def _bar(row: ParameterRow) -> str | None:
-    """Length of the bar of its relative standard deviation [%]; None: no bar."""
+    """Length of the bar for a relative standard deviation [%]; None: no bar."""
     sd = row.relative_sd
     if row.held or row.is_about_zero or sd is None or not math.isfinite(sd):
         return None
@@ -86,11 +86,11 @@ def _correlation(r: float) -> dict[str, Any]:
 _ZOOM_S = 2.0
 _SIGMAS = 2.0
 _FLOOR_DB = 15.0
-"""Room below and above the drive's own curve."""
+"""Space below and above the curve of the drive."""
 
 
 def trace_picture(trace: Trace, output: str, salt: str) -> str:
-    """The whole record, some seconds of it in detail, and the errors."""
+    """Plots of the whole record, of some seconds in detail, and of the errors."""
     quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
     with style.figure(7.4) as drawn:
         full, detail, run, ahead = drawn.subplots(4, 1, height_ratios=(2, 2, 1.1, 1.1))
@@ -117,7 +117,7 @@ def _lines(axes: Axes, trace: Trace, part: slice) -> None:
 
 
 def _lively(trace: Trace) -> slice:
-    """The seconds in which the output moves most."""
+    """The seconds with the largest motion of the output."""
     h = float(np.median(np.diff(trace.t)))
     count = min(trace.t.size, max(20, round(_ZOOM_S / h)))
     moves = np.concatenate(([0.0], np.cumsum(np.abs(np.diff(np.nan_to_num(trace.simulated), 2)))))
@@ -199,7 +199,7 @@ def _plain(gain: Axes, phase: Axes, response: FrequencyResponse, look: style.Loo
 
 
 def _measured(gain: Axes, phase: Axes, response: FrequencyResponse, near: FrequencyResponse) -> None:
-    """Points with their deviations; the phase by whole turns nearest to the drive's."""
+    """Points with their deviations; the phase is shifted by whole turns to be nearest to that of the drive."""
     w = _omega(response)
     low, high = response.band_db(_SIGMAS)
     gain.vlines(w, low, high, color=style.BAND, lw=0.8, alpha=0.5)
@@ -210,7 +210,7 @@ def _measured(gain: Axes, phase: Axes, response: FrequencyResponse, near: Freque
 
 
 def _plain_decades(axis: XAxis) -> None:
-    """1, 2, 5, 10, 20, .. written as they are."""
+    """Axis labels 1, 2, 5, 10, 20, .. as plain numbers."""
     from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))

@@ -17,24 +17,24 @@ from service.reports.outlook_words import missing_words, outlook_words, verdict_
 
 _MOST_NAMED = 3
 _WARM = 3.0
-"""Time constants after which an axis counts as warm: 5 % of the warm-up are still to come."""
+"""Number of time constants after which an axis counts as warm: 5 % of the warm-up remain."""
 
 
 @dataclass(frozen=True, eq=False)
 class IdentificationReport:
-    """What every report of an identification shows, with the sources of the records that were fitted or kept aside."""
+    """The contents of every report of an identification, with the sources of the fitted and the reserved records."""
 
     axis_id: str
     result: IdentificationResult
     estimation: tuple[RecordOrigin, ...]
     validation: tuple[RecordOrigin, ...]
     record_warnings: tuple[str, ...]
-    """Doubts about the records, in sentences"""
+    """Warnings about the records, in sentences"""
     provenance: Provenance
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """All doubts, in sentences: about the fit, the records, the number of masses, and what is held."""
+        """All warnings, in sentences: about the fit, the records, the number of masses, and fixed parameters."""
         missing = missing_words(self.result.verdict)
         return (
             *([missing] if missing else []),
@@ -51,7 +51,7 @@ class IdentificationReport:
 
     @property
     def rejection(self) -> str:
-        """Why there are no nominal values, in a sentence without its full stop; empty: there are."""
+        """Why there are no nominal values, in a sentence without its full stop; empty: there are some."""
         result = self.result
         if result.rejection is Rejection.NOT_CONVERGED:
             return (
@@ -71,16 +71,16 @@ class IdentificationReport:
 
     @property
     def outlook(self) -> str:
-        """The first line of every report: what can be watched with this, what cannot and why."""
+        """The first line of every report: what can be monitored with this result, and what cannot and why."""
         return outlook_words(self.result, self.rejection)
 
     @property
     def is_poor(self) -> bool:
-        """Whether a poor fit is all that speaks against the values."""
+        """Whether a poor fit is the only objection to the values."""
         return self.result.rejection is Rejection.POOR
 
     def traces(self) -> Iterator[tuple[str, RecordOrigin, Trace]]:
-        """Purpose, source and trace of each record."""
+        """Purpose, source and origin of each record."""
         for purpose, sources, traces in (
             ("estimation", self.estimation, self.result.estimation),
             ("validation", self.validation, self.result.validation),
@@ -102,7 +102,7 @@ class IdentificationReport:
             yield f"friction_speed_scale is not given: {scale:.3g} rad/s explains the records best."
 
     def _standstill(self) -> Iterator[str]:
-        """That the torque of an axis that stands is left out, or all of its slow motion."""
+        """Remark that the torque of an axis at rest, or all of its slow motion, is left out."""
         found, slow = self.result.standstill, self.result.slow_left_out
         if slow:
             yield (
@@ -116,7 +116,7 @@ class IdentificationReport:
             )
 
     def _short_of_warm(self) -> Iterator[str]:
-        """That the records end before the axis is warm."""
+        """Remark that the records end before the axis is warm."""
         found = self.result.warm_up
         if found is None:
             return
@@ -131,7 +131,7 @@ class IdentificationReport:
             )
 
     def _beside_the_heat(self) -> Iterator[str]:
-        """What the warm-up that was found lacks."""
+        """What the identified warm-up lacks."""
         found = self.result.warm_up
         if found is None:
             return
@@ -153,7 +153,7 @@ class IdentificationReport:
             )
 
     def _not_following(self) -> Iterator[str]:
-        """Which friction is taken as constant, though it was searched for a warm-up."""
+        """Remark on friction that is taken as constant, although a warm-up of it was searched for."""
         names, found = self.result.not_following, self.result.warm_up
         if names and found is not None:
             yield (
@@ -183,7 +183,7 @@ class IdentificationReport:
 
 
 def print_text(report: IdentificationReport, console: Console) -> None:
-    """What can be watched and the verdict first, then parameters, fits, tests, doubts."""
+    """What can be monitored and the verdict first, then parameters, fits, tests, warnings."""
     console.print(Text(f"{report.axis_id}: {report.outlook}", style="bold"), soft_wrap=True)
     console.print(Text(f"{verdict_line(report)}\n", style="bold"), soft_wrap=True)
     result, rows = report.result, list(report.result.rows())
@@ -223,7 +223,7 @@ def number(value: float | None, sd: float | None = None) -> str:
 
 
 def parameter_table(rows: list[ParameterRow]) -> Table:
-    """A row for each parameter; what was known before stands in the last two columns, if anything was."""
+    """A row for each parameter; values known before are in the last two columns, if there are any."""
     cells = [
         (
             row.name,
@@ -251,7 +251,7 @@ def fits_table(report: IdentificationReport) -> Table:
 
 
 def masses_table(growth: Growth) -> Table:
-    """A row for each number of masses; AIC and BIC above those of the best."""
+    """A row for each number of masses; AIC and BIC relative to the best one."""
     titles = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "simulated", "kept aside")
     count = 7 if any(model.validation for model in growth.models) else 6
     least = [min(getattr(model, name) for model in growth.models) for name in ("aic", "bic")]
@@ -271,7 +271,7 @@ def masses_table(growth: Growth) -> Table:
 
 
 def verdict_line(report: IdentificationReport) -> str:
-    """How good the fit is: the second line of every report."""
+    """Quality of the fit: the second line of every report."""
     verdict = report.result.verdict
     return f"{report.axis_id}: {verdict.quality.value} fit: {verdict_words(verdict)}."
 
@@ -317,7 +317,7 @@ def slope_words(report: IdentificationReport) -> Iterator[str]:
 
 
 def predictor_words(report: IdentificationReport) -> str:
-    """One line about the predictor."""
+    """One line on the predictor."""
     e = report.result.estimate
     unit = "rad" if e.drive.output == "angle" else "rad/s"
     kind = "innovations form" if e.problem.predictor == "innovations" else "output error"

@@ -1,6 +1,6 @@
-"""What there is to say about a drive, found once; for people, and all of it as JSON.
+"""All facts about a drive, computed once; as text, and as JSON.
 
-For people: what came out of the drawing, matrices, poles and resonances, what can be identified.
+The text shows the drive after reduction, matrices, poles and resonances, and the identifiable parameters.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -26,14 +26,14 @@ from service.config.unit_names import UNITS
 from service.reports.formats import json_text
 
 _MOST_STATES = 100
-"""With more states it takes minutes to find what can be identified."""
+"""Most states for an identifiability analysis; with more of them it would take minutes."""
 _MOST_MERGED = 60
-"""Parameters that stand only inside of merged ones; each of them takes a further pass."""
+"""Most parameters that occur only inside of merged ones; each of them takes a further pass."""
 
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """A drive, the ``nominal`` values that are known, and what follows.
+    """A drive, its known ``nominal`` values, and the results of the analysis.
 
     ``missing``: parameters without a nominal value; with any of them there is no ``motion``.
     ``motion``: poles [1/s], resonances and anti-resonances from the torque to the first output.
@@ -48,7 +48,7 @@ class Facts:
 
 
 def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Facts:
-    """All facts about a drive; nominal values that are given take precedence over those of the drawing."""
+    """All facts about a drive; given nominal values take precedence over those of the drawing."""
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
     motion = None if missing else resonances_of(space, values)
@@ -58,7 +58,7 @@ def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Fa
 
 
 def _not_examined(space: StateSpace) -> str:
-    """Why it would take too long; empty if it does not."""
+    """Why the analysis would take too long; empty if it does not."""
     if len(space.states) > _MOST_STATES:
         return f"the drive has more than {_MOST_STATES} states"
     merged = {name for definition in space.definitions for name in definition.value.names}
@@ -89,7 +89,7 @@ _INDENT = 2
 
 
 def print_text(facts: Facts, console: Console) -> None:
-    """The report, as wide as the console; into a file or a pipe without blanks at the ends of lines."""
+    """The report, as wide as the console; in a file or a pipe without blanks at the ends of lines."""
     with console.capture() as captured:
         _print(facts, console)
     text = captured.get()
@@ -123,7 +123,7 @@ def _print(facts: Facts, console: Console) -> None:
 
 
 def elimination_words(space: StateSpace) -> str:
-    """What the elimination did, in the paper's words; beside the paper's drive also the paper's own counts."""
+    """The steps of the elimination, in the words of the paper; for the drive of the paper also its own counts."""
     r = space.report
     words = (
         f"flat equations {r.flat_equations}, states {r.flat_states} -> minimal {len(space.states)}, "
@@ -140,7 +140,7 @@ def elimination_words(space: StateSpace) -> str:
 def _grid(
     rows: Iterable[tuple[str, ...]], *titles: str, right: Collection[str] = (), key: str = "", gap: int = 2
 ) -> Table:
-    """A table without lines; cells are folded, never cut, but for those of the first column, in this style."""
+    """A table without lines; cells are folded, never cut, except those of the first column, in this style."""
     cells = list(rows)
     table = Table(box=None, padding=(0, gap, 0, 0), show_header=bool(titles), header_style="dim")
     for number, name in enumerate(titles or [""] * max(map(len, cells), default=0)):
@@ -224,7 +224,7 @@ _GAP = 3
 
 
 def _state_space(space: StateSpace, width: int, ascii_only: bool) -> RenderableType | None:
-    """The three matrices if they fit, else the entries that are not zero."""
+    """The three matrices if they fit, else their nonzero entries."""
     blocks = [matrix(letter, cells, ascii_only) for letter, cells in matrices(space).items()]
     if all(len(line) <= width for block in blocks for line in block):
         return _lines([line for block in blocks for line in (*block, "")][:-1])
@@ -233,7 +233,7 @@ def _state_space(space: StateSpace, width: int, ascii_only: bool) -> RenderableT
 
 
 def _entries(M: list[list[str]]) -> Iterator[tuple[int, int, str]]:
-    """Row and column, from 1 on, and the text of what is not zero."""
+    """Row and column, from 1 on, and the text of each nonzero entry."""
     for i, row in enumerate(M, 1):
         yield from ((i, j, text) for j, text in enumerate(row, 1) if text != "0")
 
@@ -259,9 +259,9 @@ _KINDS = {TORQUE: "torque", COULOMB: "direction", ONE: "one", COSINE: "cosine", 
 
 
 def as_json(facts: Facts) -> str:
-    """All of it: entries of A, B, C as expressions, numbers where they are known.
+    """All facts for JSON: entries of A, B, C as expressions, and numbers where they are known.
 
-    What needs nominal values is null where one is missing (``missing_nominal``).
+    Entries that need nominal values are null if one is missing (``missing_nominal``).
     """
     space, report, motion = facts.space, facts.space.report, facts.motion
     return json_text(

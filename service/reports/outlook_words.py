@@ -1,4 +1,4 @@
-"""How good the fit of an identification is, what the drive lacks, and what can be watched with it, in words."""
+"""Quality of the fit of an identification, what the drive model lacks, and what can be monitored with it, in words."""
 
 from monitor_core.drive import COSINE, COULOMB, DELAY, LOAD, ONE, SINE, Drive, split_name
 from monitor_core.identification import (
@@ -24,7 +24,7 @@ _MEASURE = {
     Measure.TORQUE: ("the drive, moved as measured,", "torque"),
 }
 _MEANINGS = {DELAY: "delay of the torque", LOAD: "weight of arm and payload, relative to that of the records"}
-"""Meanings of what is watched and is no parameter of the drive"""
+"""Meanings of monitored quantities that are no parameters of the drive"""
 _MISSING = {
     Effect.POSE: (
         "torque depends on the angle, as that of a weight does: take a drive with a weight (of the library one such as"
@@ -60,7 +60,7 @@ _MISSING = {
 
 
 def verdict_words(verdict: Verdict) -> str:
-    """The figure and what it is of: "the simulation explains 94 % of the motion ..."."""
+    """The figure and its meaning: 'the simulation explains 94 % of the motion' .."""
     what, of_what = _MEASURE[verdict.measure]
     figure = f"{verdict.validation:.0f} %" if verdict.validation > 0 else "nothing"
     own = f"{verdict.own:.0f} %" if verdict.own > 0 else "nothing"
@@ -69,7 +69,7 @@ def verdict_words(verdict: Verdict) -> str:
 
 
 def missing_words(verdict: Verdict) -> str:
-    """What the drive lacks, in a sentence; empty: nothing."""
+    """What the drive model lacks, in a sentence; empty: nothing."""
     if not verdict.missing:
         return ""
     lacks = "; ".join(_MISSING[effect].format(slow=verdict.slow) for effect in verdict.missing)
@@ -77,7 +77,7 @@ def missing_words(verdict: Verdict) -> str:
 
 
 def outlook_words(result: IdentificationResult, rejection: str) -> str:
-    """The first line: what can be watched with this, what cannot and why, and what would give it.
+    """The first line: what can be monitored with this result, what cannot and why, and what would help.
 
     ``rejection`` says why there are no nominal values; empty: there are.
     """
@@ -95,7 +95,7 @@ def outlook_words(result: IdentificationResult, rejection: str) -> str:
 
 
 def watched_table(result: IdentificationResult) -> Table:
-    """A row for each monitored parameter: what it is, and from which change on it can be watched."""
+    """A row for each monitored parameter: its meaning, and the smallest change that can be monitored."""
     drive = result.estimate.drive
     rows = []
     for w in result.watched:
@@ -133,7 +133,7 @@ def _obstacle(w: Watched, result: IdentificationResult) -> str:
 
 
 def _motion(name: str, result: IdentificationResult) -> str:
-    """The record that would determine a parameter."""
+    """The kind of record that would determine a parameter."""
     drive, base = result.estimate.drive, split_name(name)[0]
     if base == LOAD:
         return "motion of the whole arm at several speeds, slow and fast, in both directions"
@@ -149,7 +149,7 @@ def _motion(name: str, result: IdentificationResult) -> str:
 
 
 def _acts_by(drive: Drive, base: str) -> set[int]:
-    """The inputs of a drive by which a parameter acts; none: by its states."""
+    """The inputs of a drive through which a parameter acts; empty: it acts through the states."""
     return {
         drive.inputs[term.col]
         for term in drive.terms
@@ -158,7 +158,7 @@ def _acts_by(drive: Drive, base: str) -> set[int]:
 
 
 def shaped_for(name: str, result: IdentificationResult) -> bool:
-    """Whether the spectrum of a motion can be chosen for a parameter: it is estimated, and no friction or weight."""
+    """Whether the spectrum of a motion can be optimised for a parameter: it is estimated, no friction, no weight."""
     base, drive = split_name(name)[0], result.estimate.drive
     free = {split_name(free)[0] for free in result.estimate.names}
     return base in free and not _acts_by(drive, base) & {ONE, COSINE, SINE, COULOMB}

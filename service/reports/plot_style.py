@@ -1,6 +1,6 @@
-"""Pictures by matplotlib as SVG inside a page, as the dashboard draws: grey lines told apart by their dashes.
+"""Pictures by matplotlib as SVG in a page, in the style of the dashboard: grey lines that differ by their dashes.
 
-Colours are the page's (templates/tokens.css), so they are right in the light, in the dark and on paper.
+Colours are those of the page (templates/tokens.css), for light and dark screens and for paper.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 TEXT, QUIET, GRID, BAND, ZONE, PANEL, ALARM, ALARM_BACK = (f"#01010{k}" for k in range(1, 9))
-"""Stand for colours of the page, which COLOURS names."""
+"""Placeholders for the colours of the page, which COLOURS names."""
 _NAMES = ("text", "quiet", "line", "band", "zone", "panel", "alarm", "alarm-back")
 COLOURS = {f"#01010{k}": name for k, name in enumerate(_NAMES, 1)}
 
@@ -30,11 +30,11 @@ DOWN: Look = {"color": QUIET, "lw": 1.2, "ls": (0, (5.3, 2))}
 """Lines of the dashboard (axis_page.tsx): estimate and nominal value, a threshold, the tests for both directions."""
 DOTTED: Look = {"color": QUIET, "lw": 1.3, "ls": (0, (1, 1.5))}
 MEASURED: Look = {"color": BAND, "lw": 2.6}
-"""Further lines: what is beside the main one, what was measured."""
+"""Further lines: those beside the main one, and measured values."""
 ALARM_OPEN, ONSET = "alarm, from onset to end", "interval of the onset"
-"""In legends."""
+"""Texts of legends"""
 WIDTH = 9.0
-"""Width of a picture, inches; the page scales it."""
+"""Width of a picture [inches]; the page scales it."""
 _HEAD = re.compile(r"^.*?(?=<svg)", re.DOTALL)
 _METADATA = re.compile(r"<metadata>.*?</metadata>", re.DOTALL)
 _DIGITS = re.compile(r"(\d+\.\d\d)\d+")
@@ -68,8 +68,8 @@ _STYLE: dict[Any, Any] = {
 
 @contextmanager
 def figure(height: float) -> Iterator[Figure]:
-    """An empty picture of that height, inches, in the style of the reports."""
-    # Without pyplot: it would look for a window system and keep figures in memory.
+    """An empty picture of that height [inches] in the style of the reports."""
+    # Without pyplot, which would look for a window system and keep figures in memory.
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -95,7 +95,7 @@ def as_svg(drawn: Figure, label: str, salt: str) -> str:
 
 
 def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str]) -> None:
-    """One above all panels, in three rows: each kind of line once, in the order of these names."""
+    """One legend above all panels, in three rows: each kind of line once, in the order of these names."""
     known: dict[str, Artist] = {}
     for axes in panels:
         for handle, name in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -107,6 +107,6 @@ def legend_of(drawn: Figure, panels: Iterable[Axes], order: Sequence[str]) -> No
 
 
 def add_percent(axes: Axes, nominal: float) -> None:
-    """A scale on the right: the change from a nominal value, which is not 0."""
+    """A scale on the right for the change from a nonzero nominal value."""
     functions = (lambda value: 100 * (value / nominal - 1), lambda share: nominal * (1 + share / 100))
     axes.secondary_yaxis("right", functions=functions).set_ylabel("change [%]")

@@ -1,6 +1,6 @@
 """The course of one axis over a record of any length, in bounded memory: least and largest values in short bins.
 
-Nothing that crosses a line between two bins' ends is lost.  When the bins are full, two of them become one.
+Extremes within a bin are not lost.  When the bins are full, pairs of them are joined.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ SIGMAS = 2.0
 """Half the width of the band around an estimate, in reported standard deviations."""
 FATES = (RESTART, SETTLE, SEED, GATED, IDLE, DOUBTED, TRACK)
 ESTIMATE, BELOW, NOMINAL, TOLERATED_BELOW, ABOVE, TOLERATED_ABOVE, UP, DOWN = range(8)
-"""Of each parameter: theta, ends of its band, theta_0(s), theta_0(s) -+ nu, g of both directions."""
+"""Signals of each parameter: theta, ends of its band, theta_0(s), theta_0(s) -+ nu, g of both directions."""
 EVIDENCE = 8
-"""Of each cause that the multi-model detector knows: the largest g / h of its sizes."""
+"""Signal of each cause that the multi-model detector knows: the largest g / h of its sizes."""
 
 
 class Course:
-    """What the recursion of one axis did, bin by bin.
+    """The course of the recursion of one axis, bin by bin.
 
-    Signals are called by their kind, such as UP, and the name of their parameter or cause.
+    Signals are named by their kind, such as UP, and their parameter or cause.
     """
 
     def __init__(self, monitor: AxisMonitor, most: int = MOST_BINS) -> None:
@@ -56,7 +56,7 @@ class Course:
         )
         """Threshold of each parameter"""
         self.causes = () if monitor.multimodel is None else monitor.multimodel.causes
-        """Those of the multi-model detector; none: there is none"""
+        """Thresholds of the multi-model detector; empty: there is none"""
         self.timeline = Timeline()
         self._width = max(1, round(monitor.settings.interval_s * 1e6))
         kinds = [
@@ -77,7 +77,7 @@ class Course:
     def take(
         self, t_us: Ints, trace: Trace, crossings: Iterable[Crossing], multimodel: BankTrace | None = None
     ) -> None:
-        """Samples of the axis (N,), crossings of h, and the traces of the recursion and of the multi-model detector."""
+        """Add samples of the axis (N,), crossings of h, and traces of the recursion and of the multi-model detector."""
         took = trace.mode != SKIP
         if not took.any():
             return
@@ -120,12 +120,12 @@ class Course:
         return np.concatenate(kinds, axis=1).T
 
     def _evidence(self, g: Floats) -> Floats:
-        """The largest g / h of each cause (causes, N), of those of its hypotheses (N, H)."""
+        """The largest g / h of each cause (causes, N), from those of its hypotheses (N, H)."""
         h, members = self._hypotheses
         return np.stack([(g[:, own] / h[own]).max(axis=1, initial=0.0) for own in members])
 
     def _tests(self, trace: Trace, multimodel: BankTrace | None) -> Bools:
-        """Where the detector that alarms tested a parameter (p, N)."""
+        """Mask of the samples at which the alarming detector tested a parameter (p, N)."""
         if self._monitor.alarm_source == "multimodel" and multimodel is not None:
             assert self._monitor.multimodel is not None
             causes, ran = self._monitor.multimodel.bank.causes, ~np.isnan(multimodel.llr).all(axis=1)
@@ -135,14 +135,14 @@ class Course:
 
     @cached_property
     def _hypotheses(self) -> tuple[Floats, list[Ints]]:
-        """Thresholds of the hypotheses, and which are those of each cause; only with samples is there a bank."""
+        """Thresholds of the hypotheses, and the hypotheses of each cause; the detector exists only with samples."""
         assert self._monitor.multimodel is not None
         bank = self._monitor.multimodel.bank
         causes = [hypothesis.cause for hypothesis in bank.hypotheses]
         return bank.h, [np.flatnonzero([cause == name for cause in causes]) for name in self.causes]
 
     def _merge(self) -> None:
-        """Two bins become one, twice as wide."""
+        """Join pairs of bins to bins of double width."""
         self._width *= 2
         for kept in (self._low, self._high, self._sums, self._fates, self._unseen, self._tested, self._gaps):
             kept.merge()
@@ -151,16 +151,16 @@ class Course:
 
     @property
     def used(self) -> int:
-        """Bins up to the last sample."""
+        """Number of bins up to the last sample."""
         return 0 if self.timeline.start_us is None else self.timeline.end_us // self._width + 1
 
     @property
     def edges(self) -> Floats:
-        """Of the bins [s], since the first sample: one more than there are bins."""
+        """Edges of the bins [s] since the first sample: one more than there are bins."""
         return np.arange(self.used + 1, dtype=float) * (1e-6 * self._width)
 
     def low(self, kind: int, name: str) -> Floats:
-        """The least values of a signal in each bin; NaN: none."""
+        """The smallest values of a signal in each bin; NaN: none."""
         return self._known(self._low, kind, name)
 
     def high(self, kind: int, name: str) -> Floats:
@@ -172,53 +172,53 @@ class Course:
         return np.where(np.isfinite(values), values, np.nan)
 
     def mean(self, name: str) -> Floats:
-        """Of the estimates in each bin; NaN: none."""
+        """Mean of the estimates in each bin; NaN: none."""
         count = self._fates.values[:, : self.used].sum(axis=0)
         mean: Floats = self._sums.values[list(self.h).index(name), : self.used] / np.maximum(count, 1)
         mean[count == 0] = np.nan
         return mean
 
     def largest(self, *kinds: int, name: str) -> float:
-        """The largest value of these signals; of g that is h where it was crossed and g started again."""
+        """The largest value of these signals; g counts as h where it was crossed and g started again."""
         values = np.concatenate([self.high(kind, name) for kind in kinds])
         return float(np.nanmax(values, initial=0.0))
 
     def fate(self, fate: int) -> Ints:
-        """How many samples of each bin had that fate, one of FATES."""
+        """Number of samples of each bin with this fate, one of FATES."""
         return self._fates.values[FATES.index(fate), : self.used]
 
     def unseen(self, name: str) -> Ints:
-        """At how many samples of each bin a parameter was not observed."""
+        """Number of samples of each bin at which a parameter was not observed."""
         return self._unseen.values[list(self.h).index(name), : self.used]
 
     def tested(self, name: str) -> Bools:
-        """In which bins a parameter was tested by the detector that alarms."""
+        """Mask of the bins in which the alarming detector tested a parameter."""
         return self._tested.values[list(self.h).index(name), : self.used]
 
     @property
     def gaps(self) -> Bools:
-        """Which bins have a part without samples after which the predictor restarted."""
+        """Mask of the bins with a gap without samples after which the predictor restarted."""
         return self._gaps.values[0, : self.used]
 
 
 class Bins:
-    """Values of signals (rows, bins); those of the samples of a bin are joined by a function such as the minimum."""
+    """Values of signals (rows, bins); the samples of a bin are combined by a function such as the minimum."""
 
     def __init__(self, join: np.ufunc, empty: NDArray[Any]) -> None:
         self._join, self._empty, self.values = join, empty[..., :1].copy(), empty
 
     def take(self, bins: Ints, starts: Ints, values: NDArray[Any]) -> None:
-        """Take values (rows, N); those from ``starts[k]`` on are of ``bins[k]``."""
+        """Add values (rows, N); those from ``starts[k]`` on belong to ``bins[k]``."""
         self.values[:, bins] = self._join(self.values[:, bins], self._join.reduceat(values, starts, axis=1))
 
     def merge(self) -> None:
-        """Neighbours are joined in the first half of the bins, the second one becomes empty."""
+        """Combine neighbours into the first half of the bins; the second half becomes empty."""
         joined = self._join(self.values[:, ::2], self.values[:, 1::2])
         self.values = np.concatenate([joined, np.repeat(self._empty, joined.shape[1], axis=1)], axis=1)
 
 
 _NARROWEST = 0.003
-"""Share of the whole length: what is shorter is drawn as wide as this, so that it can be seen."""
+"""Smallest visible share of the whole length; shorter spans are drawn with this width."""
 
 
 def runs_of(where: Bools, edges: Floats) -> Iterator[tuple[float, float]]:
@@ -232,38 +232,38 @@ def runs_of(where: Bools, edges: Floats) -> Iterator[tuple[float, float]]:
 
 
 PAUSE_S = 60.0
-"""A longer time without samples is cut out, so that what is before and after it can be seen."""
+"""A longer time without samples is cut out, so that the samples before and after it stay visible."""
 _MOST_STRETCHES = 4096
 
 
 class Stretch(NamedTuple):
-    """Samples without a pause: times of the first and the last [us], and where the first one is on the line [us]."""
+    """Samples without a pause: times of the first and the last, position of the first one on the time line [us]."""
 
     first: int
     last: int
     at: int
     pause_s: float
-    """Before it; negative: the clock went back"""
+    """Pause before the stretch; negative: the clock went back"""
 
 
 class Timeline:
-    """The line of one axis, from 0 on.  The last 4096 stretches are known."""
+    """The time line of one axis, which starts at 0. The last 4096 stretches are kept."""
 
     def __init__(self) -> None:
         self._stretches: deque[Stretch] = deque(maxlen=_MOST_STRETCHES)
         self.start_us: int | None = None
         """Time of the first sample"""
         self.end_us = 0
-        """Where the last sample is on the line"""
+        """Position of the last sample on the time line"""
         self.pauses = 0
 
     @property
     def stretches(self) -> tuple[Stretch, ...]:
-        """All that are known, in their order."""
+        """All stretches that are kept, in order."""
         return tuple(self._stretches)
 
     def take(self, t_us: Ints) -> Ints:
-        """Where samples, in the order of their receipt, are on the line (N,) [us]; it never goes back."""
+        """Positions of samples on the time line (N,) [us], in the order of their receipt; never decreasing."""
         if not t_us.size:
             return t_us
         before = self._stretches[-1].last if self._stretches else int(t_us[0])
@@ -284,7 +284,7 @@ class Timeline:
         return where
 
     def find(self, t_us: int | None) -> float | None:
-        """Where on the line a time is [s], the latest place where it is; None: nowhere."""
+        """Latest position of a time on the time line [s]; None: not on it."""
         if t_us is None:
             return None
         for stretch in reversed(self._stretches):
@@ -294,19 +294,19 @@ class Timeline:
 
 
 class TimeUnit(NamedTuple):
-    """In which times of a record are written."""
+    """Unit in which times of a record are written."""
 
     name: str
     seconds: float
 
     def written(self, s: float) -> str:
-        """A time to four digits at least, such as 5.21 s."""
+        """A time to at least four digits, such as 5.21 s."""
         value = s / self.seconds
         return f"{value:.{2 if value < 1000 else 0}f} {self.name}"
 
 
 def time_unit(length_s: float) -> TimeUnit:
-    """That of a record of such a length."""
+    """The unit for a record of this length."""
     for name, seconds, most in (("s", 1.0, 600.0), ("min", 60.0, 4 * 3600.0), ("h", 3600.0, 4 * 86400.0)):
         if length_s <= most:
             return TimeUnit(name, seconds)

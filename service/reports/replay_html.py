@@ -1,4 +1,4 @@
-"""The report of a replay as one HTML page, with the picture of what was tested when."""
+"""The report of a replay as one HTML page, with a picture of the times at which parameters were tested."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ REASONS: Mapping[str, str] = {
 
 
 def as_html(replayed: Replayed) -> str:
-    """The whole page."""
+    """The complete HTML page."""
     first, more = replayed.records[0], len(replayed.records) - 1
     return render(
         "replay.html",
@@ -74,7 +74,7 @@ def as_html(replayed: Replayed) -> str:
 
 
 def _outcome(replayed: Replayed) -> tuple[str, str, str]:
-    """Kind, first words and the rest of the first thing to read."""
+    """Kind, first words and rest of the most important message."""
     count = sum(len(axis.alarms) for axis in replayed.axes)
     silent = [axis.id for axis in replayed.axes if not axis.status.samples]
     untested = [axis.id for axis in replayed.axes if axis.untested]
@@ -90,7 +90,7 @@ def _outcome(replayed: Replayed) -> tuple[str, str, str]:
 
 
 def _coverage(replayed: Replayed) -> str:
-    """How much there was, and how much of it was of use."""
+    """Amount of the samples, and how many of them were used."""
     samples = sum(axis.status.samples for axis in replayed.axes)
     used = sum(axis.status.counters["used"] for axis in replayed.axes)
     longest = max((1e-6 * _course(axis).timeline.end_us for axis in replayed.axes), default=0.0)
@@ -101,7 +101,7 @@ def _coverage(replayed: Replayed) -> str:
 
 
 def _without_missing(dropped: Mapping[str, int]) -> int:
-    """What came and gave no sample: in a pause millions may never have come."""
+    """Values that gave no sample; in a pause there may be millions that were never received."""
     return sum(count for reason, count in dropped.items() if reason != "missing")
 
 
@@ -137,7 +137,7 @@ def _span(axis: ReplayedAxis) -> str:
 
 
 def _detectors(axis: ReplayedAxis) -> str:
-    """The detector that alarms, and the leading cause of the detector in shadow mode."""
+    """The detector that alarms, and the leading cause according to the detector in shadow mode."""
     text = ""
     for detector in axis.status.detectors:
         name = "multi-model detector" if detector.name == "multimodel" else "CUSUM tests"
@@ -152,7 +152,7 @@ def _detectors(axis: ReplayedAxis) -> str:
 
 
 _ROW, _FRAME = 0.26, 1.25
-"""Heights of a row and of what is around all of them, inches."""
+"""Heights of a row and of the margin around all rows [inches]."""
 _HALF = 0.3
 """Half the height of a bar, in rows."""
 _LINES = ("tested", "not tested", style.ALARM_OPEN, style.ONSET)
@@ -160,7 +160,7 @@ _TESTED, _NOT_TESTED, _, _ = _LINES
 
 
 def overview_picture(axes: Sequence[ReplayedAxis]) -> str:
-    """The bars of all axes that have samples, as an SVG element; empty: none has."""
+    """The bars of all axes that have samples, as an SVG element; empty: no axis has any."""
     rows = list(_rows(axes))
     if not rows:
         return ""
@@ -196,7 +196,7 @@ def _rows(axes: Sequence[ReplayedAxis]) -> Iterator[tuple[ReplayedAxis, Course, 
 
 
 def _draw_tested(panel: Axes, row: int, course: Course, name: str, unit: TimeUnit) -> None:
-    """Hatched grey over the length of the record, and over it where the parameter was tested."""
+    """Hatched grey over the length of the record, covered by bars where the parameter was tested."""
     edges, place = course.edges / unit.seconds, (row - _HALF, 2 * _HALF)
     hatched: style.Look = {"facecolor": style.PANEL, "edgecolor": style.QUIET, "hatch": "////", "lw": 0.5}
     panel.broken_barh([(0.0, float(edges[-1]))], place, **hatched, label=_NOT_TESTED)

@@ -1,4 +1,4 @@
-"""The paper's Figures 5 and 6 of a record: estimates with their bands, g with h, and what became of the samples."""
+"""The paper's Figures 5 and 6 for a record: estimates with their bands, g with h, and the fates of the samples."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 MOST_TOGETHER = 4
-"""Parameters in one picture: more would not fit a page of paper."""
+"""Most parameters in one picture: more would not fit a page of paper."""
 _MOST_PAUSES, _MOST_NAMED = 60, 8
 _ESTIMATE, _G, _FATE, _LEGEND = 1.75, 1.05, 0.2, 0.9
-"""Heights, inches."""
+"""Heights of the panels [inches]."""
 _LINES = (
     *("estimate", f"± {SIGMAS:g} standard deviations", "nominal", "limits"),
     *("test for an increase", "test for a decrease", style.ALARM_OPEN, style.ONSET),
     *("alarm raised", "nothing learned", "pause, cut out"),
 )
-"""In the order of the legend."""
+"""Fates of the samples in the order of the legend."""
 _ESTIMATED, _BAND, _NOMINAL, _LIMIT, _UP, _DOWN, _, _, _RAISED, _NOTHING, _PAUSE = _LINES
 _FATES = (
     (SETTLE, "settling"),
@@ -44,15 +44,15 @@ _CAUSES = (
     (style.QUIET, (0, (6, 2, 1, 2))),
     (style.BAND, "-"),
 )
-"""Colours and dashes of the causes that are named in their panel: the likeliest ones."""
+"""Colours and dashes of the causes that a panel names: the likeliest ones."""
 _WORTH_A_NAME = 0.3
-"""g / h that a cause must have reached to be named."""
+"""Smallest g / h of a cause that is named."""
 _LINEAR = 1.6
-"""Up to here g / h is drawn as it is; beyond, its part above h by its logarithm, as after a change it grows fast."""
+"""Up to this value g / h is drawn linearly; its part above h logarithmically, since it grows fast after a change."""
 
 
 def axis_pictures(axis: ReplayedAxis, course: Course, salt: str) -> Iterator[str]:
-    """Of each parameter theta with its band and g with h, below them what became of the samples; SVG elements."""
+    """For each parameter theta with its band and g with h, below them the fates of the samples; SVG elements."""
     drawing, parameters = _Drawing(axis, course), axis.status.parameters
     for first in range(0, len(parameters), MOST_TOGETHER):
         chosen = parameters[first : first + MOST_TOGETHER]
@@ -60,7 +60,7 @@ def axis_pictures(axis: ReplayedAxis, course: Course, salt: str) -> Iterator[str
 
 
 class _Drawing:
-    """Pictures of an axis over the line of its samples' times."""
+    """Pictures of an axis over the time line of its samples."""
 
     def __init__(self, axis: ReplayedAxis, course: Course) -> None:
         self._axis, self._course = axis, course
@@ -69,7 +69,7 @@ class _Drawing:
         self._middles = (self._edges[:-1] + self._edges[1:]) / 2
 
     def picture(self, chosen: Sequence[ParameterStatus], is_last: bool, salt: str) -> str:
-        """These parameters, in the last picture also the causes of the multi-model detector."""
+        """The panels of these parameters; the last picture also has the causes of the multi-model detector."""
         fates = list(self._fates(chosen))
         with_causes = is_last and bool(self._course.causes)
         heights = (
@@ -121,7 +121,7 @@ class _Drawing:
             style.add_percent(axes, p.nominal)
 
     def _limits(self, name: str) -> tuple[float, float]:
-        """All of theta and theta_0, and of the bands what is usual (while P(0) is sought they are wide)."""
+        """Limits that show theta, theta_0, and the usual width of the bands (wide while P(0) is searched for)."""
         low, high, learned = self._course.low, self._course.high, self._course.fate(TRACK) > 0
         usual: list[float] = []
         if learned.any():
@@ -148,7 +148,7 @@ class _Drawing:
         axes.set(ylabel="CUSUM\ntest", ylim=(0, 1.15 * max(top, 1.0)))
 
     def _draw_causes(self, axes: Axes) -> None:
-        """The evidence for each cause; the largest ones are named."""
+        """The evidence for each cause; the largest values are named."""
         largest = {cause: self._course.largest(kinds.EVIDENCE, name=cause) for cause in self._course.causes}
         ranked = sorted(largest, key=lambda cause: -largest[cause])
         named = [cause for cause in ranked[: len(_CAUSES)] if largest[cause] >= _WORTH_A_NAME]
@@ -179,7 +179,7 @@ class _Drawing:
         axes.set_ylim(0, 1.5 * top)
 
     def _zigzag(self, kind: int, name: str) -> tuple[Floats, Floats]:
-        """A line through the least and the largest value of each bin, at its time; down one, up the next."""
+        """A line through the smallest and the largest value of each bin; downwards in one bin, upwards in the next."""
         both = np.stack([self._course.low(kind, name), self._course.high(kind, name)], axis=1)
         both[1::2] = both[1::2, ::-1]
         return np.repeat(self._middles, 2), both.ravel()
@@ -187,7 +187,7 @@ class _Drawing:
     # --- alarms, pauses, what was not learned from -------------------------------------------------------
 
     def _mark_alarms(self, panels: Sequence[Axes], *names: str) -> None:
-        """As on the dashboard: a tinted span from onset to end, a bar and an arrow at its top; behind the lines."""
+        """An alarm as on the dashboard: a tinted span from onset to end, a bar and an arrow at its top."""
         for alarm in self._axis.alarm_spans(names, self._unit):
             for axes in panels:
                 above, span = axes.get_xaxis_transform(), (alarm.start, alarm.end)
@@ -220,7 +220,7 @@ class _Drawing:
                 axes.annotate(words, (at, 1.02), xycoords=above, fontsize=8, color=style.QUIET, ha="center")
 
     def _shade(self, axes: Axes) -> None:
-        """Where nothing was learned: bins with samples, none of which was used."""
+        """Bins without learning: they have samples, but none of them was used."""
         runs = list(runs_of(self._course.fate(TRACK) == 0, self._edges))
         if runs:
             transform = axes.get_xaxis_transform()
@@ -229,7 +229,7 @@ class _Drawing:
             )
 
     def _fates(self, chosen: Sequence[ParameterStatus]) -> Iterator[tuple[str, Bools]]:
-        """What kept from learning, of which there was any, and the bins with it."""
+        """The reasons that prevented learning, and the bins with each."""
         for name, where in (
             ("no samples", self._course.gaps),
             *((name, self._course.fate(fate) > 0) for fate, name in _FATES),

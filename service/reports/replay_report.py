@@ -22,7 +22,7 @@ from service.web import views
 
 
 def print_text(replayed: Replayed, console: Console) -> None:
-    """The estimates at the end, the alarms, trends, and what else is to be known."""
+    """Report: final estimates, alarms, trends, and remarks."""
     axes = replayed.axes
     for axis in axes:
         for words in not_tested(axis):
@@ -61,7 +61,7 @@ def estimates(axes: Sequence[ReplayedAxis]) -> Table:
 
 
 def not_tested(axis: ReplayedAxis) -> Iterator[str]:
-    """What was not tested, why, and what would be needed."""
+    """Parameters that were not tested, the reasons, and what would be needed."""
     sentences = not_tested_sentences(axis.untested, axis.status, axis.snapshot.gated_by)
     return (f"{axis.id}: {words}" for words in sentences)
 
@@ -75,7 +75,7 @@ def heat_words(heat: Heat) -> str:
 
 
 def of_what(axes: Sequence[ReplayedAxis]) -> str:
-    """What the absence of alarms is about: empty, where all was tested."""
+    """The meaning of the absence of alarms; empty if everything was tested."""
     missing = sum(len(names) for axis in axes for names in axis.untested.values())
     if not missing:
         return ""
@@ -112,7 +112,7 @@ def _parameter(p: ParameterStatus) -> tuple[str, ...]:
 
 
 _NO_ESTIMATE = (Status.WAITING, Status.SEEDING)
-"""The estimate is still the nominal value."""
+"""The estimate has not changed from the nominal value."""
 
 
 def alarm_table(axes: Sequence[ReplayedAxis]) -> Table:
@@ -141,7 +141,7 @@ def _size(alarm: RecordedAlarm) -> str:
 
 
 def _onset(axis: ReplayedAxis, alarm: RecordedAlarm) -> str:
-    """The onset, and as far as it is known the interval in which it lies."""
+    """The onset, and the interval in which it lies if that is known."""
     ends = (("-", alarm.onset_low_us), ("+", alarm.onset_high_us))
     away = [f"{sign}{abs(t_us - alarm.onset_us) / 1e6:.1f}" for sign, t_us in ends if t_us is not None]
     within = f" ({' '.join(away)} s)" if away else ""
@@ -149,7 +149,7 @@ def _onset(axis: ReplayedAxis, alarm: RecordedAlarm) -> str:
 
 
 def _when(axis: ReplayedAxis, t_us: int | None) -> str:
-    """A time from the first sample on, as in the pictures, and in UTC; each where it is known."""
+    """A time since the first sample, as in the pictures, and in UTC; each if it is known."""
     if t_us is None:
         return "open"
     date, line = dated(t_us), None if axis.course is None else axis.course.timeline
@@ -161,12 +161,12 @@ def _when(axis: ReplayedAxis, t_us: int | None) -> str:
 
 
 def dated(t_us: int | None) -> str:
-    """A time in UTC to a tenth of a second; empty where the times of the record have no date."""
+    """A time in UTC to a tenth of a second; empty if the times of the record have no date."""
     return "" if t_us is None or t_us < DATED_US else iso(t_us)[:21].replace("T", " ")
 
 
 def alarm_sentences(axis: ReplayedAxis) -> Iterator[str]:
-    """What each alarm says."""
+    """The message of each alarm."""
     return (
         f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload)}"
         for alarm in axis.alarms
@@ -174,7 +174,7 @@ def alarm_sentences(axis: ReplayedAxis) -> Iterator[str]:
 
 
 def trend_sentences(axis: ReplayedAxis) -> Iterator[str]:
-    """The trends that are known, and when limits are reached, counted from the last entry."""
+    """The known trends, and when they reach limits, counted from the last entry."""
     for p in axis.snapshot.trends:
         if p.trend is not None:
             reached = [reach_words(r, p.entries[-1].end_us) for r in p.reaches]

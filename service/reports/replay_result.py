@@ -1,4 +1,4 @@
-"""What a replay found of each axis, collected while the records run, as its reports need it."""
+"""Results of a replay for each axis, collected while the records run."""
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -26,29 +26,29 @@ ARROWS = {"up": "\N{BLACK UP-POINTING TRIANGLE}", "down": "\N{BLACK DOWN-POINTIN
 
 
 class AlarmSpan(NamedTuple):
-    """Where an alarm is on the line of its axis, in a unit of time."""
+    """Position of an alarm on the time line of its axis, in a unit of time."""
 
     start: float
-    """The onset, or when it was raised where the onset is not on the line"""
+    """The onset, or the time of raising if the onset is not on the time line"""
     raised: float
     end: float
-    """Or the last sample"""
+    """The end, or the last sample"""
     onset: Floats | None
     """The two ends of the interval in which the onset lies; None: not known"""
     arrow: str
 
 
 class ReplayedAxis(NamedTuple):
-    """One axis after its records."""
+    """The results of one axis."""
 
     snapshot: AxisSnapshot
-    """As the daemon would have published it"""
+    """State of the axis as the daemon would have published it"""
     alarms: Sequence[RecordedAlarm]
-    """In the order in which they were raised"""
+    """Alarms in the order in which they were raised"""
     notes: Sequence[str]
-    """What cannot be determined, and what its time stamps say, in words"""
+    """Remarks on what cannot be determined, and on the time stamps"""
     course: Course | None
-    """None: it is not to be drawn"""
+    """Course for the pictures; None: not to be drawn"""
 
     @property
     def untested(self) -> Mapping[NotTested, Sequence[str]]:
@@ -57,16 +57,16 @@ class ReplayedAxis(NamedTuple):
 
     @property
     def id(self) -> str:
-        """As "robot.axis"."""
+        """Name of the axis as "robot.axis"."""
         return self.snapshot.id
 
     @property
     def status(self) -> AxisStatus:
-        """At the end."""
+        """The estimates at the end."""
         return self.snapshot.status
 
     def alarm_spans(self, names: Collection[str], unit: TimeUnit) -> Iterator[AlarmSpan]:
-        """Where alarms of these causes are, and those of no parameter, such as a fault of a sensor."""
+        """Positions of alarms with these causes, and of alarms without a parameter, such as a fault of a sensor."""
         if self.course is None:
             return
         line = self.course.timeline
@@ -83,7 +83,7 @@ class ReplayedAxis(NamedTuple):
 
 
 class Replayed(NamedTuple):
-    """All axes, and where the samples come from."""
+    """All axes, and the sources of the samples."""
 
     axes: Sequence[ReplayedAxis]
     frames_dropped: Mapping[str, Mapping[str, int]]
@@ -93,7 +93,7 @@ class Replayed(NamedTuple):
 
 
 class Replay:
-    """Runs records through the monitors of the axes of a configuration, and collects what there is to tell.
+    """Runs records through the monitors of the axes of a configuration, and collects the results.
 
     ``drawn``: also collect the course of each axis.
     """
@@ -109,10 +109,10 @@ class Replay:
         self._quantities = quantities(monitors.by_id)
 
     def add(self, record: Record, progress: Callable[[float], None]) -> None:
-        """Run a record, after those before it.
+        """Run a record; the records before it have been run.
 
         Raises:
-            RecordError: it is damaged.
+            RecordError: the record is damaged.
         """
         for step in record.steps():
             changes = self._monitors.update(step.samples, self._see if self._courses else None)
@@ -133,7 +133,7 @@ class Replay:
         self._courses[axis_id].take(block.t_us, trace.estimator, trace.crossings, trace.multimodel)
 
     def result(self, records: Sequence[str], config: str) -> Replayed:
-        """What was found in these records with this file of configuration."""
+        """The results for these records with this configuration file."""
         axes = [self._axis(axis) for axis in self._config.axes]
         return Replayed(axes, self._frames_dropped, records, config, Provenance.now())
 
@@ -153,7 +153,7 @@ class Replay:
         return ReplayedAxis(snapshot, alarms, notes, self._courses.get(axis.id))
 
     def _recorded(self, axis: NamedAxis, status: AxisStatus) -> list[RecordedAlarm]:
-        """The alarms of an axis as a journal has them, with unit and nominal value; of parameters the present one."""
+        """The alarms of an axis as in a journal, with unit and present nominal value of the parameter."""
         now = {(axis.id, p.name): Quantity(p.unit, p.nominal) for p in status.parameters}
         known = {**self._quantities, **now}
         beside = {other.id for other in self._config.axes if other.robot == axis.robot} - {axis.id}

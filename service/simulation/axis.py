@@ -1,4 +1,4 @@
-"""A simulated axis: the drive, a soft position controller, a test signal, sensors with noise."""
+"""A simulated axis: the drive, a compliant position controller, a test signal, sensors with noise."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -22,16 +22,16 @@ from service.ingest.quantities import acceleration_of
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)
 RIPPLE = 0.4
-"""Part of the configured torque noise that the drive really has; the rest is for what no model has."""
+"""Share of the configured torque noise that the simulated drive has; the rest allows for errors of the model."""
 
 FOLLOW_S = 0.1
-"""Interval at which a drive follows its operating conditions [s]."""
+"""Interval at which the parameters of a drive are updated to its operating conditions [s]."""
 
 _SWING, _SWING_PERIOD_S = 2.0, 20.0  # rad, s
 
 
 class Reading(NamedTuple):
-    """Values of one sample that the controller sends."""
+    """Values of one sample, as the controller sends them."""
 
     torque: float  # N m
     motion: float  # rad or rad/s
@@ -43,7 +43,7 @@ class ControlledAxis:
 
     Args:
         axis: the configured axis.
-        rng: for the test signal and the noise.
+        rng: random numbers for the test signal and the noise.
     """
 
     def __init__(self, axis: NamedAxis, rng: np.random.Generator) -> None:
@@ -53,7 +53,7 @@ class ControlledAxis:
         self._delay_s = predictor.torque_delay_s
         self._output, self._averaged = config.output, config.interval_mean
         self._rng = rng
-        # With the angle among its states, whichever of angle and speed is sent.
+        # The angle is always among the states, whether angle or speed is sent.
         self._given = given_values(config)
         if not_identified(config):
             check_known(axis)
@@ -70,10 +70,10 @@ class ControlledAxis:
         self._follows_every = max(1, round(FOLLOW_S / self.interval_s))
 
     def break_down(self, fault: Mapping[str, float]) -> None:
-        """Multiply parameters by factors from now on: {"fm": 1.3, "1/Ja": 0.8}.
+        """Multiply parameters by these factors from now on: {"fm": 1.3, "1/Ja": 0.8}.
 
-        They may be parameters of the drive, or drawn ones of which the drive has merged ones.  The delay of the torque
-        is given in seconds instead of a factor.
+        They may be parameters of the drive, or drawn ones that the drive contains in merged form.  The delay of the
+        torque is given in seconds instead of a factor.
 
         Raises:
             KeyError: the drive has no such parameter.
@@ -96,7 +96,7 @@ class ControlledAxis:
             self._conditions.load = load
 
     def sample(self, k: int, others: Mapping[str, float] = MappingProxyType({})) -> Reading:
-        """Sample k: the measured and commanded values now; then the drive moves to the next one.
+        """Sample k: the present measured and commanded values; then the drive advances to the next sample.
 
         ``others`` are the motions of the other axes of the robot as sent, by name.
         """
@@ -112,14 +112,14 @@ class ControlledAxis:
         return reading
 
     def _moved(self) -> float:
-        """Measured motion: the angle, the speed, or its mean since the last sample."""
+        """Measured motion: the angle, the speed, or the mean speed since the last sample."""
         if self._output == "angle":
             return self._drive.angle
         way, self._angle_before = self._drive.angle - self._angle_before, self._drive.angle
         return way / self.interval_s if self._averaged else self._drive.speed
 
     def _command(self, k: int) -> float:
-        """PD control around a slow swing, and the test signal."""
+        """PD control around a slow sinusoidal motion, plus the test signal."""
         angle = self._drive.angle
         wanted = _SWING * math.sin(2 * math.pi * k * self.interval_s / _SWING_PERIOD_S)
         held = self._kp * (wanted - angle) - self._kd * self._drive.speed
@@ -128,7 +128,7 @@ class ControlledAxis:
         return float(held + self._test_signal[k % len(self._test_signal)])
 
     def _move(self, torque: float) -> None:
-        """Move over one interval: the previous torque acts until the delay is over."""
+        """Advance by one interval; the previous torque acts until the delay is over."""
         if self._delay_s > 0:
             self._drive.step(self._torque_before, self._delay_s)
         if self._delay_s < self.interval_s:
@@ -140,14 +140,14 @@ class ControlledAxis:
 
 
 SPEED_RMS = 3.0
-"""rad/s at the sensor, from the test signal alone: on the reference drive that takes 1.2 N m."""
+"""Speed [rad/s] at the sensor from the test signal alone; on the reference drive it takes 1.2 N m."""
 
 _BANDWIDTH = 2.0  # rad/s: slow, so that the test signal moves the axis and not the controller
 _FAST = 1e9  # rad/s: Coulomb friction is complete
 
 
 def _test_signal(plant: Plant, kp: float, kd: float, rng: np.random.Generator) -> Floats:
-    """One period of the torque [N m], below the Nyquist frequency of slow samples."""
+    """One period of the torque [N m]; its frequencies are below the Nyquist frequency of slow samples."""
     h = plant.interval_s
     low, high = BAND_HZ[0], min(BAND_HZ[1], 0.4 / h)
     lines = np.arange(max(round(low * PERIOD_S), 1), round(high * PERIOD_S) + 1) / PERIOD_S
@@ -163,7 +163,7 @@ def _speed_rms(plant: Plant, kp: float, kd: float, frequency_hz: Floats) -> floa
     )  # the response is that of the held torque
     angle = plant.response(frequency_hz)[0] / held
     forwards, backwards = plant.countered(np.zeros(2), np.array([_FAST, -_FAST]))
-    # Of fc sign(w), at a speed of random phases and SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS follows the speed.
+    # Of fc sign(w) at a random speed with SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS is proportional to the speed.
     friction = (forwards - backwards) / 2 * math.sqrt(2 / math.pi) / SPEED_RMS
     speed = s * angle / (1 + (kp + s * (kd + friction)) * angle)
     return float(np.sqrt(np.mean(np.abs(speed) ** 2)))
@@ -173,14 +173,14 @@ def _speed_rms(plant: Plant, kp: float, kd: float, frequency_hz: Floats) -> floa
 
 
 SIGNAL_PERIOD_S = 60.0
-"""Period in which a signal that is followed swings through its range once [s]."""
+"""Period in which a signal of a schedule moves through its range once [s]."""
 _SIGNAL_SWING = 0.45
-"""Part of the width of its range, to either side of the middle."""
+"""Amplitude as a share of the width of the range, to either side of its middle."""
 _BACK = {"cos": math.acos, "sin": math.asin, "square": math.sqrt}
 
 
 class Followed(NamedTuple):
-    """What parameters follow: time [s], angle or speed of the axis, and its signals."""
+    """Inputs of the schedules: time [s], angle or speed of the axis, and its signals."""
 
     time_s: float
     motion: float
@@ -188,10 +188,10 @@ class Followed(NamedTuple):
 
 
 class SimulatedConditions:
-    """Signals that keep the gates of an axis open, and parameters that follow them; its heat begins cold.
+    """Signals that keep the gates of an axis open, and parameters that follow them; the thermal state starts cold.
 
-    A signal of another axis is the motion that this axis sends.  A signal of a schedule swings through its range,
-    others are constant.
+    A signal of another axis is the motion that the other axis sends.  Signals of schedules oscillate over their range;
+    other signals are constant.
     """
 
     def __init__(self, axis: NamedAxis) -> None:
@@ -207,15 +207,15 @@ class SimulatedConditions:
         self._operating = Operating(self._model, plain)
         self._weight = weight_of(axis.config)
         self.load = 1.0
-        """Weight that acts, over the nominal one"""
+        """Ratio of the acting weight to the nominal one"""
 
     @property
     def weighs(self) -> bool:
-        """Whether a weight that follows the pose acts on the axis."""
+        """Whether a weight that depends on the pose acts on the axis."""
         return bool(self._weight)
 
     def signals(self, time_s: float, others: Mapping[str, float]) -> tuple[float, ...]:
-        """The signals at that time; ``others`` are the motions of the other axes of the robot as sent, by name."""
+        """The signals at a time; ``others``: motions of the other axes of the robot as sent, by name."""
         phase = math.sin(2 * math.pi * time_s / SIGNAL_PERIOD_S)
         values = list[float]()
         each = zip(self._sources, self._swings, self._accelerations, strict=True)
@@ -230,7 +230,7 @@ class SimulatedConditions:
         return tuple(values)
 
     def followed(self, moment: Followed, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-        """The parameters that follow signals and heat, moment by moment, with these values at the references."""
+        """The parameters that follow signals and heat, at each time; with these values at the references."""
         t_us = np.array([round(moment.time_s * 1e6)], np.int64)
         signals = np.array([moment.signals], np.float64)
         block = SampleBlock(t_us, np.zeros(1), np.array([moment.motion]), signals=signals)
@@ -271,7 +271,7 @@ def _candidates(gates: list[Gate]) -> Iterator[float]:
 
 
 def _at_reference(follow: Follow, name: str) -> float:
-    """The value of a signal with which the term is at its reference, the other signals in a sum being zero."""
+    """The value of a signal at which the term equals its reference, with the other signals of a sum at zero."""
     factor = follow.term.factors[0]
     if len(follow.term.factors) > 1 or factor.addends[0][1] != name:
         return 0.0

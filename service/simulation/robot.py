@@ -15,7 +15,7 @@ from service.simulation.axis import ControlledAxis, Reading
 
 
 class Fault(NamedTuple):
-    """Parameters of an axis change by these factors at a time."""
+    """A change of parameters of an axis by factors, at a time."""
 
     axis_id: str
     factors: Mapping[str, float]
@@ -23,7 +23,7 @@ class Fault(NamedTuple):
 
 
 class Moment(NamedTuple):
-    """The samples of axes with the same interval: time since the start, number of the sample."""
+    """Axes that are sampled at the same moment: time since the start, number of the sample."""
 
     time_s: float
     interval_s: float
@@ -40,9 +40,9 @@ class SimulatedRobot:
 
     Args:
         config: the configuration.
-        seed: of noise and test signals.
+        seed: seed of noise and test signals.
         faults: the faults and their times.
-        may_break: a fault waits from its time on until this is true.
+        may_break: a fault that is due occurs only when this is true.
 
     Raises:
         FaultError: a fault of a parameter that does not exist, or with an impossible value.
@@ -64,7 +64,7 @@ class SimulatedRobot:
             _try_out(fault, config)
 
     def moments(self, happened: Callable[[Fault], None] = lambda _: None) -> Iterator[Moment]:
-        """Endless samples in the order of time; ``happened`` is called for each fault."""
+        """Endless samples in order of time; ``happened`` is called for each fault."""
         waiting = list(self._faults)
         groups = [(0.0, interval_s, 0) for interval_s in sorted({a.interval_s for a in self._axes.values()})]
         while True:
@@ -78,7 +78,7 @@ class SimulatedRobot:
             heapq.heappush(groups, ((k + 1) * interval_s, interval_s, k + 1))
 
     def _sample(self, axis: ControlledAxis, k: int) -> Reading:
-        """The sample; its motion is available to the other axes, as it is on the bus."""
+        """The sample of an axis; its motion becomes available to the other axes, as on the bus."""
         named = axis.axis
         sent, motion = self._sent[named.robot], named.config.motion
         reading = axis.sample(k, sent)
@@ -102,18 +102,18 @@ def _try_out(fault: Fault, config: Config) -> None:
 
 
 CATCH_UP = 0.7
-"""Late samples follow each other by at least so many intervals, as on a real bus: never in a bunch."""
+"""Smallest distance of late samples, in intervals: as on a real bus they never come in a bunch."""
 
 LATEST_S = 0.4
-"""Samples later than this [s] are left out: a controller sends at its time or not at all, and a monitor that follows
-its counter takes more than half a second for a clock that was set."""
+"""Samples later than this [s] are left out: a controller sends at the right time or not at all, and a monitor that
+follows its counter takes a delay of more than half a second for a changed clock."""
 
 Send = Callable[[Moment], int]
-"""Sends the frames of a moment; how many there were."""
+"""Sends the frames of a moment and returns their number."""
 
 
 def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
-    """Sends moments on open buses, with their times since the first one for a bus that keeps them.
+    """Sends moments on open buses; a bus that keeps times gets those since the first moment.
 
     Raises:
         BusError: a bus does not take a frame.
@@ -125,7 +125,7 @@ def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
     def send_moment(moment: Moment) -> int:
         nonlocal began_s
         began_s = time.time() - moment.time_s if began_s is None else began_s
-        # All encoded, then all sent: the frames of a moment are close together on the bus.
+        # All frames are encoded first and then sent, so that those of a moment are close together on the bus.
         frames = [
             (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
         ]
@@ -137,7 +137,7 @@ def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
 
 
 class Sent(NamedTuple):
-    """What a robot has sent: frames, and moments that were left out since this machine was too busy."""
+    """Counts of a robot: sent frames, and moments that were left out because this machine was too busy."""
 
     frames: int
     left_out: int
@@ -154,7 +154,7 @@ def run_robot(
 ) -> Sent:
     """Send the samples of a robot on a schedule that does not drift; those later than ``latest_s`` are left out.
 
-    Those that are late follow each other by at least ``catch_up`` intervals.  It ends when ``stop`` is set, or after
+    Late samples have a distance of at least ``catch_up`` intervals.  It ends when ``stop`` is set, or after
     ``duration_s``.
     """
     start = time.monotonic()
@@ -199,11 +199,11 @@ def table_lines(
     """The lines of a CSV file with the samples of the robot of a configuration.
 
     Args:
-        config: its axes are simulated, all with the interval of the first.
-        seconds: length.
-        seed: of noise and test signals; the same one gives the same lines.
-        progress: called with the share that is done.
-        faults: none, of a healthy robot.
+        config: configuration whose axes are simulated, all with the interval of the first one.
+        seconds: duration of the record.
+        seed: seed of noise and test signals; the same one gives the same lines.
+        progress: called with the completed share.
+        faults: the faults and their times; empty: a healthy robot.
 
     Raises:
         ValueError: the axes have different intervals.

@@ -1,4 +1,4 @@
-"""An alarm in one sentence, with its certainty."""
+"""Describes an alarm in one sentence, with its certainty."""
 
 import math
 from collections.abc import Sequence
@@ -24,12 +24,12 @@ from monitor_core.wording import listed
 from service.texts.trend_words import reach_words
 
 SURE_CAUSE = 0.95
-"""A cause that is likelier needs no second one beside it."""
+"""Probability above which a cause is named without a second one"""
 
 Z95 = 1.96
 """Half the width of an interval with a probability of 95 %, in standard deviations"""
 _VAGUE = 5.0
-"""Standard deviation over size, from which on an interval says nothing"""
+"""Ratio of standard deviation to size above which an interval is not informative"""
 
 DOUBTS: dict[Doubt, str] = {
     "several": "more than one parameter has changed, or none of them; nearest is {parameter}: {fact}",
@@ -89,7 +89,7 @@ def _alike(parameter: str, causes: tuple[Cause, ...]) -> str:
 
 
 def _which(causes: tuple[Cause, ...]) -> str:
-    """Empty where the cause is certain, otherwise "kT or fm, 60:40; "."""
+    """The alternatives, such as "kT or fm, 60:40; "; empty if the cause is certain."""
     if not causes or causes[0].probability >= SURE_CAUSE:
         return ""
     likely = causes[:3]
@@ -101,7 +101,7 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
     """An alarm in words: "fm is 0.018 N m s/rad (30 %, 26 to 34) above its nominal value".
 
     Args:
-        parameter: its name, or that of a fault of a sensor.
+        parameter: name of the parameter or of the fault of a sensor.
         size: its estimate minus its nominal value, in ``unit``; infinite: not known.
         nominal: its nominal value, in ``unit``.
         unit: "1" for a ratio.
@@ -136,13 +136,13 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
 
 
 def _interval(size: float, sd: float) -> list[str]:
-    """Where the size is with a probability of 95 %; empty: not known, hardly known, or not to be told from the size."""
+    """Interval that contains the size with a probability of 95 %; empty: unknown, too uncertain, or not derivable."""
     low, high = _digits(size - Z95 * sd), _digits(size + Z95 * sd)
     return [f"{low} to {high}"] if sd < _VAGUE * size and low != high else []
 
 
 def _skew(size: float, nominal: float) -> str:
-    """Torque and motion are no longer synchronous: because of the bus, or of the current loop of the drive."""
+    """Message that torque and motion are no longer synchronous, because of the bus or the drive's current loop."""
     now = nominal + size
     if nominal:
         way, acts = "later than usual" if size > 0 else "earlier than usual", _ms(now)
@@ -155,7 +155,7 @@ def _skew(size: float, nominal: float) -> str:
 
 
 def _load(size: float) -> str:
-    """Another payload: a change of the operation, and no fault of the drive."""
+    """Message about another payload: a change of the operation, and no fault of the drive."""
     more = "less" if size < 0 else "more"
     by = f"{_digits(abs(100 * size))} % {more}" if math.isfinite(size) else more
     return (
@@ -164,7 +164,7 @@ def _load(size: float) -> str:
 
 
 def _inertia(size: float) -> str:
-    """As a payload changes an axis that bears no weight."""
+    """The effect of a payload on an axis that bears no weight."""
     larger = "smaller" if size < 0 else "larger"
     by = f"{_digits(abs(100 * size))} % {larger}" if math.isfinite(size) else larger
     than = f"{by} than at its commissioning"
@@ -176,7 +176,7 @@ def _ms(seconds: float) -> str:
 
 
 def _digits(value: float) -> str:
-    """Two significant digits, as a size is hardly ever known better; all digits of a whole number."""
+    """Two significant digits, since a size is rarely known better; all digits of a whole number."""
     if not math.isfinite(value):
         return "?"
     return f"{value:.0f}" if abs(value) >= 10 else f"{value:.2g}"

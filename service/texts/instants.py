@@ -1,17 +1,17 @@
-"""Times at the interfaces: microseconds since 1970 inside, ISO 8601 in UTC outside."""
+"""Times at the interfaces: microseconds since 1970 internally, ISO 8601 in UTC externally."""
 
 import time
 from datetime import UTC, datetime, timedelta
 
 DATED_US = 10**15
-"""Earlier times are those of a record without dates."""
+"""Times before this one are from a record without dates."""
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 
 
 def now_us() -> int:
-    """The time now, microseconds since 1970."""
+    """The present time, microseconds since 1970."""
     return time.time_ns() // 1000
 
 

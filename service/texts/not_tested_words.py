@@ -1,4 +1,4 @@
-"""Parameters that are not tested: why, and what would help."""
+"""Explains why parameters are not tested, and what would help."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -33,7 +33,7 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
             needed += f"; or memory_s = {r.memory_s:g}{joint}, for which the motion so far suffices"
         return why, needed
     if reason is NotTested.WARM_UP and status.judged_in_s is not None:
-        # Beside the time until then, that in which a parameter counts as tested.
+        # In addition to the time until then, the time after which a parameter counts as tested.
         left_s = status.judged_in_s + MIN_TESTED_MEMORIES * status.memory_s
         return _WHY[reason], _WARMER.format(left=duration(left_s))
     if reason is NotTested.NOT_OBSERVED and status.confounded:

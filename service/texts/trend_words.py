@@ -1,4 +1,4 @@
-"""A long-term trend in a sentence: whether it drifts and when it reaches a limit, always with an interval."""
+"""Describes a long-term trend in a sentence: whether it drifts and when it reaches a limit, always with an interval."""
 
 from datetime import UTC, datetime
 
@@ -7,7 +7,7 @@ from monitor_core.trend import Trend
 from service.texts.instants import DATED_US
 
 SURE_COURSE = 0.9
-"""A kind of course that is likelier is reported as it is; less likely ones with their shares."""
+"""Probability above which a kind of course is reported alone; less certain ones with their probabilities."""
 
 _DAY_S = 86400.0
 _UNITS = (
@@ -16,12 +16,12 @@ _UNITS = (
     (3600.0, "hour", 72 * 3600.0),
     (_DAY_S, "day", 730 * _DAY_S),
 )
-"""Each with the longest time that is given in it [s]."""
+"""Units of time, each with the longest time that is given in it [s]."""
 _YEAR_S = 365.25 * _DAY_S
 
 
 def trend_words(name: str, unit: str, t: Trend | None) -> str:
-    """fm drifts up by 0.0012 +- 0.0001 N m s/rad per day; or that it is steady, has changed, or is undecided."""
+    """The course in words: "fm drifts up by 0.0012 +- 0.0001 N m s/rad per day", or steady, changed, or undecided."""
     if t is None:
         return f"{name}: too little data yet to detect a drift"
     p = t.probability
@@ -47,7 +47,7 @@ def trend_words(name: str, unit: str, t: Trend | None) -> str:
 
 
 def reach_words(r: Reach, now_us: int) -> str:
-    """fm reaches 0.09 N m s/rad in 12 to 20 days.
+    """When a limit is reached: "fm reaches 0.09 N m s/rad in 12 to 20 days".
 
     Args:
         r: the limit, and when it is reached.
@@ -86,7 +86,7 @@ def _date(t_us: int) -> str:
 
 
 def _times(*seconds: float) -> str:
-    """12 to 20 days, 12 days: in the unit of the last."""
+    """An interval of time such as "12 to 20 days" or "12 days", in the unit of its end."""
     scale, name = _unit(seconds[-1])
     return f"{' to '.join(_round(s / scale) for s in seconds)} {name}s"
 

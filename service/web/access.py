@@ -1,4 +1,7 @@
-"""Who may use the API, and what a route needs: ``who: Annotated[str, Depends(needs(Scope.OPERATE))]``."""
+"""Access to the API: callers, scopes, and the scope that a route needs.
+
+A route declares it by ``who: Annotated[str, Depends(needs(Scope.OPERATE))]``.
+"""
 
 from collections.abc import Callable, Iterable
 from typing import Annotated
@@ -21,25 +24,25 @@ _EVERY_ADDRESS = ("0.0.0.0", "::")
 
 
 class UnprotectedError(Exception):
-    """Other machines would reach the daemon without tokens or without TLS; the text says what would be right."""
+    """Other machines could reach the daemon without tokens or TLS; the text says what to do."""
 
 
 class ForbiddenError(Exception):
-    """The caller is known, but may not do this; the text says what it would need."""
+    """The caller is known, but its scope is too small; the text says which scope is needed."""
 
 
 def needs(scope: Scope) -> Callable[..., str]:
-    """A dependency of routes: the name of the caller, who has this scope.
+    """A dependency for routes: checks that the caller has this scope; returns the name of the caller.
 
     Raises:
-        ForbiddenError: the caller has a smaller one; answered with 403.
+        ForbiddenError: the caller's scope is smaller; answered with 403.
     """
 
     def who(
         request: Request,
         _documented: Annotated[HTTPAuthorizationCredentials | None, Security(_BEARER)] = None,
     ) -> str:
-        caller: Caller = request.state.caller  # set by the gate, which every request passes
+        caller: Caller = request.state.caller  # set by the gate
         if scope not in caller.scopes:
             words = "this needs a token with the scope {scope}; that of {name} is smaller"
             raise ForbiddenError(sentence("scope", words, scope=scope, name=caller.name))
@@ -49,18 +52,18 @@ def needs(scope: Scope) -> Callable[..., str]:
 
 
 class Access:
-    """By which names the daemon is asked, and who may ask.
+    """Checks the host names of requests, and identifies callers by their tokens.
 
     Args:
-        tokens: None: there can be none.
-        hosts: names and addresses of the daemon, beside those of this machine itself.
-        remote: other machines reach the address that it listens on.
-        tls: what is sent is encrypted.
-        insecure: it may lack tokens or TLS where other machines reach it.
-        open_metrics: /metrics needs no token.
+        tokens: the token file; None: there are no tokens.
+        hosts: names and addresses of the daemon, besides those of the loopback interface.
+        remote: whether other machines can reach the address.
+        tls: whether the connection is encrypted.
+        insecure: whether to accept other machines without tokens or TLS.
+        open_metrics: whether /metrics needs no token.
 
     Raises:
-        UnprotectedError: it lacks them, and may not.
+        UnprotectedError: other machines can reach the address, tokens or TLS are missing, and ``insecure`` is false.
         StoreError: the tokens cannot be read.
     """
 
@@ -82,22 +85,22 @@ class Access:
         self._needed = remote and not insecure
 
     def change(self, hosts: Iterable[str], open_metrics: bool) -> None:
-        """Have these names, and tell its metrics to everyone or not; from any thread."""
+        """Replace the names, and whether /metrics needs no token; from any thread."""
         self.open_metrics = open_metrics
         self._hosts = {*_THIS_MACHINE, *(host.lower() for host in hosts)} - {*_EVERY_ADDRESS}
 
     def known_host(self, host: str) -> bool:
-        """Whether the daemon has this name or address, without a port."""
+        """Whether this name or address, without a port, is one of the daemon."""
         return host.lower().rstrip(".") in self._hosts
 
     @property
     def needs_token(self) -> bool:
-        """Whether a caller must have a token: once there was a file of tokens, until the next start."""
+        """Whether a caller must have a token; stays true until the next start once a token file has existed."""
         self._needed = self._needed or (self._tokens is not None and self._tokens.exists)
         return self._needed
 
     def caller(self, secret: str | None) -> Caller | None:
-        """Who asks with this secret; None: nobody who is known.
+        """The caller with this secret; None: unknown.
 
         Raises:
             StoreError: the tokens cannot be read.
@@ -108,7 +111,7 @@ class Access:
 
     @property
     def danger(self) -> str | None:
-        """What everyone should know who sees the page; None: nothing."""
+        """A warning for everyone who sees the page that the daemon is not protected; None: it is."""
         if not self._remote or (self._tls and self.needs_token):
             return None
         if not self.needs_token:

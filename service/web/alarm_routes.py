@@ -1,4 +1,4 @@
-"""REST under /api/v1/alarms: the alarm journal, and what persons do about alarms."""
+"""REST under /api/v1/alarms: the alarm journal, and actions of persons on alarms."""
 
 import re
 from typing import Annotated
@@ -31,10 +31,10 @@ _LARGEST_ID = 2**63 - 1
 _CURSOR = re.compile(r"(?:(-?[0-9]{1,18})\.)?([0-9]{1,18})")
 _WEEK_US = 7 * 86_400_000_000
 _EARLIEST_US, _LATEST_US = -62_135_596_800_000_000, 253_402_300_799_999_999
-"""Of the years 1 to 9999 in UTC, which a time of the API can be in"""
+"""Range of times in the API: years 1 to 9999, UTC"""
 
 _ENDLESS_S = 1e9
-"""What is longer is as much too long."""
+"""A longer duration is cut to this, which is far too long in any case."""
 
 Moment = Annotated[
     models.GivenTime | None,
@@ -47,10 +47,10 @@ Caller = Annotated[str, Depends(needs(Scope.OPERATE))]
 
 
 def in_order(since: Moment, until: Moment) -> tuple[int | None, int | None]:
-    """Begin and end of a range of time, in microseconds since 1970.
+    """Start and end of a time range [us since 1970].
 
     Raises:
-        HTTPException: it ends before it begins.
+        HTTPException: the range does not end after its start.
     """
     since_us, until_us = (
         None if t_us is None else max(_EARLIEST_US, min(t_us, _LATEST_US))
@@ -62,7 +62,7 @@ def in_order(since: Moment, until: Moment) -> tuple[int | None, int | None]:
 
 
 class AlarmFilters:
-    """The filters of the list of alarms."""
+    """Filters for the list of alarms."""
 
     def __init__(
         self,
@@ -83,7 +83,7 @@ class AlarmFilters:
         self.since_us, self.until_us = in_order(since, until)
 
     def match(self, a: RecordedAlarm, now_us: int) -> bool:
-        """Whether an alarm that the journal does not have yet is asked for."""
+        """Whether an alarm that is not recorded yet matches the filters."""
         shown = a.active and not a.life.hidden
         special = {
             "active": a.active,
@@ -123,13 +123,13 @@ def router(state: AppState) -> APIRouter:
             f.active,
             f.since_us,
             f.until_us,
-            limit - len(first) + 1,  # is there another page?
+            limit - len(first) + 1,  # one more, to see whether there is another page
             after,
             f.state,
             now_us,
         )
         folder = state.recordings
-        files = [] if folder is None else folder.files()  # looked at once
+        files = [] if folder is None else folder.files()  # list the folder only once
         found = [
             views.alarm(a, now_us, None if folder is None else folder.holding(a.since_us, files))
             for a in (*first, *recorded)[:limit]
@@ -153,7 +153,7 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
-        """One alarm of the journal, with all that has happened to it."""
+        """One alarm of the journal, with its transitions."""
         return _record(state, _known(state, alarm_id))
 
     api.include_router(_actions(state))
@@ -161,10 +161,10 @@ def router(state: AppState) -> APIRouter:
 
 
 def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
-    """Where a page begins: how many of the alarms that are not yet recorded come before, or the recorded one before.
+    """The start of a page: the number of unrecorded alarms to skip, or the recorded alarm before the page.
 
     Raises:
-        HTTPException: it is no cursor.
+        HTTPException: the text is no cursor.
     """
     found = _CURSOR.fullmatch(cursor)
     if found is None:
@@ -173,7 +173,7 @@ def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
 
 
 def _actions(state: AppState) -> APIRouter:
-    """What a person does about an alarm; each answers with the alarm then."""
+    """The routes of actions on an alarm; each answers with the alarm after the action."""
     api = APIRouter(prefix="/{id}", responses=_NOT_FOUND | _NO_JOURNAL)
 
     def act(
@@ -184,7 +184,7 @@ def _actions(state: AppState) -> APIRouter:
             if event is not AlarmEvent.ACKNOWLEDGE:
                 words = f"alarm {alarm_id} is not yet recorded; until then it can only be acknowledged"
                 raise HTTPException(503, words)
-            if found := state.acknowledge(alarm_id, note):  # else it has been recorded just now
+            if found := state.acknowledge(alarm_id, note):  # otherwise it has just been recorded
                 return _record(state, found)
         try:
             return _record(state, state.journal.act(alarm_id, event, note, until_us))
@@ -214,7 +214,7 @@ def _actions(state: AppState) -> APIRouter:
         responses=described(409, "It has no recording, or another report is being made"),
     )  # fmt: skip
     def make_report(alarm_id: AlarmId, _who: Caller) -> models.AlarmRecord:
-        """Replay its recording, with the nominal values of then, in a process that gives way to all others."""
+        """Replay the recording of an alarm with the nominal values of that time, in a process of lowest priority."""
         found = _known(state, alarm_id)
         if state.replays is None:
             raise HTTPException(409, NO_FRAMES_KEPT)
@@ -229,7 +229,7 @@ def _actions(state: AppState) -> APIRouter:
         responses=described(404, "It does not exist"),
     )  # fmt: skip
     def report(alarm_id: AlarmId) -> FileResponse:
-        """A page for the maintenance file, once it was made; without scripts, and with its pictures in it."""
+        """The finished report: one page without scripts that contains its pictures, for the maintenance file."""
         page = None if state.replays is None else state.replays.page(_known(state, alarm_id))
         if page is None or not page.is_file():
             raise HTTPException(404, f"there is no report of alarm {alarm_id}; POST makes it")

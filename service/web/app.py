@@ -1,4 +1,4 @@
-"""The web application: REST API, health and metrics, pages that ask no other host, answers to failed requests."""
+"""The web application: REST API, health, metrics, pages without external content, error answers."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -50,7 +50,7 @@ on the motor side of the gear unless a description says otherwise; a number that
 
 _NOT_FOUND = described(404, "It does not exist")
 _LONGEST_S = 2.0
-"""All pages that are open ask for all axes once a second: one answer is made for them, with the snapshot."""
+"""Longest use of one answer with all axes [s]: all open pages request it once a second, so it is made once."""
 
 Entries = Annotated[
     int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
@@ -59,15 +59,15 @@ Only = Annotated[str | None, Query(description="only this one; default: all")]
 
 
 def create_app(state: AppState) -> FastAPI:
-    """The application on what the daemon shows of itself."""
-    # FastAPI's own documentation pages load scripts from another host; the one at /docs does not.
+    """Make the application from the state of the daemon."""
+    # FastAPI's own documentation pages load scripts from another host; the page at /docs does not.
     app = FastAPI(title="axiswatch", version=VERSION, description=DESCRIPTION, docs_url=None, redoc_url=None)
     app.include_router(_api(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
     app.include_router(_probes(state))
     app.include_router(_pages())
     if state.reports is not None:
         app.include_router(report_router(state.reports))
-    app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))  # behind the icons of the pages
+    app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))  # after the route of the icons
     app.add_middleware(EntityTags)
     app.add_middleware(Gate, access=state.access)
     _describe_webhook(app)
@@ -77,7 +77,7 @@ def create_app(state: AppState) -> FastAPI:
 
 
 def _api(state: AppState) -> APIRouter:
-    """The routes below /api/v1: axes with their estimates, the daemon itself; what has files of its own."""
+    """The routes below /api/v1."""
     api = APIRouter(prefix="/api/v1")
     api.include_router(_axes(state), tags=["axes"])
     api.include_router(history_router(state), tags=["axes"])
@@ -132,13 +132,13 @@ def _axes(state: AppState) -> APIRouter:
 
 
 def _probes(state: AppState) -> APIRouter:
-    """Health for machines: /healthz (alive), /readyz (monitoring, else the reasons), /metrics."""
+    """Health for machines: /healthz (alive), /readyz (monitoring, or the reasons why not), /metrics."""
     probes = APIRouter(tags=["probes"])
     written = metrics.Metrics(state.snapshot, state.now_us, state.links)
     state.prepared.extend(written.of_axes.values())
     protected = Depends(needs(Scope.READ))
 
-    # These two answer on the event loop: they must not wait for a thread.
+    # The next two routes answer on the event loop, so that they need not wait for a thread.
     @probes.get("/healthz", summary="Alive?", responses={503: {"model": models.Health}})
     async def healthz(response: Response) -> models.Health:
         """200 while the worker reports, 503 when it has not reported for ten seconds."""
@@ -163,7 +163,7 @@ def _probes(state: AppState) -> APIRouter:
         response.status_code = 503 if reasons else 200
         return models.Readiness(ready=not reasons, reasons=reasons)
 
-    open_metrics = state.access.open_metrics  # as described; what holds now, the gate knows
+    open_metrics = state.access.open_metrics  # for the schema only; the gate uses the present setting
 
     @probes.get(
         "/metrics",
@@ -190,7 +190,7 @@ def _pages() -> APIRouter:
 
     @pages.get("/static/icon-{number}.svg")
     def numbered_icon(number: Annotated[str, PathParameter(pattern=r"^([1-9]|9\+)$")]) -> Response:
-        """The icon with a number of alarms; the policy of the daemon forbids one that the page would draw."""
+        """The icon with a number of alarms; the content policy does not allow the page to draw it."""
         icon = STATIC / "icon.svg"
         if not icon.is_file():
             return _page(icon.name)
@@ -207,7 +207,7 @@ _NUMBER = (
 
 
 def _page(name: str) -> Response:
-    """A page of the dashboard; sources that nobody has built have none."""
+    """A page of the dashboard; an error answer if the dashboard has not been built."""
     path = STATIC / name
     if path.is_file():
         return FileResponse(path)
@@ -215,7 +215,7 @@ def _page(name: str) -> Response:
 
 
 def _describe_webhook(app: FastAPI) -> None:
-    """The requests that ``[[links.webhook]]`` sends, for the schema."""
+    """Add the requests that ``[[links.webhook]]`` sends to the schema."""
 
     @app.webhooks.post("alarm", tags=["links"])
     def alarm(
@@ -240,11 +240,11 @@ _STATUS: Mapping[type[Exception], int] = {
     BaselineUnavailableError: 503,
     NoLookError: 503,
 }
-"""Of the answer to a request that raises such an error, whose text is its first argument"""
+"""Status of the answer to a request that raises such an error; the error's first argument is the text"""
 
 
 def _answer_errors(app: FastAPI) -> None:
-    """Answer failed requests with the reason and the resources that exist."""
+    """Answer failed requests with the reason, and with the existing resources."""
 
     async def refused(_: Request, error: Exception) -> JSONResponse:
         return answer(_STATUS[type(error)], error.args[0])

@@ -1,4 +1,4 @@
-"""What the web reads of the daemon: the newest snapshot, the journal and a clock; and whether it is healthy."""
+"""The parts of the daemon that the web uses, cached answers, and whether the daemon is healthy."""
 
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -28,41 +28,41 @@ VERSION = version("axiswatch")
 
 @dataclass(frozen=True, slots=True)
 class AppState:
-    """What the routes have; functions are cheap, and may be called from any thread."""
+    """The parts of the daemon that the routes use; its functions are fast, and may be called from any thread."""
 
     snapshot: Callable[[], Snapshot]
-    """The newest one"""
+    """Returns the newest snapshot"""
     journal: Journal
-    """Of the alarms"""
+    """The alarm journal"""
     access: Access = field(default_factory=Access)
-    """Who may ask; by default everyone on this machine"""
+    """Access control; by default everyone on this machine has access"""
     now_us: Callable[[], int] = now_us
-    """The clock for ages"""
+    """Wall clock, for ages"""
     reports: ReportPages | None = None
-    """Pages of the commissioning"""
+    """Reports of the commissioning"""
     extracts: Extracts | None = None
     """Recordings of the frames around alarms"""
     history: HistoryRecording | None = None
-    """Of the axes"""
+    """The history of the axes"""
     links: Callable[[], Sequence[LinkSnapshot]] = tuple
-    """The newest state of each plant link"""
+    """Returns the state of each plant link"""
     acknowledge: Callable[[int, Note], RecordedAlarm | None] = lambda _id, _note: None
-    """Acknowledges an alarm that the journal does not have yet; None: there is no such alarm"""
+    """Acknowledges an alarm that is not recorded yet; returns None if there is no such alarm"""
     baselines: Baselines | None = None
-    """New epochs of axes; None: none can begin"""
+    """Starts new epochs of axes; None: not possible"""
     stopping: Callable[[], bool] = lambda: False
-    """Whether the daemon ends: streams end then"""
+    """Whether the daemon is stopping, so that streams must end"""
     live: LiveSignals = field(default_factory=LiveSignals)
-    """The last seconds of the axes"""
+    """Signals of the last seconds"""
     setup: RobotSetup | None = None
-    """The configuration and its robot; None: neither is shown"""
+    """The configuration; None: it is not shown"""
     replays: ReplayReports | None = None
-    """Reports of replays; None: none are made"""
+    """Replay reports; None: none are made"""
     prepared: "list[Latest]" = field(default_factory=list)
-    """Answers that take long: the worker makes them, and nobody waits for them, nor for the interpreter meanwhile"""
+    """Slow answers that the worker makes in advance, so that no request waits for them"""
 
     def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
-        """The axis of that id now, checked to monitor ``parameter`` if one is given.
+        """The present snapshot of an axis; if ``parameter`` is given, check that the axis monitors it.
 
         Raises:
             UnknownResourceError: there is no such axis or parameter.
@@ -77,9 +77,11 @@ class AppState:
         return found
 
     def prepare(self, snapshot: Snapshot) -> None:
-        """Make the answers that are asked for often, before the snapshot is shown; by the worker."""
+        """Make the frequently requested answers before the snapshot is published; called by the worker."""
         for answer, made in [(answer, answer.made(snapshot)) for answer in self.prepared]:
-            answer.hold(made)  # only now: until then who asks for the snapshot before is not kept waiting
+            answer.hold(
+                made
+            )  # only when all are made, so that requests for the former snapshot need not wait
 
     @property
     def recordings(self) -> RecordingFolder | None:
@@ -88,15 +90,15 @@ class AppState:
 
 
 _Held = tuple[Snapshot, int, bytes]
-"""An answer, of which snapshot it was made and when [us]"""
+"""Snapshot of an answer, time at which the answer was made [us], and the answer"""
 
 
 class Latest:
-    """An answer made of the newest snapshot: made once, however many ask, until there is a newer one or it is too old.
+    """An answer made from the newest snapshot, once for all requests, until there is a newer one or it is too old.
 
     Args:
-        make: from a snapshot, at a time [us].
-        longest_s: how long it may be used; its ages are as old.
+        make: makes the answer from a snapshot at a time [us].
+        longest_s: longest time for which the answer is used [s]; ages in it are wrong by up to this.
     """
 
     def __init__(self, make: Callable[[Snapshot, int], bytes], longest_s: float) -> None:
@@ -106,7 +108,7 @@ class Latest:
         self._asked_us = 0
 
     def __call__(self, snapshot: Snapshot, now_us: int) -> bytes:
-        """From any thread; who asks while it is being made waits for it."""
+        """The answer; from any thread.  A request waits while the answer is being made."""
         self._asked_us = now_us
         with self._lock:
             held = self._held
@@ -115,14 +117,14 @@ class Latest:
             return held[2]
 
     def made(self, snapshot: Snapshot) -> _Held | None:
-        """The answer for a snapshot that is about to be shown; None: nobody has asked for a minute, or it failed."""
+        """Make the answer for a snapshot in advance; None: no request in the last minute, or an error."""
         if snapshot.taken_us - self._asked_us <= _WANTED_US:
-            with suppress(Exception):  # who asks makes it again, and gets the error
+            with suppress(Exception):  # the next request makes it again, and gets the error
                 return snapshot, snapshot.taken_us, self._make(snapshot, snapshot.taken_us)
         return None
 
     def hold(self, made: _Held | None) -> None:
-        """Give this answer from now on; None: the one of before."""
+        """Use this answer from now on; None: keep the former one."""
         if made is not None:
             with self._lock:
                 self._held = made
@@ -132,25 +134,25 @@ _WANTED_US = 60_000_000
 
 
 def age_s(t_us: int, now_us: int) -> float:
-    """Time since ``t_us`` [s]; 0 if ``t_us`` comes from a clock that is ahead of this one."""
+    """Time since ``t_us`` [s]; 0 if ``t_us`` is from a clock that is ahead."""
     return max(0, now_us - t_us) / 1e6
 
 
 def sample_age_s(axis: AxisSnapshot, now_us: int) -> float | None:
-    """Age of the last sample of an axis [s]; None before the first sample."""
+    """Age of the last sample of an axis [s]; None: no sample yet."""
     return None if axis.status.time_us is None else age_s(axis.status.time_us, now_us)
 
 
 OLDEST_SNAPSHOT_S = 10.0
-"""The worker publishes a snapshot every second at least, with or without samples; an older one means that it hangs."""
+"""Age at which a snapshot means that the worker hangs; it publishes at least every second, even without samples."""
 
 OLDEST_SAMPLE_S = 5.0
 OLDEST_SAMPLE_INTERVALS = 10
-"""An axis whose last sample is older than both is not being monitored."""
+"""An axis is silent if its last sample is older than both."""
 
 
 def is_silent(axis: AxisSnapshot, now_us: int) -> bool:
-    """Whether an axis gets no samples now."""
+    """Whether an axis receives no samples now."""
     age = sample_age_s(axis, now_us)
     return age is None or age > max(OLDEST_SAMPLE_S, OLDEST_SAMPLE_INTERVALS * axis.interval_s)
 
@@ -163,8 +165,8 @@ def is_alive(snapshot: Snapshot, now_us: int) -> bool:
 class NotReady(NamedTuple):
     """A reason why not every axis is monitored now, or why alarms are not recorded.
 
-    ``name``: of the bus or axis; ``state``: of the bus; ``since_s``: age of the last sample, or of the last report of
-    the worker, None: there is none; ``alarms``: that are not recorded.
+    ``name``: name of the bus or axis; ``state``: state of the bus; ``since_s``: age of the last sample, or of the last
+    report of the worker, None: there is none; ``alarms``: number of unrecorded alarms.
     """
 
     lack: Lack
@@ -187,7 +189,7 @@ class NotReady(NamedTuple):
 
 
 def reasons_not_ready(snapshot: Snapshot, now_us: int) -> Iterator[NotReady]:
-    """Reasons why not every axis is monitored now, or why alarms are not recorded; none when all is well."""
+    """Reasons why not every axis is monitored now, or why alarms are not recorded."""
     if not is_alive(snapshot, now_us):
         yield NotReady(Lack.WORKER, since_s=age_s(snapshot.taken_us, now_us))
     yield from (NotReady(Lack.BUS, bus.name, bus.state) for bus in snapshot.buses if not bus.up)

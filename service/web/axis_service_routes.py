@@ -1,4 +1,4 @@
-"""REST under /api/v1/axes/{axis}/: an axis is taken out of service while it is maintained, and returned to it."""
+"""REST under /api/v1/axes/{axis}/: taking an axis out of service for maintenance, and returning it to service."""
 
 from fastapi import APIRouter
 from pydantic import Field
@@ -14,11 +14,11 @@ from service.web.problem_details import described
 
 _NOT_FOUND = described(404, "The axis does not exist")
 _NO_STORE = described(503, "The journal cannot be read or written")
-_CONFLICT = described(409, "It is out of service, or in it, already")
+_CONFLICT = described(409, "The axis is already out of service, or already in service")
 
 
 class AxisServiceStep(Body):
-    """What a person has made of the service of an axis."""
+    """A removal of an axis from service by a person, or a return."""
 
     at: Time = Field(description="UTC")
     event: ServiceEvent
@@ -41,7 +41,7 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("/service", summary="Service of an axis")
     def service(axis: str) -> AxisService:
-        """Whether it is out of service, and who has taken it out of service and returned it."""
+        """Whether an axis is out of service, and who has taken it out of service or returned it."""
         configured = state.axis(axis).out_of_service
         steps = state.journal.services.steps(axis)
         removed = steps[-1].note if steps and steps[-1].event is AlarmEvent.REMOVE else None

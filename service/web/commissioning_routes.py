@@ -1,6 +1,7 @@
-"""REST under /api/v1/commissioning: how far the robot is commissioned, and a live check of the signals of an axis.
+"""REST under /api/v1/commissioning: progress of the commissioning, and a live check of an axis's signals.
 
-Nothing is started: the steps are commands, since a record and an identification take minutes and change files.
+Nothing is started here: the answer names commands to type, as recording and identification take minutes and change
+files.
 """
 
 import shlex
@@ -36,7 +37,7 @@ class CommissioningStep(Body):
 
 
 class AxisCommissioning(Body):
-    """What commissioning has left of an axis."""
+    """Results of the commissioning of an axis."""
 
     axis: str
     identified: bool = Field(description="its nominal values are from a nominal_file")
@@ -47,7 +48,7 @@ class AxisCommissioning(Body):
 
 
 class Commissioning(Body):
-    """How far the robot is commissioned."""
+    """Progress of the commissioning of the robot."""
 
     folder: str = Field(description="of the configuration")
     steps: list[CommissioningStep] = Field(description="in their order")
@@ -81,7 +82,7 @@ def router(state: AppState) -> APIRouter:
         "/{axis}/signals", summary="Live check of the signals of an axis", responses=_NOT_FOUND | _NO_LOOK
     )
     def signals(axis: str) -> SignalCheck:
-        """Rate, jitter, losses, ranges of the last ten seconds, and what is wrong with them, in words."""
+        """Rate, jitter, losses and ranges of the last ten seconds, and their problems in words."""
         found = state.axis(axis)
         if state.setup is None:
             raise HTTPException(503, "the configuration of this daemon is not known")
@@ -98,7 +99,7 @@ def _steps(
     silent = sum(axis is None or is_silent(axis, state.now_us()) for axis in heard)
     records = len(list((folder / RECORDS).glob("*.log")))
     models = [axis.config.model for axis in axes]
-    # Where a commissioned robot lacks something, all of it is written again, beside the same configuration.
+    # If a commissioned robot lacks something, all files are written again, beside the same configuration.
     where = "." if (folder / REPORT).is_file() else "commissioned"
     commission = f"axiswatch commission {own} --minutes 10 --output {where}"
     identified = sum(model.nominal_file is not None for model in models)

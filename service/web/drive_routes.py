@@ -1,4 +1,4 @@
-"""REST of the drive of an axis: components with the monitored parameters, nominal and present frequency response."""
+"""REST of the drive of an axis: components and monitored parameters, nominal and present frequency response."""
 
 from collections.abc import Mapping
 from itertools import zip_longest
@@ -20,7 +20,7 @@ from service.web.views import OUTPUT_UNITS
 _ANSWERS = described(404, "It does not exist") | described(503, "The drive of the axis is not known (yet)")
 _POINTS = 240
 _LOWEST, _HIGHEST = 1e-3, 0.95
-"""Ends of the frequencies, in shares of half the sampling frequency"""
+"""Lowest and highest frequency, as shares of half the sample rate"""
 
 
 class ComponentParameter(models.Body):
@@ -44,7 +44,7 @@ class Component(models.Body):
 
 
 class MonitoredName(models.Body):
-    """A monitored parameter, and what of the drawing is in it."""
+    """A monitored parameter, and the drawn parameters that it contains."""
 
     name: str
     names: list[str] = Field(description="drawn parameters that it consists of: Ja for 1/Ja")
@@ -143,7 +143,7 @@ def _drive_body(axis: AxisSnapshot, watched: MonitoredDrive) -> DriveModel:
 
 
 def drawn_names(drive: Drive, name: str) -> frozenset[str]:
-    """The drawn parameters that a parameter of the drive is made of: itself, or those that were merged to it."""
+    """The drawn parameters from which a parameter of the drive is made: itself, or those merged into it."""
     definition = next((d for d in drive.definitions if d.name == name), None)
     if definition is None or definition.names == {name}:
         return frozenset({name})
@@ -170,12 +170,12 @@ def _bode_body(axis: AxisSnapshot, watched: MonitoredDrive) -> Bode:
     estimates = [p.nominal if p.name in without else p.estimate for p in parameters]
     at_nominal = _response(watched, model.values(nominal), axis.interval_s, frequency_hz, {})
     P = axis.status.covariance
-    # What has no estimate is nominal; a load changes the weight alone, which is not in the response.
+    # A parameter without an estimate is nominal.  A load changes only the weight, which is not in the response.
     free = {p.name: i for i, p in enumerate(parameters) if P and p.name not in (*without, LOAD)}
     covariance = {name: [P[i][k] for k in free.values()] for name, i in free.items()}
     try:
         present = _response(watched, model.values(estimates), axis.interval_s, frequency_hz, covariance)
-    except (ValueError, ZeroDivisionError):  # an estimate that its parameter cannot have
+    except (ValueError, ZeroDivisionError):  # an estimate that is impossible for its parameter
         present = None
     pairs = zip_longest(at_nominal.resonances, () if present is None else present.resonances)
     return Bode(
@@ -198,8 +198,8 @@ def _response(
     frequency_hz: Floats,
     covariance: Mapping[str, list[float]],
 ) -> _Response:
-    """``covariance``: its rows, by the names of the estimates."""
-    from monitor_core.identification import drive_response  # which few daemons are ever asked for
+    """The response at these values; ``covariance``: rows of the covariance of the estimates, by name."""
+    from monitor_core.identification import drive_response  # imported here, as few daemons need it
     from monitor_core.modeling import modes
 
     drive = watched.model.drive

@@ -1,4 +1,4 @@
-"""Entity tags (RFC 9110): who asks again, with If-None-Match, gets 304 and no body where nothing has changed."""
+"""Entity tags (RFC 9110): a repeated request with If-None-Match gets 304 without a body if nothing has changed."""
 
 import hashlib
 import re
@@ -11,7 +11,7 @@ _OF_BODY = ("content-length", "content-type")
 
 
 class EntityTags:
-    """ASGI middleware: every answer in JSON that is complete in one piece has the hash of its body as ETag."""
+    """ASGI middleware that adds the hash of the body as ETag to each JSON answer that is sent in one piece."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -27,14 +27,14 @@ class EntityTags:
 
 
 class _TaggedAnswer:
-    """An answer, whose head waits for its body.  ``known``: If-None-Match, the tags that the client knows."""
+    """An answer whose head waits for its body.  ``known``: If-None-Match, the tags that the client has."""
 
     def __init__(self, known: str, send: Send) -> None:
         self._known, self._send = known, send
         self._head: Message | None = None
 
     async def send(self, message: Message) -> None:
-        """Pass a part of the answer on."""
+        """Send a part of the answer."""
         if message["type"] == "http.response.start" and _may_have_tag(message):
             self._head = message
             return
@@ -46,11 +46,11 @@ class _TaggedAnswer:
         await self._send(message)
 
     def _tagged(self, head: Message, body: Message) -> Message:
-        """Give the head its tag; returns the body, empty if the client knows it."""
+        """Add the tag to the head; returns the body, empty if the client already has it."""
         tag = f'"{hashlib.blake2b(body.get("body", b""), digest_size=12).hexdigest()}"'
         headers = MutableHeaders(scope=head)
         headers["etag"] = tag
-        # A weak tag, W/"..", means the same here: RFC 9110, 13.1.2.
+        # A weak tag, W/"..", counts as equal here (RFC 9110, 13.1.2).
         if self._known.strip() != "*" and tag not in _TAG.findall(self._known):
             return body
         head["status"] = 304

@@ -1,4 +1,4 @@
-"""REST under /api/v1/axes/{axis}/: its epochs, and a new baseline after a repair."""
+"""REST under /api/v1/axes/{axis}/: epochs of an axis, and new nominal values after a repair."""
 
 from typing import Annotated, Literal, Self
 
@@ -34,7 +34,7 @@ _UNFIT = described(422, "A body that is not as described, or a window or files t
 _HOUR_S = 3600.0
 
 Caller = Annotated[str, Depends(needs(Scope.ADMIN))]
-"""Who decides what is normal: a wrong baseline hides a fault for good, so to operate is not enough."""
+"""Needs the scope admin: a wrong baseline hides a fault permanently."""
 EpochNumber = Annotated[int, Path(ge=1, le=2**63 - 1)]
 VerifyHours = Annotated[
     float,
@@ -59,7 +59,7 @@ class NominalValue(Body):
 
 
 class EpochEvent(Body):
-    """What has happened to an epoch."""
+    """An event of an epoch."""
 
     at: Time = Field(description="UTC")
     event: EpochEventName
@@ -69,7 +69,7 @@ class EpochEvent(Body):
 
 
 class Epoch(Body):
-    """Nominal values and thresholds of an axis, from when to when they were in force."""
+    """Nominal values and thresholds of an axis, and the time for which they were in force."""
 
     number: int
     state: EpochState = Field(
@@ -107,7 +107,7 @@ class EpochNote(AlarmNote):
 
 
 class Baseline(EpochNote):
-    """How a new epoch gets its values: from a learning window, or from files."""
+    """The source of the values of a new epoch: a learning window, or files."""
 
     mode: Literal["window", "files"]
     hours: float | None = Field(
@@ -134,7 +134,7 @@ class Baseline(EpochNote):
 
 
 class Restoration(EpochNote):
-    """A former epoch is to be in force again."""
+    """Request to put a former epoch in force again."""
 
     verify_hours: VerifyHours = 8.0
 
@@ -145,7 +145,7 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("/epochs", summary="Epochs of an axis")
     def epochs(axis: str) -> AxisEpochs:
-        """Its nominal values and thresholds since the beginning, who changed them, when and why."""
+        """All epochs of an axis: its nominal values and thresholds, who has changed them, when and why."""
         found = state.axis(axis)
         recorded, events = state.journal.epochs.of_axis(axis), state.journal.epochs.events(axis)
         bodies = [_epoch(epoch, events.get(epoch.number, []), found) for epoch in recorded]
@@ -171,7 +171,7 @@ def router(state: AppState) -> APIRouter:
 
     @api.post("/epochs/{number}/restore", summary="Roll back to an epoch", responses=_CONFLICT | _UNFIT)
     def restore(axis: str, number: EpochNumber, body: Restoration, who: Caller) -> Epoch:
-        """Let the values of a former epoch be in force again, as a new epoch."""
+        """Put the values of a former epoch in force again, as a new epoch."""
         state.axis(axis)
         note = _note(state, who, body)
         try:

@@ -1,4 +1,4 @@
-"""Server-sent events: axes that have changed, and each transition of an alarm, which can be resumed."""
+"""Server-sent events: changed axes, and transitions of alarms, which a client can resume after an interruption."""
 
 import asyncio
 import threading
@@ -19,13 +19,14 @@ from service.web.app_state import AppState
 from service.web.problem_details import described
 
 EVERY_S = 0.5
-"""Time between two looks for changes"""
+"""Time between two checks for changes"""
 MOST_AXES = 50
-"""In an event after the first: where more have changed, they come in turn: a page has never much to do at once."""
+"""Most axes in an event after the first.  If more have changed, they follow in later events, to spread the work of a
+page."""
 KEEP_ALIVE_S = 10.0
 MOST_STREAMS = 32
 MOST_TRANSITIONS = 100
-"""Read at once; a stream that is behind goes on with the next ones."""
+"""Most transitions in one read; a stream with more continues at once with the next ones."""
 _LARGEST_ID = 2**63 - 1
 
 _NOT_FOUND = described(404, "There is no such axis")
@@ -43,7 +44,7 @@ LastId = Annotated[
 
 
 class AxisTexts:
-    """The JSON of each axis of the newest snapshot: made once, however many streams send it."""
+    """The JSON of each axis of the newest snapshot, made once for all streams."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -51,7 +52,7 @@ class AxisTexts:
         self._texts: dict[str, bytes] = {}
 
     def event(self, snapshot: Snapshot, axes: list[AxisSnapshot], now_us: int) -> str:
-        """The body of models.Axes with some of the axes of a snapshot."""
+        """The body of models.Axes with these axes of a snapshot."""
         with self._lock:
             if self._snapshot is not snapshot:
                 self._snapshot, self._texts = snapshot, {}
@@ -62,20 +63,20 @@ class AxisTexts:
 
 
 class Stream:
-    """What one client has been sent."""
+    """The stream to one client."""
 
     def __init__(self, state: AppState, texts: AxisTexts, axis: str | None, last_id: int | None) -> None:
         self._state, self._texts, self._axis, self._last_id = state, texts, axis, last_id
         self._sent: dict[str, AxisSnapshot] = {}
-        """Those that were sent last come last."""
+        """Axes as last sent, in the order in which they were sent"""
         self._waiting = False
         self._snapshot: Snapshot | None = None
         self._revision = -1
         self.behind = True
-        """Whether there may be more transitions already"""
+        """Whether there may be more transitions at once"""
 
     def axes(self) -> str | None:
-        """The axes that have changed, as the data of an event; None: none has."""
+        """The changed axes as the data of an event; None: no axis has changed."""
         state, snapshot = self._state, self._state.snapshot()
         if snapshot is self._snapshot and not self._waiting:
             return None
@@ -94,19 +95,19 @@ class Stream:
         return self._texts.event(snapshot, changed, state.now_us())
 
     def alarms(self) -> list[ServerSentEvent]:
-        """The transitions since the last time, at most some."""
+        """Events for the transitions since the last call, at most ``MOST_TRANSITIONS``."""
         journal = self._state.journal
         revision = journal.revision
         if revision == self._revision and not self.behind:
             return []
         try:
             if self._last_id is None or self._revision < 0:
-                latest = journal.last_transition()  # of an earlier journal it may be smaller
+                latest = journal.last_transition()  # may be smaller than last_id, if the journal was replaced
                 self._last_id = latest if self._last_id is None else min(self._last_id, latest)
             found = journal.transitions_after(self._last_id, MOST_TRANSITIONS)
             alarms = {n.alarm_id: journal.get(n.alarm_id) for n in found}
         except StoreError:
-            return []  # it is tried again
+            return []  # the next call tries again
         self._revision, self.behind = revision, len(found) == MOST_TRANSITIONS
         self._last_id = found[-1].number if found else self._last_id
         return [
@@ -126,16 +127,16 @@ class Stream:
 
 
 class Slots:
-    """The number of open streams."""
+    """Limits the number of open streams."""
 
     def __init__(self) -> None:
         self._open = 0
 
     async def take(self) -> AsyncIterator[None]:
-        """Hold a place until the stream has ended.
+        """Take a slot until the stream has ended.
 
         Raises:
-            HTTPException: all are taken.
+            HTTPException: all slots are taken.
         """
         if self._open >= MOST_STREAMS:
             raise HTTPException(503, f"{MOST_STREAMS} streams are open", headers={"Retry-After": "10"})
@@ -163,18 +164,19 @@ def router(state: AppState) -> APIRouter:
     async def events(
         request: Request, axis: Annotated[str | None, Depends(known_axis)], last_id: LastId = None
     ) -> AsyncIterator[ServerSentEvent]:
-        """Events `axes`: the axes that have changed, at most twice a second; `alarm`: each transition of an alarm.
+        """Events `axes`: the changed axes, at most twice a second; `alarm`: each transition of an alarm.
 
-        The first `axes` has all axes, the others at most fifty each; where more have changed, they come in turn.
+        The first `axes` has all axes, later ones at most fifty each; if more have changed, they follow in the next
+        events.
 
-        Data of `axes` is as in GET /api/v1/axes; that of `alarm` is {"alarm": Alarm, as it is when this is sent,
-        "transition": AlarmTransition}; its id is the number of the transition. Without Last-Event-ID only new
-        transitions come. A comment comes where there is nothing else for ten seconds.
+        The data of `axes` is as in GET /api/v1/axes; that of `alarm` is {"alarm": Alarm, in its state at the time of
+        sending, "transition": AlarmTransition}; its id is the number of the transition. Without Last-Event-ID, only new
+        transitions are sent. A comment is sent if there is nothing else for ten seconds.
         """
         stream = Stream(state, texts, axis, last_id)
         loop = asyncio.get_running_loop()
         axes_at, alive_at = loop.time(), loop.time() + KEEP_ALIVE_S
-        while not state.stopping() and request.state.is_known():  # by the gate
+        while not state.stopping() and request.state.is_known():  # the token has not been revoked
             found = await run_in_threadpool(stream.alarms)
             if loop.time() >= axes_at and (axes := await run_in_threadpool(stream.axes)) is not None:
                 found.append(ServerSentEvent(event="axes", raw_data=axes))

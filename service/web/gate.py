@@ -1,7 +1,8 @@
-"""What every request passes before the application sees it, and every answer on its way back.
+"""The gate: checks every request before the application handles it, and completes every answer.
 
-The host it asks for is one of the daemon, its body is small, its caller is known; a web page of somebody else changes
-nothing.  HEAD is answered wherever GET is.  Each request that would change something leaves one line in the log.
+It checks that the host of the request is one of the daemon, that the body is small and that the caller is known, and
+refuses changes from web pages of other origins.  HEAD is answered wherever GET is.  Each request that may change
+something is logged in one line.
 """
 
 import asyncio
@@ -26,25 +27,26 @@ from service.web.problem_details import answer
 log = structlog.get_logger(__name__)
 
 MOST_BODY_BYTES = 64 * 1024
-"""Of a request; those of the API are much smaller."""
+"""Largest body of a request; those of the API are much smaller."""
 _NO_ROOM = sentence("body too large", "the body of a request may have {most} bytes", most=MOST_BODY_BYTES)
 LONGEST_REQUEST_S = 30.0
-"""Until its body has arrived and its answer has begun."""
+"""Time limit until the body has arrived and the answer has started."""
 LONGEST_CHANGE_S = 120.0
-"""Until the answer of what changes something has begun, once its body is there.  A change that has begun goes on, so it
-must not be refused meanwhile: new nominal values may have to be compiled first."""
+"""For a request that changes something: time limit from the arrival of its body until the start of the answer.  It is
+long, as a started change is not interrupted, and new nominal values may need a compilation first."""
 LONGEST_ANSWER_S = 300.0
-"""From then on: 5 MB of metrics over a slow line, but nobody holds a connection for ever by not reading."""
+"""Time limit from the start of the answer to its end: enough for 5 MB of metrics over a slow line, but a client that
+does not read cannot hold a connection for ever."""
 REPORTS = "/reports/"
 COOKIE = "axiswatch-token"
-"""Holds the token for reports only: a link sends no Authorization header.  Nothing can be changed there."""
+"""Cookie with the token, used for reports only, as a link sends no Authorization header; reports are read-only."""
 
 _HOST = re.compile(r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<name>[^\s:/@\[\]]+))(?::\d{1,5})?")
 _NOBODY = Caller(NOBODY, frozenset())
-"""Who asks without a token where there are some."""
+"""A caller without a token, if tokens are needed"""
 _METRICS = "/metrics"
 _SCRAPER = Caller(NOBODY, frozenset({Role.READ}))
-"""Who asks without a token for what is open"""
+"""A caller without a token for open metrics"""
 _READING = ("GET", "HEAD", "OPTIONS")
 _LONGEST_PATH = 200
 _POLICY = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'"
@@ -60,7 +62,10 @@ _HSTS = "max-age=31536000"
 
 
 def is_page(path: str) -> bool:
-    """A file of the pages.  They are the same on every machine, so they need no token: the page asks for it."""
+    """Whether a path is a file of the pages.
+
+    These need no token: they are the same everywhere, and ask for the token.
+    """
     return path in ("/", "/docs") or path.startswith("/static/")
 
 
@@ -79,7 +84,7 @@ class Gate:
         exchange = _Exchange(scope, receive, send)
         who = _NOBODY
         try:
-            refusal, caller = self._judged(scope)
+            refusal, caller = self._check(scope)
             who = caller or (_SCRAPER if scope["path"] == _METRICS else _NOBODY)
             if refusal is None:
                 await self._pass(exchange, who)
@@ -90,8 +95,8 @@ class Gate:
                 what = f"{scope['method']} {_written(scope)}"
                 log.info("write request", who=who.name, what=what, result=exchange.status or 500)
 
-    def _judged(self, scope: Scope) -> tuple[JSONResponse | None, Caller | None]:
-        """The refusal of a request, if it is refused; who sent it, if that is known."""
+    def _check(self, scope: Scope) -> tuple[JSONResponse | None, Caller | None]:
+        """Check a request; returns the answer if it is refused, and the caller if known."""
         headers = Headers(scope=scope)
         if (refusal := self._misdirected(scope, headers) or _too_large(headers)) is not None:
             return refusal, None
@@ -99,7 +104,7 @@ class Gate:
         try:
             caller = self._access.caller(_secret(headers, path))
         except StoreError as error:
-            if str(error) != self._reported:  # once, however many ask
+            if str(error) != self._reported:  # log the same error only once
                 self._reported = str(error)
                 log.error("tokens", message=str(error))
             if self._is_open(path):
@@ -112,17 +117,17 @@ class Gate:
         return None, caller
 
     def _is_known(self, scope: Scope) -> bool:
-        """Whether the caller of a stream still is: the token may have been revoked since it has begun."""
+        """Whether the caller of a stream is still known: the token may have been revoked meanwhile."""
         with suppress(StoreError):
             return self._access.caller(_secret(Headers(scope=scope), scope["path"])) is not None
         return False
 
     def _is_open(self, path: str) -> bool:
-        """Whether it needs no token."""
+        """Whether a path needs no token."""
         return path == "/healthz" or is_page(path) or (path == _METRICS and self._access.open_metrics)
 
     def _misdirected(self, scope: Scope, headers: Headers) -> JSONResponse | None:
-        """A name that the daemon does not have: a foreign page whose name was made to lead here (DNS rebinding)."""
+        """The refusal of an unknown host name, by which a foreign page may have been led here (DNS rebinding)."""
         given = headers.getlist("host")
         found = _HOST.fullmatch(given[0]) if len(given) == 1 else None
         if found is not None:
@@ -134,7 +139,7 @@ class Gate:
 
     async def _pass(self, exchange: "_Exchange", who: Caller) -> None:
         scope = exchange.scope
-        # To HEAD the server sends the head only; routes know nothing of it.
+        # Routes handle HEAD as GET; the server then sends only the head.
         method = "GET" if scope["method"] == "HEAD" else scope["method"]
         state = {**scope.get("state", {}), "caller": who, "is_known": partial(self._is_known, scope)}
         inner = {**scope, "method": method, "state": state}
@@ -154,14 +159,14 @@ class Gate:
 
 
 class _Exchange:
-    """A request whose body has a limit, and its answer, with the headers of all."""
+    """A request with a limited body, and its answer, to which the common headers are added."""
 
     def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
         self.scope, self._receive, self._send = scope, receive, send
         self.status: int | None = None
         self.limit: asyncio.Timeout | None = None
         self.is_stream = False
-        """Whether it is a stream of events, which has no end"""
+        """Whether the answer is a stream of events, which has no end"""
         self._received = 0
         self._endless = "transfer-encoding" in Headers(scope=scope)
 
@@ -169,7 +174,7 @@ class _Exchange:
         """The next part of the body.
 
         Raises:
-            HTTPException: with it the body is too large; its length had not been given.
+            HTTPException: the body, whose length was not stated, has become too large.
         """
         message = await self._receive()
         self._received += len(message.get("body", b""))
@@ -183,7 +188,7 @@ class _Exchange:
         return message
 
     async def send(self, message: Message) -> None:
-        """Pass a part of the answer on to the server."""
+        """Pass a part of the answer to the server."""
         if message["type"] == "http.response.start":
             self.status = message["status"]
             if self.limit is not None:
@@ -192,12 +197,12 @@ class _Exchange:
             self.is_stream = headers.get("content-type", "").startswith("text/event-stream")
             for name, value in _HEADERS.items():
                 headers.setdefault(name, value)
-            # Files change with the next version: the browser must ask each time.  Data is for nobody to keep.
+            # Browsers must revalidate page files, which change with each version, and must not store data.
             headers.setdefault("cache-control", "no-cache" if is_page(self.scope["path"]) else "no-store")
             if self.scope["scheme"] == "https":
                 headers["strict-transport-security"] = _HSTS
             if self._endless:
-                headers["connection"] = "close"  # else the server would read all of what is not wanted
+                headers["connection"] = "close"  # otherwise the server would read the whole unwanted body
         await self._send(message)
         if (
             self.is_stream and self.limit is not None and not self.limit.expired()
@@ -206,7 +211,7 @@ class _Exchange:
 
 
 def _too_large(headers: Headers) -> JSONResponse | None:
-    """The connection is closed with the refusal: what is on its way is not read."""
+    """The refusal of a too large body; it closes the connection, so that the body is not read."""
     length = headers.get("content-length", "0")
     if length.isdecimal() and len(length) < 10 and int(length) <= MOST_BODY_BYTES:
         return None
@@ -214,7 +219,7 @@ def _too_large(headers: Headers) -> JSONResponse | None:
 
 
 def _secret(headers: Headers, path: str) -> str | None:
-    """The token that a request has: in its Authorization header, or, for a report, in a cookie."""
+    """The token of a request: from the Authorization header, or, for a report, from the cookie."""
     kind, _, secret = headers.get("authorization", "").partition(" ")
     if kind.lower() == "bearer" and secret.strip():
         return secret.strip()
@@ -235,9 +240,9 @@ def _unknown(headers: Headers) -> JSONResponse:
 
 
 def _of_another_page(headers: Headers) -> bool:
-    """Whether a browser sends this for a page of another origin; only browsers send these headers.
+    """Whether a browser sends the request for a page of another origin; only browsers send these headers.
 
-    What the browser says of itself counts: a proxy may leave the port out of Host, so that the origin has another host.
+    Sec-Fetch-Site takes precedence, as a proxy may remove the port from Host, so that Origin and Host differ.
     """
     site, origin = headers.get("sec-fetch-site"), headers.get("origin")
     if site is not None:
@@ -246,7 +251,7 @@ def _of_another_page(headers: Headers) -> bool:
 
 
 def _written(scope: Scope) -> str:
-    """The path as it came, percent-encoded, so that it is one line; without the query."""
+    """The path for the log: percent-encoded, so that it is one line, and without the query."""
     raw = scope.get("raw_path") or scope["path"].encode("utf-8", "backslashreplace")
     text = raw.split(b"?")[0].decode("ascii", "backslashreplace")
     return text if len(text) <= _LONGEST_PATH else f"{text[:_LONGEST_PATH]}..."

@@ -1,4 +1,4 @@
-"""The history as JSON and as a table, written column by column: no step is long enough to hold up the other threads."""
+"""Writes the history as JSON or as a table, column by column, so that no step delays other threads."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -29,7 +29,7 @@ _UNITS = {
 
 _MOST = 300
 _POWERS = np.array([float(f"1e{k}") for k in range(_MOST + 1)])
-"""Each as exact as it can be, so that a quotient has no more digits than it was rounded to"""
+"""Powers of ten, correctly rounded, so that a rounded quotient has no extra digits"""
 
 
 def history_json(axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]) -> bytes:
@@ -37,8 +37,8 @@ def history_json(axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tu
 
     Args:
         axis_id: robot.axis.
-        answer: what was found.
-        monitored: unit and nominal value of the parameters of now, which are listed first, with or without rows.
+        answer: the rows to write.
+        monitored: unit and nominal value of the monitored parameters, which are listed first, with or without rows.
     """
     head = {
         "axis": axis_id,
@@ -58,7 +58,7 @@ def history_json(axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tu
 
 
 def history_table(answer: HistoryAnswer) -> Mapping[str, Sequence[Any]]:
-    """The rows of an answer that have points, in order of time, as the columns of ``TABLE_COLUMNS``."""
+    """The rows of an answer that have points, sorted by time, as the columns of ``TABLE_COLUMNS``."""
     times = _times(answer.t)
     found = [(m, k) for m in range(len(answer.t)) for k, c in enumerate(answer.courses) if c.rows.n[m] > 0]
     where = [m for m, _ in found]
@@ -87,7 +87,7 @@ def _ordered(
 
 
 def _nothing(t: Ints) -> Rows:
-    """As many rows without a point."""
+    """Rows without points at these times."""
     empty = np.full((len(t), len(QUANTITIES)), np.nan)
     return Rows(t, np.zeros(len(t), np.int64), empty, empty, empty)
 
@@ -114,9 +114,9 @@ def _parameter(course: Course, monitored: Mapping[str, tuple[str, float]]) -> It
 
 
 def numbers(column: Floats, digits: int = 7) -> str:
-    """Numbers of a JSON list, with as many digits as they are kept with; null where they are not finite."""
+    """A column as the inside of a JSON list, rounded to the stored digits; null if not finite."""
     finite = np.where(np.isfinite(column), column, 0.0)
-    # Rounded as numbers: pydantic writes one with few digits ten times as fast as Python does with "%.7g".
+    # Round the numbers first: pydantic writes numbers with few digits ten times as fast as Python's "%.7g".
     exponent = np.log10(abs(finite), where=finite != 0, out=np.zeros(len(finite)))
     places = (digits - 1 - np.floor(exponent)).astype(int)
     scale, large = _POWERS[np.clip(places, 0, _MOST)], _POWERS[np.clip(-places, 0, _MOST)]

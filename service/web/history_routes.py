@@ -1,4 +1,4 @@
-"""REST of the history of an axis: columns for plots, and files.  Readers are few, so that they cost no sample."""
+"""REST of the history of an axis: columns for plots, and files.  Few threads read, so that no sample is lost."""
 
 import asyncio
 import tempfile
@@ -22,9 +22,9 @@ from service.web.history_json import TABLE_COLUMNS, history_json, history_table
 from service.web.problem_details import described
 
 MOST_READERS = 2
-"""That read at the same time: each takes a part of a processor"""
+"""Most readers at the same time, as each takes a part of a processor"""
 MOST_WAITING = 16
-"""Readers that wait for these; others are asked to come again."""
+"""Most waiting readers; further requests are answered with 503."""
 _CHUNK = 1 << 18
 
 _NOT_FOUND = described(404, "It does not exist")
@@ -45,17 +45,17 @@ FileResolution = Annotated[
 
 
 class Readers:
-    """Threads that read the history: not those of all other requests."""
+    """Threads that read the history, separate from those of other requests."""
 
     def __init__(self) -> None:
         self._pool = ThreadPoolExecutor(MOST_READERS, "history-reader")
         self._busy = 0  # changed on the event loop only
 
     async def run(self, work: Callable[[], _T]) -> _T:
-        """Do this in one of the threads; it is finished though nobody waits for it any longer.
+        """Run ``work`` in one of the threads; it is finished even if the client has gone.
 
         Raises:
-            HTTPException: too many are waiting.
+            HTTPException: too many requests are waiting.
         """
         if self._busy >= MOST_READERS + MOST_WAITING:
             raise HTTPException(
@@ -69,11 +69,11 @@ class Readers:
     def _finished(self, done: asyncio.Future[_T]) -> None:
         self._busy -= 1
         if not done.cancelled():
-            done.exception()  # though nobody waits for it, it is no surprise
+            done.exception()  # marks an error as seen, as the client may have gone
 
 
 class HistoryFilters:
-    """Which part of the history of an axis is wanted."""
+    """The requested part of the history of an axis."""
 
     def __init__(self, axis: str, parameter: Only = None, since: Moment = None, until: Moment = None) -> None:
         self.axis, self.parameter = axis, parameter
@@ -138,7 +138,7 @@ _MEDIA = {"csv": "text/csv", "parquet": "application/vnd.apache.parquet"}
 
 
 def _file_answer(kind: Literal["csv", "parquet"]) -> dict[int | str, dict[str, Any]]:
-    """It in the schema."""
+    """The answer with a file, for the schema."""
     return {200: {"content": {_MEDIA[kind]: {"schema": {"type": "string", "format": "binary"}}}}}
 
 
@@ -151,7 +151,7 @@ def _store(state: AppState) -> HistoryStore:
     """The history.
 
     Raises:
-        HTTPException: its file is not open.
+        HTTPException: the file of the history is not open.
     """
     store = None if state.history is None else state.history.store
     if store is None:
@@ -160,12 +160,15 @@ def _store(state: AppState) -> HistoryStore:
 
 
 def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) -> IO[bytes]:
-    """A temporary file, which is removed when it is closed.
+    """Write a temporary file, which is removed when it is closed.
 
     Raises:
-        HTTPException: there is no room for it.
+        HTTPException: the disk is full.
     """
-    from service.ingest.table_files import write_csv, write_parquet  # 40 MB that few daemons need
+    from service.ingest.table_files import (
+        write_csv,
+        write_parquet,
+    )  # imported here: 40 MB that few daemons need
 
     write = write_csv if kind == "csv" else write_parquet
     with ExitStack() as stack:
@@ -175,7 +178,7 @@ def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) 
             file.seek(0)
         except OSError as error:
             raise HTTPException(503, f"there is no room for the file: {error}") from None
-        stack.pop_all()  # who reads it closes it
+        stack.pop_all()  # the reader of the file closes it
     return file
 
 

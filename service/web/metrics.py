@@ -1,7 +1,7 @@
-"""Prometheus metrics of the newest snapshot, at each scrape.
+"""Prometheus metrics from the newest snapshot.
 
-prometheus_client writes what is small.  The series of the axes, about seventy an axis, are written here, only once for
-each snapshot, and of those only the metrics whose numbers have changed.
+prometheus_client writes the few general metrics.  The series of the axes, about seventy for each axis, are written
+here: once for each snapshot, and only those metrics whose numbers have changed.
 """
 
 import math
@@ -92,7 +92,7 @@ _GAUGES = {
         "first time.",
     },
 }
-"""Help texts by labels and name; on the wire a name begins with axiswatch_"""
+"""Help texts by labels and name; in the output a name starts with axiswatch_"""
 _COUNTERS = {
     "axis": {
         "samples": "Samples received.",
@@ -120,7 +120,7 @@ _COUNTERS = {
 
 
 class Family(NamedTuple):
-    """What a metric is; on the wire its name begins with axiswatch_, and that of a counter ends with _total."""
+    """Type, help text and labels of a metric; in the output, the name of a counter ends with _total."""
 
     kind: Literal["gauge", "counter"]
     words: str
@@ -137,7 +137,7 @@ FAMILIES = {
     for labels, group in groups.items()
     for name, words in group.items()
 }
-"""Every metric of the axes, alarms, buses and links, by its name"""
+"""The metrics of axes, alarms, buses and links, by name"""
 
 _Labels = tuple[str, ...]
 _NONE: Sequence[_Labels] = [()]
@@ -145,12 +145,12 @@ _Axes = tuple[AxisSnapshot, ...]
 
 
 class Metrics:
-    """What /metrics answers.
+    """Makes the answers of /metrics.
 
     Args:
-        snapshot: returns the newest one.
-        now_us: the clock for ages.
-        links: the newest state of each plant link.
+        snapshot: returns the newest snapshot.
+        now_us: wall clock, for ages.
+        links: returns the state of each plant link.
     """
 
     def __init__(
@@ -164,8 +164,8 @@ class Metrics:
         self._small.register(_Small(snapshot))
         ProcessCollector(registry=self._small)
         self._writers = {openmetrics: _Writer(openmetrics) for openmetrics in (False, True)}
-        """Of what is small; those of the axes are others, as they may be at work for long"""
-        # Not ages: they grow while the worker hangs, and alert rules wait for that.
+        """Writers of ages and links; separate from those of the axes, which may be busy for long"""
+        # Without ages: these must grow even while the worker hangs, as alert rules watch them.
         self.of_axes = {
             openmetrics: Latest(_Writer(openmetrics).of_axes, math.inf) for openmetrics in self._writers
         }
@@ -180,13 +180,13 @@ class Metrics:
 
 
 class _Small(Collector):
-    """Families that are no gauges and no counters."""
+    """Collects the metrics that are neither gauges nor counters."""
 
     def __init__(self, snapshot: Callable[[], Snapshot]) -> None:
         self._snapshot = snapshot
 
     def collect(self) -> Iterator[Metric]:
-        """They, from the newest snapshot."""
+        """The metrics, from the newest snapshot."""
         yield InfoMetricFamily("axiswatch_build", "Version of axiswatch.", value={"version": VERSION})
         histogram = self._snapshot().processing
         bounds = [*(str(bound) for bound in histogram.bounds), "+Inf"]
@@ -199,7 +199,7 @@ class _Small(Collector):
 
 
 class _Family(NamedTuple):
-    """A metric: its name without the prefix; of each series its label values and its number."""
+    """A metric: name without the prefix; label values and number of each series."""
 
     name: str
     labels: Sequence[_Labels]
@@ -207,7 +207,7 @@ class _Family(NamedTuple):
 
 
 class _Lines:
-    """The lines of a metric, which are kept: most metrics have the series of last time, and many its numbers."""
+    """The lines of a metric, cached: its series rarely change, and often its numbers do not change either."""
 
     def __init__(self, name: str, labels: Sequence[str]) -> None:
         self._name, self._labels = name, labels
@@ -232,7 +232,7 @@ class _Lines:
 
 
 class _Writer:
-    """Gauges and counters in the text format, or in OpenMetrics, where a counter has the name of its family."""
+    """Writes gauges and counters in the text format or in OpenMetrics, which name counters differently."""
 
     def __init__(self, openmetrics: bool) -> None:
         self._openmetrics = openmetrics
@@ -241,7 +241,7 @@ class _Writer:
         self._lock = threading.Lock()
 
     def of_axes(self, snapshot: Snapshot, _now_us: int) -> bytes:
-        """The lines of all that does not change while the snapshot is the newest one."""
+        """The lines of all metrics that depend only on the snapshot."""
         if not self._names.fit(snapshot.axes):
             self._names = _Names(snapshot.axes)
         return self.text(_of_axes(snapshot, self._names))
@@ -260,18 +260,18 @@ class _Writer:
 
 
 def _written(numbers: Iterable[float]) -> Sequence[str]:
-    """Numbers with all their digits: as JSON, which is much faster than by Python, but for those that it lacks."""
+    """Numbers with all digits, converted by JSON, which is much faster than Python; then infinities are replaced."""
     text = to_json([*map(float, numbers)], inf_nan_mode="constants").decode()
     return text[1:-1].replace("-Infinity", "-Inf").replace("Infinity", "+Inf").split(",")
 
 
 def _escaped(value: str) -> str:
-    """A value of a label, for a form that is filled in."""
+    """A label value, escaped for the metrics format and for a % template."""
     return value.replace("\\", r"\\").replace("\n", r"\n").replace('"', r"\"").replace("%", "%%")
 
 
 class _Names:
-    """Labels that stay the same while the axes do; made anew for each snapshot they took a third of the time."""
+    """Labels, cached while axes and parameters stay the same, as making them took a third of the time."""
 
     def __init__(self, axes: _Axes) -> None:
         self._of = self._read(axes)
@@ -284,7 +284,7 @@ class _Names:
         self.fates: list[_Labels] = [(a.id, fate) for a in axes for fate in a.status.counters]
 
     def fit(self, axes: _Axes) -> bool:
-        """Whether they are those of these axes."""
+        """Whether the labels fit these axes."""
         return self._of == self._read(axes)
 
     @staticmethod
@@ -348,7 +348,7 @@ def _parameters(axes: _Axes, names: _Names) -> Iterator[_Family]:
 
 def _alarms(snapshot: Snapshot, names: _Names) -> Iterator[_Family]:
     axes = snapshot.axes
-    lasting = {  # latched, or the off-delay is not over
+    lasting = {  # ended, but latched or within the off-delay
         (a.axis, a.parameter, a.direction)
         for a in snapshot.alarms.standing
         if a.active and a.ended_us is not None and a.kind != "forecast"
@@ -365,7 +365,7 @@ def _alarms(snapshot: Snapshot, names: _Names) -> Iterator[_Family]:
 
 
 def _life_cycle(snapshot: Snapshot, names: _Names) -> Iterator[_Family]:
-    """What persons and the configuration have done about the alarms."""
+    """Alarms by state, hidden alarms, unrecorded alarms."""
     alarms = snapshot.alarms
     shown, hidden = set[_Labels](), set[_Labels]()
     for a in (*alarms.standing, *alarms.unrecorded):
@@ -382,7 +382,7 @@ def _life_cycle(snapshot: Snapshot, names: _Names) -> Iterator[_Family]:
 
 
 def _causes(axis: AxisSnapshot) -> dict[str, float]:
-    """Probability of each cause; the largest one where several alarms name it."""
+    """Probability of each cause; the largest one, if several alarms name it."""
     found: dict[str, float] = {}
     for e in axis.open_alarms:
         for name, probability, _ in e.causes:
@@ -409,7 +409,7 @@ def _samples(axes: _Axes, names: _Names) -> Iterator[_Family]:
 
 
 def _trends(axes: _Axes) -> Iterator[_Family]:
-    """Slope, its standard deviation, the probability of a drift, and the times at which limits are reached."""
+    """Slopes with standard deviations, probabilities of a drift, and times at which limits are reached."""
     known = [(a, p, p.trend) for a in axes for p in a.trends if p.trend is not None]
     labels, trends = [(a.id, p.name) for a, p, _ in known], [t for *_, t in known]
     yield _Family("parameter_slope", labels, [t.slope for t in trends])

@@ -1,4 +1,4 @@
-"""Failed requests: problem details of RFC 9457, in answers and in the schema."""
+"""Answers to failed requests: problem details (RFC 9457), and their descriptions in the schema."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from http import HTTPStatus
@@ -15,7 +15,7 @@ MEDIA_TYPE = "application/problem+json"
 
 
 class UnknownResourceError(Exception):
-    """The resource does not exist; ``known`` lists those that do."""
+    """The resource does not exist; ``known``: existing resources."""
 
     def __init__(self, detail: str, known: Iterable[str]) -> None:
         self.detail, self.known = detail, tuple(known)
@@ -25,7 +25,7 @@ class UnknownResourceError(Exception):
 def answer(
     status: int, detail: str, known: Iterable[str] = (), headers: Mapping[str, str] | None = None
 ) -> JSONResponse:
-    """The answer to a request that has failed."""
+    """The answer to a failed request."""
     title = HTTPStatus(status).phrase
     own = sentence_bodies((detail,))
     problem = Problem(title=title, status=status, detail=detail, sentences=own, known=list(known))
@@ -33,9 +33,9 @@ def answer(
 
 
 def mistakes(errors: Sequence[Any]) -> str:
-    """What is not as described, from the errors of a validation.
+    """The validation errors of a request in words.
 
-    Without the values: not each can be written as JSON (NaN, half a character), and there may be secrets among them.
+    Values are left out: some cannot be written as JSON (NaN, half a surrogate pair), and some may be secrets.
     """
     found = [_mistake(error) for error in errors]
     known = all(isinstance(words, Sentence) for words in found)
@@ -50,7 +50,7 @@ def _mistake(error: Mapping[str, Any]) -> str:
 
 
 def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
-    """Such an answer in the schema of an address."""
+    """The description of an error answer for the schema of a route."""
     content = {MEDIA_TYPE: {"schema": {"$ref": f"#/components/schemas/{Problem.__name__}"}}}
     return {status: {"description": description, "content": content}}
 
@@ -58,33 +58,35 @@ def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
 PROTECTED = described(401, "There are tokens, and none was given, or an unknown one") | described(
     403, "Its scope is too small"
 )
-"""What every address that is not open to all may answer"""
+"""Error answers of every route that needs a token"""
 
 
 _MISTAKEN = described(
     422, "A parameter or the body is not as described; detail says which, and what would be right"
 )[422]
 _NO_TEXT = described(400, "The body is no UTF-8 text")[400]
-"""What FastAPI itself answers, wherever there may be a body"""
+"""Error answer of FastAPI itself, for every route with a body"""
 _UNCHANGED = {
     "description": "If-None-Match has the ETag of the answer: it is as before, and there is no body"
 }
 
 
 def add_to_schema(app: FastAPI) -> None:
-    """Put the body of these answers among the others: FastAPI adds only bodies in plain JSON."""
+    """Add the body of error answers to the schema, as FastAPI adds only bodies of type application/json."""
     described_alone = app.openapi
 
     def openapi() -> dict[str, Any]:
         schema = described_alone()
         problem = Problem.model_json_schema(ref_template="#/components/schemas/{model}")
-        problem.pop("$defs")  # they stand among the others
+        problem.pop("$defs")  # the schema has them already
         schema["components"]["schemas"][Problem.__name__] = problem
         operations = (operation for path in schema["paths"].values() for operation in path.items())
         for unused in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(unused, None)
         for hook in schema.get("webhooks", {}).values():
-            hook["post"]["responses"].pop("422", None)  # what a receiver answers is its own affair
+            hook["post"]["responses"].pop(
+                "422", None
+            )  # not defined here: the receiver decides what it answers
         for method, operation in operations:
             if method == "get" and "application/json" in operation["responses"].get("200", {}).get(
                 "content", {}

@@ -1,4 +1,4 @@
-"""REST under /api/v1/recordings: raw frames around alarms, their files, and a new one on request."""
+"""REST under /api/v1/recordings: files with the raw frames around alarms, and a new one on request."""
 
 from concurrent.futures import TimeoutError as NotWrittenError
 from pathlib import Path
@@ -17,11 +17,11 @@ from service.web.access import Scope, needs
 from service.web.problem_details import UnknownResourceError, described
 
 _WAIT_S = 20.0
-"""For the writer: the disk may be slow"""
+"""Longest wait for the writer, as the disk may be slow"""
 
 
 def router(extracts: Extracts | None) -> APIRouter:
-    """The routes below /api/v1/recordings; None: the configuration leaves no room for recordings."""
+    """The routes below /api/v1/recordings; ``extracts`` None: recordings are turned off."""
     api = APIRouter(prefix="/recordings")
 
     @api.get("", summary="Recordings")

@@ -1,4 +1,4 @@
-"""What the web knows of the configuration: what is in force, where its file is, and how the signals of an axis are."""
+"""The configuration for the web: the one in force, its file, and live checks of the signals."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from service.web.models import SENTENCES, Body, Number, Sentence
 
 
 class SignalRange(Body):
-    """The values of a signal in the time that was looked at."""
+    """The range of a signal in the checked time."""
 
     signal: str = Field(description="message and signal on the bus")
     unit: str
@@ -20,7 +20,7 @@ class SignalRange(Body):
 
 
 class SignalCheck(Body):
-    """What the last frames of an axis show of its signals, by the checks of commissioning."""
+    """Result of the commissioning checks on the last frames of an axis."""
 
     axis: str
     seconds: Number = Field(description="length of what was looked at [s]")
@@ -39,16 +39,16 @@ class SignalCheck(Body):
 
 
 class NoLookError(Exception):
-    """The signals cannot be looked at now; the text says why."""
+    """The signals cannot be checked now; the text says why."""
 
 
 @dataclass(frozen=True, slots=True)
 class RobotSetup:
     """The configuration.
 
-    ``config`` is in force, ``file`` is where it was read.  ``look`` checks the signals of an axis, from any thread; it
-    takes some tenths of a second, and raises NoLookError where it cannot.  ``problems`` has what keeps files of the
-    state directory from being written, by their names.
+    ``config``: returns the configuration in force.  ``file``: its file.  ``look``: checks the signals of an axis, from
+    any thread, within some 0.1 s; raises NoLookError.  ``problems``: returns the problems in writing files of the state
+    directory, by file name.
     """
 
     config: Callable[[], Config]

@@ -1,4 +1,4 @@
-"""Runs uvicorn in the calling thread, until a stop event."""
+"""Runs the uvicorn server in the calling thread until a stop event."""
 
 import asyncio
 import contextlib
@@ -17,17 +17,17 @@ from fastapi import FastAPI
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 GRACE_S = 3
-"""For running requests when the daemon stops [s]"""
+"""Time for running requests to end when the daemon stops [s]"""
 _UNREAD_S = 2
-"""For clients to take their answers then; before the requests end, which would be logged as faults [s]"""
+"""Time for clients to read their answers then [s]; shorter than GRACE_S, as later aborts would be logged as faults"""
 _SILENT_S = 20
-"""A connection on which no request has been complete for so long, without its body, is closed."""
+"""A connection without a complete request head for this time is closed [s]."""
 _CONNECTIONS = 256
-"""Beyond these requests are answered with 503; each is a file and some memory."""
+"""Most connections, as each takes a file descriptor and memory; further requests are answered with 503."""
 
 
 class CannotListenError(Exception):
-    """The address is not available; the text says which, why, and what to do."""
+    """The daemon cannot listen on the address; the text says why and what to do."""
 
 
 class CertificateError(Exception):
@@ -35,17 +35,17 @@ class CertificateError(Exception):
 
 
 class Certificate:
-    """PEM files of TLS: the certificate, with those up to the root, and its private key."""
+    """PEM files for TLS: the certificate with its chain up to the root, and the private key."""
 
     def __init__(self, file: Path, key: Path) -> None:
         self.file, self.key = file, key
         self._context: ssl.SSLContext | None = None
 
     def check(self) -> None:
-        """Read both.
+        """Check that both files can be used.
 
         Raises:
-            CertificateError: they cannot be used.
+            CertificateError: a file cannot be used.
         """
         for path in (self.file, self.key):
             try:
@@ -62,12 +62,12 @@ class Certificate:
             ) from error
 
     def context(self, _config: object, make: Callable[[], ssl.SSLContext]) -> ssl.SSLContext:
-        """What a server uses, made with these files."""
+        """Factory of the TLS context for uvicorn; the context is kept for ``renew``."""
         self._context = make()
         return self._context
 
     def renew(self, new: "Certificate") -> None:
-        """Let the server use these files for new connections; ``check`` has found them right."""
+        """Let the server use new files for new connections; they must have passed ``check``."""
         if self._context is not None:
             self._context.load_cert_chain(new.file, new.key, password=_no_password)
 
@@ -77,7 +77,7 @@ def _no_password() -> str:
 
 
 class _Protocol(H11Protocol):
-    """HTTP/1.1 that does not wait for ever for a request: uvicorn does, before the first and within each."""
+    """HTTP/1.1 with a time limit for requests; uvicorn waits for ever for the first request, and within each."""
 
     _silence: asyncio.TimerHandle | None = None
 
@@ -100,12 +100,12 @@ class _Protocol(H11Protocol):
         self._silence = self.loop.call_later(_SILENT_S, self._close_if_silent)
 
     def _close_if_silent(self) -> None:
-        if self.conn.their_state is h11.IDLE:  # else the application has the request
+        if self.conn.their_state is h11.IDLE:  # otherwise the application handles a request
             self.transport.close()
 
 
 class _Server(uvicorn.Server):
-    """A server that leaves signals to the program: the stop event ends it."""
+    """A server that handles no signals; the stop event ends it."""
 
     def __init__(self, config: uvicorn.Config, ready: Callable[[], None], stop: threading.Event) -> None:
         super().__init__(config)
@@ -139,15 +139,15 @@ def serve(
     stop: threading.Event,
     certificate: Certificate | None = None,
 ) -> None:
-    """Answer requests until ``stop`` is set; ``ready`` is called with the port once requests are answered.
+    """Answer requests until ``stop`` is set.
 
     Args:
         app: the application.
         host: name or address of this machine to listen on.
-        port: 0 takes a free one.
-        ready: gets the actual port.
-        stop: ends it from any thread; running requests get three seconds.
-        certificate: for TLS; None: without.
+        port: TCP port; 0: any free one.
+        ready: called with the actual port when the server answers requests.
+        stop: ends the server, from any thread; running requests have three seconds.
+        certificate: certificate for TLS; None: no TLS.
 
     Raises:
         CannotListenError: the port is taken, or the address is not one of this machine.
@@ -159,7 +159,7 @@ def serve(
         log_config=None,
         access_log=False,
         server_header=False,
-        proxy_headers=False,  # whoever asks could write there that it is somebody else
+        proxy_headers=False,  # a client could use them to pretend to be another one
         lifespan="off",
         limit_concurrency=_CONNECTIONS,
         timeout_keep_alive=_SILENT_S,
@@ -174,7 +174,7 @@ def serve(
 
 
 def is_remote(host: str) -> bool:
-    """Whether other machines reach this address.
+    """Whether other machines can reach this address.
 
     Raises:
         CannotListenError: there is no such host.
@@ -183,10 +183,10 @@ def is_remote(host: str) -> bool:
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens at the address.
+    """Open a socket that listens on the address.
 
     Raises:
-        CannotListenError: it cannot.
+        CannotListenError: that is not possible.
     """
     family, address = _resolved(host, port)
     try:
@@ -196,12 +196,12 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def _resolved(host: str, port: int) -> tuple[int, tuple[Any, ...]]:
-    """The family and the address of a host."""
+    """Address family and address of a host."""
     try:
         found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except (socket.gaierror, UnicodeError) as error:
         raise CannotListenError(f"cannot listen on {host!r}: no such host; 127.0.0.1 or 0.0.0.0?") from error
-    # A name with IPv4 and IPv6 addresses, like localhost, gets the IPv4 one that people type.
+    # For a name with IPv4 and IPv6 addresses, such as localhost, take the IPv4 address, which people type.
     family, _, _, _, address = min(found, key=lambda entry: entry[0] != socket.AF_INET)
     return family, address
 

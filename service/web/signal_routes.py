@@ -1,4 +1,4 @@
-"""REST of the last seconds of an axis, in columns: torque, measured and predicted motion."""
+"""REST of the signals of an axis in the last seconds: torque, measured and predicted motion, in columns."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,7 @@ from service.web.views import OUTPUT_UNITS
 
 _NOT_FOUND = described(404, "It does not exist")
 _DIGITS = 10
-"""Of measured and predicted motion: an angle of many turns hides a small error in its last digits."""
+"""Digits of measured and predicted motion; many, as the error is small compared with an angle of many turns."""
 
 
 class Signals(models.Body):
@@ -74,7 +74,7 @@ def router(state: AppState) -> APIRouter:
 
 
 def _after(blocks: Sequence[LiveBlock], since_us: int | None) -> LiveBlock:
-    """The samples after a time; all, if the clock of the samples was set back behind it."""
+    """The samples after a time; all samples if their clock was set back to before it."""
 
     def column(name: str) -> NDArray[Any]:
         parts = [getattr(block, name) for block in blocks]

@@ -1,4 +1,4 @@
-"""REST under /api/v1/system: the process and its files, its configuration without secrets, who has changed what."""
+"""REST under /api/v1/system: process and files, configuration without secrets, audit trail."""
 
 import os
 import platform
@@ -31,7 +31,7 @@ _SUBJECTS: tuple[Subject, ...] = get_args(Subject)
 _LIBRARIES = ("numpy", "scipy", "numba", "python-can", "cantools", "fastapi")
 
 Admin = Annotated[str, Depends(needs(Scope.ADMIN))]
-"""Addresses, names and folders of the plant, and what each person has done, are for who answers for the daemon."""
+"""Needs the scope admin: the answers have addresses, names and folders of the plant, and actions of persons."""
 
 
 class DatabaseFile(Body):
@@ -67,7 +67,7 @@ class PublicConfiguration(Body):
 
 
 class AuditedChange(Body):
-    """What a person, or a changed configuration, has done."""
+    """A change by a person or by a changed configuration."""
 
     at: Time = Field(description="UTC")
     who: str = Field(description="name of the token; local: no tokens; configuration: a changed file")
@@ -110,7 +110,7 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("/configuration", summary="Configuration without secrets", responses=_NO_SETUP)
     def configuration(_who: Admin) -> PublicConfiguration:
-        """What is in force, after changes by SIGHUP, too; of secrets nothing is shown."""
+        """The configuration in force, also after a reload by SIGHUP, without secrets."""
         setup = _setup(state)
         return PublicConfiguration(
             file=str(setup.file), text=public_text(setup.config(), setup.file.absolute().parent)
@@ -124,7 +124,7 @@ def router(state: AppState) -> APIRouter:
             str | None, Query(description="the page after the one that has given this as next")
         ] = None,
     ) -> Audit:
-        """What persons have done about alarms, axes and epochs, and epochs that a changed configuration began."""
+        """Actions of persons on alarms, axes and epochs, and epochs started by a changed configuration."""
         found = state.journal.audit(limit + 1, None if cursor is None else _place(cursor))
         page = found[:limit]
         following = f"{page[-1].at_us}.{page[-1].subject}.{page[-1].id}" if len(found) > limit else None
@@ -140,10 +140,10 @@ def _setup(state: AppState) -> RobotSetup:
 
 
 def _place(cursor: str) -> Place:
-    """Where a page begins.
+    """Parse a cursor to the place where its page starts.
 
     Raises:
-        HTTPException: it is no cursor.
+        HTTPException: the text is no cursor.
     """
     at_us, _, rest = cursor.partition(".")
     subject, _, number = rest.partition(".")

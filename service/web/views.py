@@ -1,4 +1,4 @@
-"""Snapshots and alarms converted to the bodies of answers."""
+"""Converts snapshots and alarms to the bodies of answers."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -29,9 +29,9 @@ _A = TypeVar("_A", bound=models.Alarm)
 
 
 def body(kind: type[_B], *sources: object, **own: object) -> _B:
-    """A body with these fields of its own; all others are attributes of the sources.
+    """Make a body from fields given by keyword and attributes of the sources.
 
-    They have the names of the fields, or, as times such as ``onset``, are called ``onset_us``.
+    An attribute has the name of the field, or, for a time such as ``onset``, the name ``onset_us``.
     """
     shape = (kind, tuple(map(type, sources)), tuple(own))
     if shape not in _PLACES:
@@ -42,7 +42,7 @@ def body(kind: type[_B], *sources: object, **own: object) -> _B:
 
 
 _PLACES: dict[object, tuple[tuple[str, int, str], ...]] = {}
-"""Where the fields of a body come from: which source, which attribute; to look for them takes longer than the rest."""
+"""Cache of the source and attribute of each field of a body, as searching for them takes most of the time."""
 
 
 def _place(sources: Sequence[object], name: str) -> tuple[str, int, str]:
@@ -51,7 +51,7 @@ def _place(sources: Sequence[object], name: str) -> tuple[str, int, str]:
 
 
 def axes_json(snapshot: Snapshot, axes: Iterable[bytes]) -> bytes:
-    """The body of models.Axes, from those of its axes."""
+    """The body of models.Axes from the JSON of its axes."""
     return b'{"taken":"%b","axes":[%b]}' % (iso(snapshot.taken_us).encode(), b",".join(axes))
 
 
@@ -61,12 +61,12 @@ def axis(a: AxisSnapshot, now_us: int) -> models.Axis:
 
 
 def axis_json(a: AxisSnapshot, now_us: int) -> bytes:
-    """The body of models.Axis, in a fifth of the time that the model takes: all axes are asked for each second."""
+    """The JSON of models.Axis, made in a fifth of the model's time, as pages request all axes each second."""
     return to_json(_axis(a, now_us), inf_nan_mode="null")
 
 
 def _axis(a: AxisSnapshot, now_us: int) -> dict[str, object]:
-    """The fields of models.Axis in their order, as JSON has them."""
+    """The fields of models.Axis in their order, as in JSON."""
     status, out, heat = a.status, out_of_service(a.out_of_service), a.heat
     return {
         "id": a.id,
@@ -126,7 +126,7 @@ def _parameter(p: ParameterStatus) -> dict[str, object]:
 
 
 def out_of_service(note: Note | None) -> models.OutOfService | None:
-    """Since when an axis is out of service, who and why."""
+    """Who has taken an axis out of service, when and why."""
     return None if note is None else body(models.OutOfService, note, since=note.at_us or None)
 
 
@@ -162,12 +162,12 @@ def _drift(t: Trend) -> models.Drift:
 
 
 def reach(r: Reach, now_us: int) -> models.Reach:
-    """When a limit is reached, in words from this time on."""
+    """The time at which a limit is reached; its words are relative to ``now_us``."""
     return body(models.Reach, r, words=reach_words(r, now_us))
 
 
 def alarm(a: RecordedAlarm, now_us: int = 0, recording: str | None = None) -> models.Alarm:
-    """One alarm, in its state at this time, with the name of its recording."""
+    """An alarm in its state at this time, with the name of its recording."""
     return _alarm(models.Alarm, a, now_us, recording=recording)
 
 
@@ -178,7 +178,7 @@ def alarm_record(
     recording: str | None,
     report: ReportState | None,
 ) -> models.AlarmRecord:
-    """One alarm with its transitions, the name of its recording, and the state of its report."""
+    """An alarm with its transitions, the name of its recording, and the state of its report."""
     found = [alarm_transition(t) for t in transitions]
     shown = report and models.ReplayReport(
         **report._asdict(), sentences=models.sentence_bodies((report.problem,))
@@ -187,7 +187,7 @@ def alarm_record(
 
 
 def alarm_transition(t: RecordedTransition) -> models.AlarmTransition:
-    """What has happened to an alarm."""
+    """A transition of an alarm."""
     return body(models.AlarmTransition, t)
 
 
@@ -210,12 +210,12 @@ def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
 def alarm_message(
     message_id: str, transition: RecordedTransition, a: RecordedAlarm, recording: str | None, now_us: int
 ) -> models.AlarmMessage:
-    """A transition of an alarm for plant links; the name of the recording of the alarm."""
+    """A transition of an alarm for plant links, with the alarm and the name of its recording."""
     return body(models.AlarmMessage, transition, id=message_id, alarm=alarm(a, now_us, recording))
 
 
 def alarm_statistics(found: AlarmStatistics) -> models.AlarmStatistics:
-    """How much the alarms ask of an operator."""
+    """Alarm statistics."""
     return body(models.AlarmStatistics, found)
 
 
@@ -226,7 +226,7 @@ def service(
     insecure: str | None,
     links: Sequence[LinkSnapshot] = (),
 ) -> models.Service:
-    """The daemon itself; the address of the report of its commissioning; why it is not protected; its links."""
+    """The daemon itself; ``report``: address of the commissioning report; ``insecure``: why it is not protected."""
     reasons = list(reasons_not_ready(snapshot, now_us))
     down = (sentence("link", "link {name}: {why}", name=n.name, why=n.problem) for n in links if n.problem)
     messages = [*snapshot.messages, *down]

@@ -1,4 +1,4 @@
-"""From records of a healthy robot to its configuration: what ``axiswatch commission`` does, axis by axis.
+"""Commissioning: what ``axiswatch commission`` does for each axis, from healthy records to a configuration.
 
 Signals: ``checked_axis``, ``signal_proposals`` (by ``signal_units``, ``signal_faults``).  On a bus: ``bus_recording``,
 ``live_recording``, and ``axis_look`` (shown by ``live_look``, and on the page by ``signal_look``).  An axis:

@@ -1,7 +1,7 @@
-"""The commissioning of one axis: its signals are checked, it is identified, it is calibrated; all into one folder.
+"""Commissioning of one axis: signals are checked, then identification and calibration; all results in one folder.
 
-A refusal ends the way of this axis, not of the others.  What was found is kept with digests of all that it depends on:
-with the same it is not computed again.
+A refusal stops this axis only.  Results are kept with digests of everything on which they depend, and computed again
+only when a digest has changed.
 """
 
 import hashlib
@@ -57,23 +57,23 @@ _MISTAKES = (
     *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError),
     *(ConfigErrors, AxisError, ExcitationError),
 )
-"""They end the way of an axis."""
+"""Errors that end the commissioning of one axis."""
 Progress = Callable[[str, str, float], None]
-"""Called with the phase, "identify" or "calibrate", its present work, and how much of that is done, 0 to 1"""
+"""Called with the phase, "identify" or "calibrate", the present work, and the completed share of it, 0 to 1"""
 
 
 class Order(NamedTuple):
-    """What is asked for one axis; it can be sent to another process."""
+    """The task for one axis; it can be sent to another process."""
 
     text: str
-    """Of the configuration, valid in ``folder``"""
+    """Text of the configuration, valid in ``folder``"""
     axis_id: str
     records: tuple[str, ...]
     folder: Path
     options: CalibrationOptions
     provenance: Provenance
     shorten: bool
-    """Where the records do not support the budget: take the longest that they do"""
+    """If the records do not support the false-alarm budget: use the longest one that they support"""
 
 
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
@@ -82,9 +82,9 @@ class Order(NamedTuple):
 def commission_axis(
     order: Order, review: Review, progress: Progress = lambda _phase, _work, _share: None
 ) -> Outcome:
-    """Identify and calibrate an axis, unless that was done before with the same configuration and records.
+    """Identify and calibrate an axis, unless both are done already with the same configuration and records.
 
-    ``review``: of its signals; with faults the axis is refused.
+    ``review``: findings about its signals; an axis with faults is refused.
     """
     name = order.axis_id
     text = corrected(order.text, name, review.corrections)
@@ -162,7 +162,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
 def _with_values(
     folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, taken: str
 ) -> Outcome:
-    """With what was identified, written into the folder; ``taken``: what --yes would do about what is missing."""
+    """Outcome with the identified values, written into the folder; ``taken``: remedies that --yes would apply."""
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     replace_text(folder / page, identification_html.as_html(report))
     outcome = replace(
@@ -186,7 +186,7 @@ def _with_values(
 
 
 def unmonitored_words(axis: AxisConfig, watched: Sequence[str]) -> Iterator[str]:
-    """Which keys are left out, as they name a parameter that is monitored no more."""
+    """Configuration keys to leave out, since they name a parameter that is no longer monitored."""
     model, alarms = axis.model, axis.alarms
     for name in model.monitor:
         base = split_name(name)[0]
@@ -200,15 +200,15 @@ def unmonitored_words(axis: AxisConfig, watched: Sequence[str]) -> Iterator[str]
 
 
 def not_identified(report: IdentificationReport, taken: str) -> str:
-    """Why an axis has no nominal values, with what its drive lacks; ``taken``: what --yes would do about it."""
+    """Reason why an axis has no nominal values, and what its drive lacks; ``taken``: remedies that --yes applies."""
     lacks = missing_words(report.result.verdict) if report.is_poor else ""
     return f"not identified: {report.rejection}{taken}" + (f". {lacks.removesuffix('.')}" if lacks else "")
 
 
 def _with_motion(order: Order, text: str, outcome: Outcome, motion: Motion) -> Outcome:
-    """With a motion of the axis in a file that shows what its records do not.
+    """Add a file with a motion of the axis that shows what its records do not.
 
-    ``text``: of the configuration that its nominal values were found with.
+    ``text``: the configuration with which its nominal values were identified.
     """
     name, file = order.axis_id, motion_file(order.axis_id)
     assert outcome.nominal_file is not None
@@ -230,7 +230,7 @@ def _with_motion(order: Order, text: str, outcome: Outcome, motion: Motion) -> O
 
 
 _PHASES = 1
-"""Seed of the phases of a planned motion: the same records give the same file."""
+"""Seed for the phases of a planned motion, so that the same records give the same file."""
 
 
 def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
@@ -273,13 +273,13 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
 
 
 _MOST_REMEDIES = 5
-"""One refusal may come after the other."""
+"""Remedies are tried repeatedly, since one refusal may follow another."""
 _AT_ONCE = 10_000
-"""Samples between two reports of progress"""
+"""Number of samples between two reports of progress"""
 
 
 def _replayed(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
-    """With the parameters that the daemon would not test in these records: it does not know how warm the axis is."""
+    """Add the parameters that the daemon could not test in these records, as the axis temperature is unknown."""
     from service.pipeline.axis_monitors import AxisMonitors
 
     assert outcome.found is not None

@@ -1,4 +1,4 @@
-"""What some seconds of samples show of the signals of an axis; shown on the terminal and on the page."""
+"""Findings from some seconds of the signals of an axis; shown on the terminal and on the page."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -18,12 +18,12 @@ from service.ingest.loaded_records import Loaded
 from service.ingest.timestamp_jitter import Stamps, remarks
 
 _LOSSY = 0.02
-"""Of the samples, that are missing"""
+"""Share of missing samples above which it is reported"""
 _STILL = sentence("move it", "let the robot work, or run a motion that `axiswatch excite` plans")
 
 
 class Range(NamedTuple):
-    """The values of a signal."""
+    """The range of values of a signal."""
 
     signal: str
     """Message and signal on the bus"""
@@ -33,22 +33,22 @@ class Range(NamedTuple):
 
 
 class AxisLook(NamedTuple):
-    """What was seen of an axis."""
+    """Findings about an axis."""
 
     axis: NamedAxis
     loaded: Loaded | None
-    """Its samples; None: there are none"""
+    """The samples; None: there are none"""
     stamps: Stamps
     problems: tuple[str, ...]
-    """What keeps it from being identified, and what to do"""
+    """Faults that prevent an identification, and their remedies"""
     proposals: tuple[str, ...] = ()
     """Changes of the configuration that the samples suggest"""
     doubts: tuple[str, ...] = ()
-    """What the samples leave open, and what would settle it"""
+    """Open questions about the samples, and how to settle them"""
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What the time stamps suggest to change."""
+        """Changes suggested by the time stamps."""
         return tuple(remarks(self.axis.config.sample_interval_s, self.stamps))
 
     @property
@@ -58,7 +58,7 @@ class AxisLook(NamedTuple):
 
     @property
     def missing(self) -> float:
-        """Share of the samples that never came."""
+        """Share of the samples that were not received."""
         if self.loaded is None:
             return 1.0
         lost = self.loaded.source.dropped.get("missing", 0)
@@ -66,7 +66,7 @@ class AxisLook(NamedTuple):
 
     @property
     def ranges(self) -> tuple[Range, ...]:
-        """Of torque and motion; none without samples."""
+        """Ranges of torque and motion; empty without samples."""
         if self.loaded is None:
             return ()
         record, config = self.loaded.record, self.axis.config
@@ -85,10 +85,10 @@ def look_at_axis(
     problems: Sequence[str],
     review: Callable[[], Review],
 ) -> AxisLook:
-    """A look at the samples of an axis.
+    """Findings from the samples of an axis.
 
-    ``loaded``: a text says why there are none.  ``problems``: what is known to be wrong before.  ``review``: what the
-    checks of ``commission`` find in the samples; of an axis that stands they find nothing.
+    ``loaded``: the samples, or the reason why there are none.  ``problems``: faults known before.  ``review``: runs the
+    checks of ``commission`` on the samples; not called for an axis at rest.
     """
     if isinstance(loaded, str):
         return AxisLook(axis, None, stamps, tuple(problems) or (_no_samples(loaded),))
@@ -108,7 +108,7 @@ def look_at_axis(
 def missing_messages(
     axis: NamedAxis, inputs: AxisInput, traffic: Mapping[FrameKey, int], seconds: float
 ) -> Iterator[Sentence]:
-    """Messages that never came; where no frame came at all the bus is named instead."""
+    """Messages that were never received; if there was no frame at all, the bus is named instead."""
     quantities: dict[tuple[FrameKey, str], list[str]] = {}
     for quantity in (*inputs.sampled, *(held.quantity for held in inputs.held)):
         quantities.setdefault((quantity.key, quantity.message), []).append(quantity.name)
@@ -127,7 +127,7 @@ def missing_messages(
 
 
 def _no_samples(reason: str) -> Sentence:
-    """What to do about frames that came and make no samples."""
+    """Advice for frames that were received but give no samples."""
     words = (
         "its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the messages"
     )
@@ -135,7 +135,7 @@ def _no_samples(reason: str) -> Sentence:
 
 
 def _unmoved(look: AxisLook, loaded: Loaded) -> Iterator[Sentence]:
-    """An axis that stands, or a signal that is stuck: which of them, by the other signal."""
+    """An axis at rest or a stuck signal; the other signal shows which."""
     record, output = loaded.record, look.axis.config.output
     torque, motion = (found.signal for found in look.ranges)
     constant = bool(np.ptp(record.u) == 0)
@@ -162,7 +162,7 @@ def _unmoved(look: AxisLook, loaded: Loaded) -> Iterator[Sentence]:
 
 
 def _lossy(look: AxisLook) -> Iterator[Sentence]:
-    """Frames that are lost on their way to this machine, or never sent."""
+    """Frames that were lost on the way to this machine or never sent."""
     if look.missing > _LOSSY:
         yield sentence(
             "lossy",

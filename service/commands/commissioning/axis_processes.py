@@ -1,4 +1,4 @@
-"""The axes of a robot are commissioned several at once, each in a process that tells how far it is."""
+"""Commissions the axes of a robot in parallel, each in a process that reports its progress."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from service.commands.commissioning.signal_proposals import Review
 from service.reports.commissioning_report import Outcome
 
 _POLL_S = 0.2
-"""So often steps are shown; a process tells no more of them."""
+"""Shortest time between two reports of a process [s]"""
 
 
 class Step(NamedTuple):
-    """Where the commissioning of an axis is."""
+    """Progress of the commissioning of an axis."""
 
     axis_id: str
     phase: str
     """identify or calibrate"""
     work: str
     share: float
-    """Of the work, 0 to 1"""
+    """Completed share of the work, 0 to 1"""
 
 
 def outcomes(
@@ -37,7 +37,7 @@ def outcomes(
     reviews: Mapping[str, Review],
     show: Callable[[Step], None],
 ) -> Iterator[Outcome]:
-    """What becomes of each axis, as soon as it is known; ``show`` is called with the steps in between."""
+    """The outcome of each axis as soon as it is known; ``show`` is called with the steps in between."""
     workers = min(len(orders), os.cpu_count() or 1)
     if workers == 1:
         for order in orders:
@@ -55,7 +55,8 @@ def outcomes(
                     show(steps.get())
                 yield from (_result(task, axes[task]) for task in done)
         except BaseException:
-            # Where only this process was interrupted, its axes would go on for minutes, and it would wait for them.
+            # If only this process was interrupted, the axis processes would run on for minutes, and it would wait for
+            # them.
             pool.shutdown(wait=False, cancel_futures=True)
             for child in active_children():
                 child.terminate()
@@ -66,13 +67,13 @@ def _result(task: Future[Outcome], axis_id: str) -> Outcome:
     try:
         return task.result()
     except BrokenProcessPool:
-        # The others end with it; what was done before is kept for the next call.
-        reason = "a process of it was ended, perhaps for want of memory: call the command again"
+        # The other processes end, too; finished work is kept for the next call.
+        reason = "a process of it was ended, perhaps because memory ran out: call the command again"
         return Outcome(axis_id, refusal=f"not commissioned: {reason}")
 
 
 def _steps(axis_id: str, show: Callable[[Step], None]) -> Callable[[str, str, float], None]:
-    """Passes on the first step of each kind, and then no more than the eye can follow."""
+    """Pass on the first step of each kind, and then no more than can be read."""
     before, shown_s = ("", ""), 0.0
 
     def step(phase: str, work: str, share: float) -> None:
@@ -89,7 +90,7 @@ def _steps(axis_id: str, show: Callable[[Step], None]) -> Callable[[str, str, fl
 
 
 _queues: list[SimpleQueue[Step]] = []
-"""To the process that shows the steps"""
+"""Queue to the process that shows the steps"""
 
 
 def _connect(steps: SimpleQueue[Step]) -> None:
@@ -98,7 +99,7 @@ def _connect(steps: SimpleQueue[Step]) -> None:
 
 
 def end_with_parent() -> None:
-    """Ends this process when its parent ends: a parent that is killed cannot end its children."""
+    """End this process when its parent ends: a killed parent cannot end its children."""
     parent = parent_process()
     if parent is not None:
         threading.Thread(target=_end_after, args=(parent,), name="parent", daemon=True).start()
@@ -114,7 +115,7 @@ def _commission(order: Order, review: Review) -> Outcome:
 
 
 def _commissioned(order: Order, review: Review, show: Callable[[Step], None]) -> Outcome:
-    """What becomes of an axis; a file that cannot be written, or a fault of the program, ends its way alone."""
+    """The outcome of an axis; a file that cannot be written, or an internal error, ends only this axis."""
     try:
         return commission_axis(order, review, _steps(order.axis_id, show))
     except OSError as error:  # such as a full disk

@@ -1,4 +1,4 @@
-"""A record of everything on the buses, as received, with what was heard meanwhile."""
+"""Records all frames on the buses as received, and counts what was received."""
 
 import time
 from collections import Counter
@@ -22,33 +22,34 @@ _SHOW_S = 1.0
 
 
 class Heard(NamedTuple):
-    """What was recorded."""
+    """Results of a recording."""
 
     seconds: float
-    """As long was listened"""
+    """Duration of the recording"""
     traffic: Mapping[str, Counter[FrameKey]]
-    """Frames by bus and identifier"""
+    """Number of frames by bus and identifier"""
     states: Mapping[str, str]
-    """Of the buses at the end, as the reader has them"""
+    """State of each bus at the end, as its reader reports it"""
     lost: Mapping[str, Mapping[str, int]]
-    """Frames dropped, by bus and reason"""
+    """Number of dropped frames, by bus and reason"""
     stamps: Mapping[str, Stamps]
     """Time stamps of each axis"""
 
     @property
     def frames(self) -> int:
-        """Of all buses."""
+        """Number of frames of all buses."""
         return sum(counts.total() for counts in self.traffic.values())
 
 
 Show = Callable[[str, float, float], None]
-"""Called about once a second with words on the recording, the seconds that have passed and those that are wanted."""
+"""Called about once a second with a text on the recording, the elapsed and the requested time [s]."""
 
 
 def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: Show) -> Heard:
     """Record everything on the buses, as received, until the time is over or ``stop`` is set.
 
-    All frames, since a signal that is corrected later must be in the record, too.  No file stays where none came.
+    All frames are recorded, since the record must also contain signals that are corrected later.  Without frames no
+    file is left behind.
 
     Raises:
         BusError: a bus cannot be opened.
@@ -89,7 +90,7 @@ def _lost_words(buses: Sequence[LiveBus]) -> str:
 
 
 class _Motions:
-    """Which axes move, by the motion since it was looked last."""
+    """Finds the axes that have moved since the last query."""
 
     def __init__(self, config: Config) -> None:
         self._quantities = {axis.id: axis.config.output for axis in config.axes}
@@ -101,7 +102,7 @@ class _Motions:
                 self._values.setdefault(found.axis_id, []).append(found.si)
 
     def take(self) -> int:
-        """How many axes move."""
+        """Number of axes that have moved since the last call."""
         found = sum(moves(np.concatenate(values), self._quantities[a]) for a, values in self._values.items())
         self._values.clear()
         return found

@@ -1,4 +1,4 @@
-"""An axis whose signals are looked at: its records as configured, and what is known of it beside them."""
+"""An axis whose signals are checked: its records as configured, and known values of its drive."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,15 +27,15 @@ from service.ingest.recorded_units import unit_text
 Signal = Literal["torque", "motion"]
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
 FASTEST = 2000.0
-"""rad/s: 19 000 revolutions per minute, which no motor of a robot reaches."""
+"""Speed [rad/s] (19 000 revolutions per minute) that no motor of a robot reaches."""
 _MOVES = 12.0
-"""Range of a motion over its usual step from which on it is no noise, for which that is six."""
+"""Range of a moving signal over its usual step; for noise this ratio is six."""
 _RARE = 0.005
 """Share of values at either end that may be outliers."""
 
 
 class Checked:
-    """An axis with what is looked at: records as configured, and the values that are known of it."""
+    """An axis to check: its records as configured, and the known values of its drive."""
 
     def __init__(self, config: Config, axis: NamedAxis, loaded: Sequence[Loaded], in_tables: bool) -> None:
         self.config, self.axis, self.in_tables = config, axis, in_tables
@@ -45,7 +45,7 @@ class Checked:
 
     @cached_property
     def known(self) -> Known:
-        """What the nominal values tell."""
+        """Known quantities from the nominal values."""
         return self._known_with(self.values)
 
     def _known_with(self, values: Mapping[str, float]) -> Known:
@@ -53,12 +53,12 @@ class Checked:
         return known_of(self.drive, values, 0, scale, self._unknown)
 
     def inertia_with(self, changed: Mapping[str, float]) -> float:
-        """The nominal inertia with other values."""
+        """The nominal inertia with these values changed."""
         return self._known_with({**self.values, **changed}).inertia or math.inf
 
     @cached_property
     def shown(self) -> tuple[float, float] | None:
-        """Inertia, kg m^2, and Coulomb friction, N m, by the records as one mass; None: they do not show it."""
+        """Inertia [kg m^2] and Coulomb friction [N m] from the records, modelled as one mass; None: not determined."""
         found = [mass for record in self.records if (mass := shown_inertia(record, self.known)) is not None]
         found = [mass for mass in found if mass.inertia > 0]
         if not found:
@@ -68,7 +68,7 @@ class Checked:
 
     @property
     def times_nominal(self) -> float | None:
-        """The inertia of the records, as so many times the nominal one; None: one of them is not known."""
+        """Ratio of the inertia in the records to the nominal one; None: one of them is not known."""
         nominal = self.known.inertia
         if nominal is None or not 0 < nominal < math.inf or self.shown is None:
             return None
@@ -76,52 +76,52 @@ class Checked:
 
     @property
     def agrees(self) -> bool:
-        """Whether the inertia is about the nominal one."""
+        """Whether the inertia in the records is about the nominal one."""
         return self.times_nominal is not None and is_about_nominal(self.times_nominal)
 
     @property
     def ratio(self) -> float | None:
-        """Gear ratio of the drive; None: it has none."""
+        """Gear ratio of the drive; None: no gear."""
         names = {p.name for p in (*self.drive.parameters, *self.drive.drawn)}
         return abs(self.values["r"]) if "r" in names and self.values.get("r") else None
 
     @property
     def output(self) -> Literal["angle", "speed"]:
-        """What is measured beside the torque."""
+        """The measured motion."""
         return "angle" if self.axis.config.output == "angle" else "speed"
 
     def source(self, signal: Signal) -> SignalConfig:
-        """Where a signal comes from."""
+        """The configured source of a signal."""
         return self.axis.config.torque if signal == "torque" else self.axis.config.motion
 
     def quantity(self, signal: Signal) -> Literal["torque", "angle", "speed"]:
-        """What a signal is."""
+        """The quantity of a signal."""
         return "torque" if signal == "torque" else self.output
 
     def factor(self, signal: Signal) -> float:
-        """As configured."""
+        """The configured factor of a signal."""
         return self.source(signal).factor
 
     def key(self, signal: Signal) -> tuple[str, ...]:
-        """Of the factor."""
+        """Configuration key of the factor."""
         return (self.quantity(signal), "factor")
 
     def raw(self, signal: Signal) -> Floats:
-        """The values of all records as they are in the files."""
+        """The unscaled values of all records, as they are in the files."""
         values = np.concatenate([values_of(record, signal) for record in self.records])
         factor, offset = self.source(signal).scale
         return np.asarray((values - offset) / factor)
 
     def in_whole_numbers(self, signal: Signal) -> bool:
-        """Whether the signal counts something."""
+        """Whether all values of the signal are whole numbers."""
         return whole_numbers(self.raw(signal))
 
     def unit_text(self, signal: Signal) -> str:
-        """What names the unit."""
+        """Text that may state the unit of the signal."""
         return unit_text(self.config, self.axis, signal, self.sources[0].path)
 
     def is_as_recorded(self, signal: Signal) -> bool:
-        """Whether the signal stays in a unit that depends on the drive, and its name says which."""
+        """Whether the signal is in a unit that depends on the drive, according to its name."""
         text, quantity = self.unit_text(signal), self.quantity(signal)
         return unit_as_recorded(text, quantity, self.factor(signal)) is not None
 
@@ -132,11 +132,11 @@ def values_of(record: Record, signal: Signal) -> Floats:
 
 
 def fastest(records: Sequence[Record]) -> float:
-    """The speed that is rarely exceeded, rad/s as configured."""
+    """The speed that is rarely exceeded [rad/s], as configured."""
     speeds = []
     for record in records:
         t, y = record.t[record.measured], record.y[record.measured]
-        # Over some samples, so that the noise of an angle is no speed.
+        # Over several samples, so that noise of an angle does not count as speed.
         step = min(10, len(t) - 1)
         speeds.append(
             abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y)
@@ -145,7 +145,7 @@ def fastest(records: Sequence[Record]) -> float:
 
 
 def moves(values: Floats, quantity: str) -> bool:
-    """Whether an angle or a speed (N,) is that of an axis that moves, and not only noise or the last digit."""
+    """Whether an angle or a speed (N,) shows a moving axis and not only noise or changes of the last digit."""
     values = values[np.isfinite(values)]
     steps = abs(np.diff(values))
     if not steps.any():

@@ -1,4 +1,4 @@
-"""What commissioning tries next where records do not give what the configuration asks for."""
+"""What commissioning tries next if the records do not support what the configuration requires."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
@@ -22,49 +22,50 @@ from service.reports.outlook_words import shaped_for
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
 _LIBRARY = ("one-mass", *_SEVERAL_MASSES)
 OFFSET = "tau0"
-"""The torque offset of these drives"""
+"""Name of the torque offset in these drives"""
 _WEIGHT = "-weight"
 
 
 class _Drive(NamedTuple):
     monitor: tuple[str, ...]
     values: Mapping[str, float]
-    """That no record shows, where the configuration has none"""
+    """Values of parameters that no record determines, used if the configuration has none"""
 
 
 _ONE_MASS = "one-mass", _Drive(("kT", "fc", "fm"), {"kT": 1.0})
 _THREE_MASS = "three-mass", _Drive(("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
 _FAST_S = 0.006
-"""Up to this interval records can show the springs of gearbox and arm."""
+"""Longest interval at which records can show the springs of gearbox and arm."""
 _MEMORIES = (1.0, 2.0, 5.0)
-"""Times the usual memory, where the configuration names none: the shortest that shows small changes."""
+"""Multiples of the usual memory to try if the configuration sets none; the shortest one that shows small changes is
+used."""
 
 _OF_NYQUIST = 0.8
-"""Up to that the band goes, where the samples are too slow for the usual one."""
+"""Upper end of the band if the samples are too slow for the usual one."""
 
 
 # --- After an identification ------------------------------------------------------------------------------------------
 
 
 class Retry(NamedTuple):
-    """What another identification is made with."""
+    """Changes for another identification."""
 
     text: str
-    """Of the configuration"""
+    """Changes of the configuration"""
     changes: tuple[Correction, ...]
     schedule: tuple[str, ...] = ()
-    """What follows signals, as `identify --schedule` has it"""
+    """Schedules by signals, as in `identify --schedule`"""
     shown: str = ""
-    """By the torque: why the offset follows these"""
+    """Reason for these schedules: what the torque shows"""
 
     @property
     def words(self) -> str:
-        """The changes, and what follows signals."""
+        """The changes together with the schedules."""
         return ", ".join((*(change.change for change in self.changes), *self.schedule))
 
 
 def watched_in(report: IdentificationReport) -> tuple[str, ...]:
-    """The parameters that can be watched."""
+    """The parameters that can be monitored."""
     return tuple(w.name for w in report.result.watched if w.obstacle is None)
 
 
@@ -76,12 +77,12 @@ def retry(
     links: Callable[[], LinkLoad | None] = lambda: None,
     turn: Callable[[], TurningWeight | None] = lambda: None,
 ) -> Retry | None:
-    """What would do where this was not identified, or not as it can be monitored; None: nothing, or nothing is missing.
+    """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
-    The load of links is also looked for where the fit of one mass is fair only, as it is without them.
+    The load of links is also considered if one mass without it is only a fair fit.
 
-    ``text``: of the configuration that it was made with; ``tried``: the drives before; ``links``: finds what the weight
-    of links follows, ``turn`` how far a weight turns with the motion; None: the torque does not show it.
+    ``text``: the configuration of that identification; ``tried``: drives that were tried; ``links``: finds on what the
+    load of links depends, ``turn`` how far a weight turns with the motion; None: the torque does not show it.
     """
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
@@ -116,22 +117,22 @@ def retry(
         return Retry(with_drive(text, axis.id, name, drive.monitor, drive.values), tuple(changes))
     bases = {split_name(name)[0] for name in watched}
     scheduled, torques = report.result.options.scheduled, report.result.estimate.drive.constant_torques()
-    # What a weight takes is an input, if it is not monitored.
+    # A coefficient of a weight is an input unless it is monitored.
     followed = [term for term in scheduled if term.parameter not in torques]
     if all(split_name(term.parameter)[0] in bases for term in followed):
         return None
-    # Only what is monitored can follow a heat or a signal: the same again for what can be watched.
+    # Only monitored parameters can follow temperature or a signal, so repeat it with those that can be monitored.
     fewer = monitoring(text, axis.id, watched)
     return None if fewer == text else Retry(fewer, ())
 
 
 def _gear_ratio(found: TurningWeight | None) -> float | None:
-    """By the turn of the weight; None: the angle is that of the arm, or nothing tells."""
+    """Side of the gear of the angle, from the turn of the weight; None: angle of the arm, or unknown."""
     return None if found is None or found.least < 1 < found.most else float(f"{found.ratio:.3g}")
 
 
 def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
-    """One mass, whose torque offset follows the pose of the arm."""
+    """One mass with a torque offset that follows the pose of the arm."""
     name, drive = _ONE_MASS
     text = with_drive(text, axis.id, name, drive.monitor, drive.values)
     changes = list(weight.signals)
@@ -150,7 +151,7 @@ def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
 
 
 def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -> tuple[str, _Drive] | None:
-    """The same with a weight, if the torque shows one; else one mass for several, or three for one at fast samples."""
+    """The same with a weight, if the torque shows one; or one mass for several, or three for one at fast samples."""
     before = axis.model.drive.removesuffix(_WEIGHT)
     weight = _WEIGHT if axis.model.drive.endswith(_WEIGHT) else ""
     if bears_weight and not weight and before in (_ONE_MASS[0], *_SEVERAL_MASSES):
@@ -168,14 +169,14 @@ def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -
 
 
 def memories_of(axis: AxisConfig) -> tuple[float, ...]:
-    """The memories [s] to choose from; none: that of the configuration."""
+    """The memories [s] to choose from; empty: use the configured one."""
     if axis.estimator.memory_s:
         return ()
     return tuple(float(f"{axis.memory_s * times:.6g}") for times in _MEMORIES)
 
 
 def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Correction, ...]:
-    """The memory that was chosen, if it is not that of the configuration."""
+    """The chosen memory, if it is not the configured one."""
     memory_s, memories_s = report.result.memory_s, memories_of(axis)
     if not memories_s or memory_s == memories_s[0]:
         return ()
@@ -184,16 +185,16 @@ def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Corre
 
 
 class Motion(NamedTuple):
-    """What a motion is planned with that would show more of an axis."""
+    """Settings for a planned motion that would show more of an axis."""
 
     lost: tuple[str, ...]
-    """What the records do not show"""
+    """Parameters that the records do not determine"""
     request: MotionRequest
-    """What to find, and the limits, which are those of the records"""
+    """Parameters to determine, and the limits, taken from the records"""
 
 
 def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motion | None:
-    """What would show the parameters that these records do not; None: they show all, or nothing was identified."""
+    """Plan that would show the missing parameters; None: nothing is missing, or nothing was identified."""
     result = report.result
     lost = tuple(w.name for w in result.watched if w.obstacle in (Obstacle.NOT_SHOWN, Obstacle.TOGETHER))
     if report.rejection or not lost:
@@ -217,7 +218,7 @@ def _three_digits(value: float) -> float:
 
 
 def _angle(record: Record) -> Floats:
-    """Of a record; of a speed its integral."""
+    """Angle of a record; for a speed, its integral."""
     t, y = record.t[record.measured], record.y[record.measured]
     if record.quantity == "angle":
         return y
@@ -228,7 +229,7 @@ def _angle(record: Record) -> Floats:
 
 
 class Remedy(NamedTuple):
-    """What another calibration is made with."""
+    """Changes for another calibration."""
 
     words: str
     outcome: Outcome
@@ -236,7 +237,7 @@ class Remedy(NamedTuple):
 
 
 def remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationOptions) -> Remedy | None:
-    """What would do where these records do not; None: only other records would."""
+    """Changes to try if these records do not suffice; None: only other records can help."""
     outcome = replace(outcome, notes=(*outcome.notes, f"{error}."))
     if error.budget_s is not None:
         budget_s = _rounded(error.budget_s)
@@ -257,6 +258,6 @@ def remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationOp
 
 
 def _rounded(budget_s: float) -> float:
-    """Two digits, downwards."""
+    """Round down to two digits."""
     digits = float(f"{budget_s:.1e}")
     return digits if digits <= budget_s else float(f"{budget_s * 0.95:.1e}")

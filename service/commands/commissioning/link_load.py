@@ -1,4 +1,4 @@
-"""What commissioning tries where the links of an arm or a measured load act on an axis.
+"""What commissioning tries if the links of an arm or a measured load act on an axis.
 
 A torque offset then follows the angles of axes, their accelerations, and the signals of that axis.
 """
@@ -20,24 +20,24 @@ from service.config.commissioned import SIGNAL, Correction, corrected
 from service.ingest.loaded_records import load
 
 _MOST_TURN = 4 * np.pi
-"""Range of the angle of an arm's axis [rad]; one that moves farther is that of a motor before its gearbox."""
+"""Largest range of the angle of an arm's axis [rad]; a larger one is that of a motor before its gearbox."""
 
 
 class LinkLoad(NamedTuple):
-    """What another identification is made with."""
+    """Changes for another identification."""
 
     signals: tuple[Correction, ...]
-    """The angles and accelerations of axes, as signals of this one"""
+    """Angles and accelerations of other axes, as signals of this axis"""
     terms: tuple[str, ...]
-    """What the torque offset follows: "cos(axis2 + axis3)", "axis2-acceleration", "payload", .."""
+    """Terms of the torque offset: "cos(axis2 + axis3)", "axis2-acceleration", "payload", .."""
 
 
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
-    """The angles, accelerations and signals that the weight and the links on an axis follow.
+    """The angles, accelerations and signals on which the load of links on an axis depends.
 
-    None: the torque shows none, or only a weight which turns with the axis itself.
+    None: the torque shows no such load, or only a weight that depends on the angle of the axis itself.
 
-    ``text``: of the configuration, valid in ``folder``; ``records``: files, each with or without a range.
+    ``text``: the configuration, valid in ``folder``; ``records``: files, each with or without a range.
 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.
@@ -84,7 +84,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
 
 
 def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
-    """The axes of the same robot whose angles may be signals of this one, itself too."""
+    """The axes of the same robot, including this one, whose angles may be signals of this axis."""
     for other in config.axes:
         angle = other.config.angle
         known = angle is not None and (angle.wrap_period is None or _turns_on(other))
@@ -94,13 +94,13 @@ def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
 
 
 def _turns_on(axis: NamedAxis) -> bool:
-    """Whether its angle starts again after a turn of the axis: the cosine does not."""
+    """Whether the angle starts again after a turn of the axis, which does not change its cosine."""
     ratio = given_values(axis.config).get("r", 1.0)
     return axis.config.angle is not None and axis.config.angle.wraps_after_a_turn(ratio)
 
 
 def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
-    """The angle of an arm's axis as a signal, of the name that the configuration has for it, or that of the axis."""
+    """The angle of an arm's axis as a signal, with its name in the configuration, or that of the axis."""
     names = {s.axis: s.name for s in axis.config.signal if not s.acceleration}
     own = other.config.name
     name = own if any(c.isalpha() for c in own) else f"axis{own}"  # a number is no signal
@@ -134,13 +134,13 @@ def _acceleration(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
 
 
 def _extent(angle: Floats | None) -> float:
-    """Range of a signal, rad; NaN: it is not known."""
+    """Range of a signal [rad]; NaN: unknown."""
     known = np.zeros(0) if angle is None else angle[np.isfinite(angle)]
     return float(np.ptp(known)) if known.size else math.nan
 
 
 def _behind_gears(record: Record, ratios: Mapping[str, float]) -> Record:
-    """With the angles of the arm for those of the motors."""
+    """The configuration with angles of the arm instead of those of the motors."""
     turned = {name: ratio * record.signals[name] for name, ratio in ratios.items()}
     return replace(record, signals={**record.signals, **turned})
 

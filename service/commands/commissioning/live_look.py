@@ -1,6 +1,6 @@
-"""A first look at the buses before minutes are recorded: which axes have their signals, and what is wrong with them.
+"""A first check of the buses before the long recording: which axes have their signals, and what is wrong with them.
 
-What is seen is a short record, looked at by the same checks as a long one.
+The frames form a short record, and the same checks are applied as to a long one.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,25 +22,25 @@ from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import Loaded, load
 
 LOOK = "look.log"
-"""Name of the record of the look"""
+"""Name of the record of this check"""
 _NAMED = 5
-"""Identifiers of frames that are listed."""
+"""Most identifiers of frames that are listed"""
 
 
 class Look(NamedTuple):
-    """What was seen in all."""
+    """Findings about all buses and axes."""
 
     buses: tuple[str, ...]
-    """What is wrong with the buses, and what to do"""
+    """Faults of the buses, and their remedies"""
     axes: tuple[AxisLook, ...]
 
 
 def look_at(
     config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show = lambda *_: None
 ) -> Look:
-    """Listen for so many seconds, or until ``stop``, and say what there is.
+    """Listen for this time, or until ``stop``, and report what was received.
 
-    ``text``: of the configuration, valid in ``folder``, where the record of the look is written.
+    ``text``: the configuration, valid in ``folder``, where the short record is written.
 
     Raises:
         BusError: a bus cannot be opened.
@@ -64,7 +64,7 @@ def look_at(
 
 
 def _loaded(config: Config, axis_id: str, path: Path, heard: Heard) -> Loaded | str:
-    """The samples of an axis, or why there are none."""
+    """The samples of an axis, or the reason why there are none."""
     try:
         return load(str(path), config, axis_id) if heard.frames else ""
     except RecordError as error:
@@ -108,7 +108,7 @@ def _ids(keys: Sequence[FrameKey] | Mapping[FrameKey, int]) -> str:
 
 
 def _reviews(text: str, folder: Path, record: str, loaded: Mapping[str, Loaded | str]) -> dict[str, Review]:
-    """What is wrong with the signals of each axis that moves."""
+    """Faults of the signals of each axis that moves."""
     samples = {axis_id: item.record for axis_id, item in loaded.items() if isinstance(item, Loaded)}
     moving = [axis_id for axis_id, found in samples.items() if moves(found.y, found.quantity)]
     others = exchanged(text, dict.fromkeys(moving, (record,)), folder) if moving else {}

@@ -1,4 +1,4 @@
-"""``axiswatch commission --minutes``: the buses are looked at, then recorded for some minutes."""
+"""``axiswatch commission --minutes``: checks the buses, then records them for some minutes."""
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -20,21 +20,21 @@ from service.config import Config
 from service.config.commissioned import RECORDS, motion_file
 
 LEAST_S, MOST_S = 30.0, 86400.0
-"""Of a record: the least that may identify an axis, and a day"""
+"""Duration of a record: the shortest that may identify an axis, and a day"""
 LOOK_S = 10.0
 _LINES_S = 30.0
 
 
 def recorded(folder: Path) -> list[Path]:
-    """What was recorded into a folder before and is long enough, the oldest first."""
+    """Earlier records in a folder that are long enough, the oldest first."""
     return sorted(path for path in (folder / RECORDS).glob("*.log") if span_s(path) >= LEAST_S)
 
 
 def check_minutes(minutes: float) -> None:
-    """Check the length of a record.
+    """Check the requested duration of a record.
 
     Raises:
-        typer.BadParameter: it is too short, or too long.
+        typer.BadParameter: the duration is too short or too long.
     """
     if not LEAST_S <= 60 * minutes <= MOST_S:
         raise typer.BadParameter(
@@ -45,9 +45,9 @@ def check_minutes(minutes: float) -> None:
 
 
 def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bool) -> None:
-    """Look at the buses, ask whether to go on, and record them.
+    """Check the buses, ask whether to go on, and record them.
 
-    ``text``: of the configuration, valid in ``folder``, where everything is written; ``yes``: go on without asking, if
+    ``text``: the configuration, valid in ``folder``, where everything is written; ``yes``: go on without asking, if
     an axis has signals.
 
     Raises:
@@ -93,7 +93,7 @@ def _planned_words(motions: Mapping[Path, float], seconds: float) -> str:
 
 
 def _length_s(motion: Path) -> float:
-    """Of a planned motion: the time in its last row."""
+    """Duration of a planned motion: the time in its last row."""
     row = motion.read_text(encoding="utf-8").rstrip().rpartition("\n")[2]
     return float(row.partition(",")[0])
 

@@ -1,4 +1,4 @@
-"""What no correction can mend in the signals of an axis, and what records leave open about them."""
+"""Faults of the signals of an axis that no correction can repair, and questions that records leave open."""
 
 from collections.abc import Iterator
 
@@ -13,18 +13,18 @@ from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checke
 from service.ingest.loaded_records import RecordOrigin
 
 _LITTLE = 0.01
-"""Of a record: so much of it may be stuck; identification leaves that to its warnings."""
+"""Share of a record that may be stuck; smaller faults are left to the warnings of the identification."""
 _FEWEST, _RARE = 100, 0.005
-"""Of so many samples, that part at either end may be outliers, such as the first one."""
+"""One of so many samples at either end may be an outlier, such as the first one."""
 _NAMED = 3
-"""Spans of one signal."""
+"""Most spans of one signal that are reported."""
 
 
 # --- Stuck signals, and those whose values are held for several samples -----------------------------------------------
 
 
 def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
-    """What is wrong with the signals, and what to do, in sentences without their full stop.
+    """Faults of the signals and their remedies, in sentences without their full stop.
 
     ``texts``: the records as the user gave them.
     """
@@ -35,7 +35,7 @@ def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
 
 
 def _beyond(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
-    """Values that no motor reaches, in another unit."""
+    """Values that no motor reaches, so that the unit must be another one."""
     lost = source.dropped.get("absurd", 0)
     if lost > _LITTLE * (source.samples + lost):
         quantity = checked.output
@@ -87,7 +87,7 @@ def _same(values: Floats) -> bool:
 
 
 def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:
-    """Of the motion; a torque that is held has really acted so."""
+    """Stuck values of the motion; a held torque has really acted so."""
     count = held_for(record.y[record.measured])
     if count > 1:
         other = held_for(record.u) == count
@@ -128,7 +128,7 @@ def _words(spans: list[Span]) -> str:
 
 
 def _sound(spans: list[Span], record: Record, text: str) -> str:
-    """The longest stretch without any, as a range of the file."""
+    """The longest stretch without stuck values, as a range of the file."""
     edges = [0.0, *(edge for span in spans for edge in span), record.duration_s]
     start, end = max(zip(edges[::2], edges[1::2], strict=True), key=lambda pair: pair[1] - pair[0])
     return f"{text.rpartition('@')[0] or text}@{start:.2f}:{end:.2f}"
@@ -142,11 +142,11 @@ def _nth(count: int) -> str:
 
 
 def unknown_units(checked: Checked) -> Iterator[str]:
-    """What remains open about the units, with the key and the value that settle it."""
+    """Open questions about the units, with the key and the value that settle each."""
     for source in checked.sources:
         if source.left_out:
             yield left_out_words(source.path, source.left_out)
-    # Where both are counted, the inertia may be about the nominal one by chance.
+    # If both are counts, the inertia may agree with the nominal one by chance.
     settled = checked.agrees and not all(_counts(signal, checked) for signal in SIGNALS)
     is_current = checked.axis.config.torque.kT_Nm_per_A is not None
     if not (settled or is_current) and _counts("torque", checked):
@@ -192,13 +192,13 @@ def unknown_units(checked: Checked) -> Iterator[str]:
 
 
 def _counts(signal: Signal, checked: Checked) -> bool:
-    """Whether a signal is in whole numbers, and nothing says of what."""
+    """Whether a signal consists of whole numbers of unknown unit."""
     counted = checked.in_whole_numbers(signal) and abs(checked.factor(signal)) == 1
     return counted and not checked.is_as_recorded(signal)
 
 
 def unchecked(checked: Checked) -> str:
-    """What nothing in the records could have shown; empty: all that is configured has been compared."""
+    """Units that nothing in the records could have checked; empty: everything configured has been compared."""
     if checked.known.inertia is not None:
         return ""
     ratio = "" if checked.ratio is None else f", and of the gear ratio r = {checked.ratio:g}"

@@ -1,6 +1,6 @@
-"""A look at the signals of one axis while the daemon runs: its last frames, by the checks of ``commission``.
+"""Checks the signals of one axis while the daemon runs: its last frames, with the checks of ``commission``.
 
-The frames are those that the daemon keeps for recordings, so that a look costs nothing while nobody looks.
+It uses the frames that the daemon keeps for recordings, so that it costs nothing until it is requested.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 LOOK_S = 10.0
 _WAIT_S = 10.0
-"""For the frames, which the worker hands over between two blocks, and for another look that is under way"""
+"""Time to wait for the frames, which the worker hands over between two blocks, and for another check in progress"""
 _OLD_S = 5.0
 _NOTHING = sentence(
     "no frames yet",
@@ -41,9 +41,9 @@ _NOTHING = sentence(
 
 
 class SignalLook:
-    """Looks at the signals of an axis, one look at a time.
+    """Checks the signals of an axis, one check at a time.
 
-    ``config`` returns the configuration in force; ``extracts`` keep the last frames; None: nothing does.
+    ``config`` returns the configuration in force; ``extracts`` keep the last frames; None: no frames are kept.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class SignalLook:
         self._lock = threading.Lock()
 
     def __call__(self, axis_id: str) -> SignalCheck:
-        """What the last frames show of an axis.
+        """Findings from the last frames of an axis.
 
         Raises:
             NoLookError: no frames are kept, or the worker does not hand them over.
@@ -103,7 +103,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
 
         def review() -> Review:
             found = first_review(config, axis, str(path))
-            # The name of a file that is gone tells nobody anything.
+            # The name of the temporary file means nothing to the reader.
             faults = (replaced(words, str(path), "the last seconds") for words in found.faults)
             return found._replace(faults=tuple(faults))
 
@@ -120,7 +120,7 @@ def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock
 
 
 def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> Loaded | str:
-    """The samples of the axis; or why there are none."""
+    """The samples of the axis, or the reason why there are none."""
     from service.ingest.loaded_records import load
 
     try:
@@ -132,7 +132,7 @@ def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> Loa
 
 
 def _signal_check(look: AxisLook) -> SignalCheck:
-    """For the page."""
+    """The findings in the form of the API, for the page."""
     record = None if look.loaded is None else look.loaded.record
     proposals = () if record is None else (*look.remarks, *look.proposals)
     return SignalCheck(

@@ -1,4 +1,4 @@
-"""What records show to be wrong with the configured signals of an axis, and the change that puts it right."""
+"""Faults of the configured signals of an axis that records show, and the changes that correct them."""
 
 from __future__ import annotations
 
@@ -28,48 +28,48 @@ from service.ingest.loaded_records import load as load_record
 from service.ingest.records import LogRecord, is_table
 
 _BUNCHED = 0.05
-"""Of the samples: so many frames come too close to another one where they come in bunches."""
+"""Share of the samples: in bunches so many frames come too close to another one."""
 _PARTS = 5
-"""Of a record with bunches, in each of which some frames are hardly late"""
+"""Share of a record with bunches; in each of them some frames are hardly late"""
 _FEWEST = 100
-"""Frames that tell their interval"""
+"""Frames needed to determine their interval"""
 _NEAR = 0.5
-"""Of an interval: two samples that are farther from it are not of one cycle after the other."""
+"""Tolerance of the distance of two samples in intervals; outside it they do not belong to consecutive cycles."""
 _SMOOTHER = 0.5
-"""Of the third derivative by times of receipt: with even ones it is smaller than that, or the times are true."""
+"""Even times are taken for true if they make the third derivative of the motion smaller by this factor."""
 _PAUSE_S = 0.5
-"""After a longer one a counter may have wrapped, or the controller was off"""
+"""After a longer gap a counter may have wrapped, or the controller was off"""
 _ABOUT = 2.5
-"""Times in another unit need not have the configured interval; by this factor they may differ."""
+"""Factor by which the interval may differ from the configured one if the times are in another unit."""
 _EXPLAINS = 0.3
-"""Of the variance of the torque, by which two axes explain more with their torques exchanged."""
+"""Share of the variance of the torque that two axes must explain better with exchanged torques."""
 _MOST = 50_000
-"""Samples that are compared."""
+"""Number of samples that are compared."""
 _AS_LONG = 0.95
-"""Of the longest record of an axis: on a bus a few samples of some are lost."""
+"""Share of the longest record of an axis: on a bus some axes lose a few samples."""
 _ROUNDS = 8
-"""One mistake hides another: after a correction it is looked again."""
+"""Most corrections in a row: one mistake may hide another, so the signals are checked again after each."""
 
 
 class Review(NamedTuple):
-    """What was found about the signals of an axis."""
+    """Findings about the signals of an axis."""
 
     corrections: tuple[Correction, ...]
-    """In the order in which they are to be made"""
+    """Corrections, in the order in which they are to be made"""
     faults: tuple[str, ...]
-    """What no correction mends: the axis cannot be identified with these records"""
+    """Faults that no correction repairs: the axis cannot be identified with these records"""
     doubts: tuple[str, ...]
-    """What looks wrong and cannot be told from the records, and what would settle it"""
+    """Suspicions that the records cannot confirm, and how to settle them"""
     unchecked: str
-    """What was taken as configured"""
+    """Values that were taken as configured"""
     standing: tuple[str, ...] = ()
-    """Records in which the axis does not move, while it does in others: they are left out"""
+    """Records in which the axis does not move although it does in others; they are left out"""
 
 
 def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Review:
-    """Look at the signals of an axis in files, each with or without a range.
+    """Check the signals of an axis in files, each with or without a range.
 
-    ``text``: of a configuration that is valid in ``folder``.
+    ``text``: a configuration that is valid in ``folder``.
 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.
@@ -86,7 +86,7 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
 
 
 def first_review(config: Config, axis: NamedAxis, record: str) -> Review:
-    """What a record shows to be wrong at first: nothing is corrected, so that one mistake may hide another.
+    """First faults that a record shows: nothing is corrected yet, so that one mistake may hide another.
 
     Raises:
         RecordError, DescriptionError, IngestError: the record cannot be read.
@@ -98,7 +98,7 @@ def first_review(config: Config, axis: NamedAxis, record: str) -> Review:
 
 
 def _first(checked: Checked, used: tuple[str, ...]) -> tuple[Correction | None, tuple[str, ...]]:
-    """The first correction, or what no correction mends."""
+    """The first correction, or the faults that no correction repairs."""
     new = next(_of(_FIRST_CHECKS, checked), None)
     if new is not None:
         return new, ()
@@ -109,9 +109,9 @@ def _first(checked: Checked, used: tuple[str, ...]) -> tuple[Correction | None, 
 def exchanged(
     text: str, records: Mapping[str, Sequence[str]], folder: Path
 ) -> dict[str, tuple[Correction, ...]]:
-    """Axes of a robot whose torques are those of others, by their names: with the signal that is theirs.
+    """Axes of a robot with the torque of another one, by name; each with the right signal.
 
-    ``records``: of each axis; the first ones are looked at.  Axes without any are passed over.
+    ``records``: of each axis; the first ones are compared.  Axes without records are skipped.
     """
     config, _ = configured(text, None, folder)
     found: dict[str, tuple[Correction, ...]] = {}
@@ -128,19 +128,19 @@ def exchanged(
 def _exchanged_in(
     config: Config, axes: Sequence[NamedAxis], record: str
 ) -> dict[str, tuple[Correction, ...]]:
-    """Of one robot, by one record."""
+    """Exchanged torques of one robot in one record."""
     from scipy.optimize import linear_sum_assignment
 
     loaded = {axis.id: _loaded(config, axis, [record])[0] for axis in axes}
     longest = max(len(item.record) for item in loaded.values())
-    # Others have another interval, or are no samples of the same time.
+    # Other axes have another interval, or their samples are from another time.
     axes = [axis for axis in axes if len(loaded[axis.id].record) >= _AS_LONG * longest]
     part = slice(min(longest, _MOST))
     moved = [item._replace(record=item.record.select(part)) for item in (loaded[axis.id] for axis in axes)]
     explained = np.array(
         [[_explained(motion.record, _beside(motion, torque)) for torque in moved] for motion in moved]
     )
-    # A torque that is its own explains the motion best.  Small differences are no reason to look elsewhere.
+    # The right torque explains the motion best. Small differences are no reason for a proposal.
     _, best = linear_sum_assignment(-explained - _EXPLAINS * np.eye(len(axes)))
     now = explained.diagonal()
     changed = [k for k, other in enumerate(best.tolist()) if other != k]
@@ -150,14 +150,14 @@ def _exchanged_in(
 
 
 def _beside(motion: Loaded, torque: Loaded) -> Floats:
-    """The torque of an axis at the samples of another one: the nearest, by the clock of the file."""
+    """The torque of an axis at the nearest samples of another one, by the clock of the file."""
     earlier_s = (motion.source.begins_s or 0.0) - (torque.source.begins_s or 0.0)
     t, at = torque.record.t, motion.record.t + earlier_s
     return torque.record.u[np.searchsorted((t[1:] + t[:-1]) / 2, at)]
 
 
 def _explained(motion: Record, torque: Floats) -> float:
-    """Part of the torque that is explained if the motion is that of a mass which it drives."""
+    """Share of the torque that is explained if it drives a mass with this motion."""
     if np.ptp(torque) == 0 or np.ptp(motion.y[motion.measured]) == 0:
         return 0.0
     record = replace(motion, u=torque)
@@ -175,7 +175,7 @@ def _torque_of(axis: NamedAxis, partner: NamedAxis) -> Iterator[Correction]:
 
 
 def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, NamedAxis]:
-    """A configuration of this text, valid in a folder, and one of its axes: that named, or the first."""
+    """A configuration from this text, valid in a folder, and the named one of its axes, or the first."""
     path = folder / f".{axis_id or 'robot'}.toml"
     replace_text(path, text)
     try:
@@ -190,7 +190,7 @@ def _loaded(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Loa
 
 
 def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Checked, tuple[str, ...]]:
-    """An axis with the records in which it moves, if it moves in any; and their names."""
+    """An axis with the records in which it moves, if there are any, and the names of these records."""
     loaded = dict(zip(records, _loaded(config, axis, records), strict=True))
     moving = {
         text: item for text, item in loaded.items() if moves(item.record.y, item.record.quantity)
@@ -223,9 +223,9 @@ def _interval(checked: Checked) -> Iterator[Correction]:
 
 
 def _interval_s(checked: Checked) -> tuple[float, float]:
-    """The median of the records, and by what part of it that may be off.
+    """The median of the records, and its relative uncertainty.
 
-    Times by a counter have the configured interval, whatever the true one is: the times of receipt tell that.
+    Times from a counter always have the configured interval; only the receive times show the true one.
     """
     counted = checked.axis.config.time.counter_signal is not None
     intervals = []
@@ -239,7 +239,7 @@ def _interval_s(checked: Checked) -> tuple[float, float]:
 
 
 def _receipts(checked: Checked, source: RecordOrigin) -> tuple[Floats, Floats]:
-    """Times at which the torque or the counter came [s], with or without becoming a sample, and its cycle (N,)."""
+    """Times at which torque or counter were received [s], even if they became no sample, and their cycles (N,)."""
     config, bus, signals = checked.config, checked.axis.config.bus, {checked.axis.id: ()}
     assert bus is not None  # else there is no log of it
     time = checked.axis.config.time
@@ -258,10 +258,10 @@ def _receipts(checked: Checked, source: RecordOrigin) -> tuple[Floats, Floats]:
 
 
 def _interval_received(t: Floats, cycle: Floats) -> tuple[float, float]:
-    """The interval of cycles (N,) of which something was received at t (N,), and by what part of it that may be off.
+    """The interval of cycles (N,) received at the times t (N,), and its relative uncertainty.
 
-    Each is late by an unknown time, but some in each part of the record by hardly any: the line of the interval goes
-    through the earliest ones near both ends.  Those of all parts together tell how far they are from a line.
+    Each frame has an unknown delay, but in each part of the record some have hardly any.  The interval is the slope of
+    the line through the earliest ones near both ends; the earliest ones of all parts show the deviation from a line.
     """
     pauses = np.flatnonzero(np.diff(t) > _PAUSE_S) + 1
     t, cycle = max(
@@ -278,12 +278,12 @@ def _interval_received(t: Floats, cycle: Floats) -> tuple[float, float]:
 
 
 def _crowded(source: RecordOrigin) -> float:
-    """Frames that came within half an interval after another one, as part of the samples; of torque and motion each."""
+    """Share of frames that came within half an interval after another one; of torque and motion each."""
     return source.dropped.get("repeated", 0) / 2 / source.samples
 
 
 def _bunches(checked: Checked) -> Iterator[Correction]:
-    """Frames whose times of receipt are not those of the samples, as some adapters pass them on."""
+    """Frames whose receive times are not the sample times, as some adapters deliver them."""
     time = checked.axis.config.time
     most = max(map(_crowded, checked.sources))
     if not checked.in_tables and time.counter_signal is None and time.clock == "receipt" and most > _BUNCHED:
@@ -341,7 +341,7 @@ def _sign(checked: Checked) -> Iterator[Correction]:
 
 
 def _wrap(checked: Checked) -> Iterator[Correction]:
-    """The angle starts again after each turn, or after each overflow of a counter."""
+    """An angle that starts again after each turn, or after each overflow of a counter."""
     angle = checked.axis.config.angle
     if angle is None or checked.output != "angle":
         return
@@ -367,7 +367,7 @@ _TURNS = {360.0: "degrees", 1.0: "revolutions"}
 
 
 def _late(checked: Checked) -> Iterator[Correction]:
-    """The torque comes later than the motion that it has caused."""
+    """A torque that comes later than the motion that it has caused."""
     if found := samples_late(checked.records):
         config = checked.axis.config
         reason = sentence(
@@ -384,5 +384,5 @@ def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
 
 _Check = Callable[[Checked], Iterator[Correction]]
 _FIRST_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches, _scatter, _wrap)
-"""Before faults are looked for: an angle that jumps back looks like one that is stuck in between."""
+"""Checked before faults: an angle that jumps back looks like one that is stuck in between."""
 _SIGNAL_CHECKS: tuple[_Check, ...] = (by_name, _sign, _late, by_ratio, by_weight, by_inertia, by_speed)

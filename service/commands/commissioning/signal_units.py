@@ -1,7 +1,7 @@
-"""In which unit the signals of an axis are, by all that a record shows: names, values, a weight, the inertia.
+"""Finds the units of the signals of an axis from a record: names, values, a weight, the inertia.
 
-Torque and motion alone tell no unit: a thousandth of the inertia moves alike under a thousandth of the torque.
-What shows the unit is compared with the configuration; where nothing does, the report names what would.
+Torque and motion alone show no unit: a thousandth of the torque moves a thousandth of the inertia in the same way.
+Evidence of the unit is compared with the configuration; without evidence the report names what would give it.
 """
 
 import math
@@ -15,28 +15,28 @@ from service.config.commissioned import Correction
 from service.config.unit_names import unit_in, unit_passed_over
 
 _NEAR = 2.0
-"""By this factor a nominal inertia may be wrong, where it is to tell a unit."""
+"""Factor by which a nominal inertia may be wrong and still tell a unit."""
 _CLOSE = 1.35
-"""Within that it is right."""
+"""Factor within which the inertia agrees."""
 _COUNTED = 2 * math.pi / 1000
-"""Times the nominal inertia: fewer counts of a turn are a unit such as degrees."""
+"""Multiple of the nominal inertia: fewer counts of a turn are a unit such as degrees."""
 _BETWEEN = math.sqrt(2.0)
-"""From one power of two it is half way to the next."""
+"""Half way from one power of two to the next."""
 _PER_MILLE = (10.0, 1e5)
-"""Times the nominal inertia: a rated torque of 0.01 to 100 N m in per mille."""
+"""Multiples of the nominal inertia: a rated torque of 0.01 to 100 N m in per mille."""
 _GEARED = 2.0
-"""A gear with a ratio nearer to 1 is not to be seen in the inertia."""
+"""A gear with a ratio nearer to 1 cannot be seen in the inertia."""
 _OTHER = 1.5
-"""Beyond the bounds of what a weight shows, to speak against a configured unit."""
+"""Margin beyond the bounds from a weight at which a configured unit is doubted."""
 _SAME_ANGLE = 6.0
-"""Largest over smallest ratio that a weight allows, to tell a unit; for counts it is _BETWEEN squared."""
+"""Largest over smallest ratio from a weight that tells a unit; for counts it is _BETWEEN squared."""
 
 
 # --- By the names -----------------------------------------------------------------------------------------------------
 
 
 def by_name(checked: Checked) -> Iterator[Correction]:
-    """The unit is in the name of the column or in the description of the bus, and the factor is not that of it."""
+    """The name of the column or the description of the bus states a unit that the configured factor contradicts."""
     if checked.agrees:
         return
     for signal in SIGNALS:
@@ -60,7 +60,7 @@ def by_name(checked: Checked) -> Iterator[Correction]:
 
 
 def by_weight(checked: Checked) -> Iterator[Correction]:
-    """The torque of a weight repeats with another turn than that of the configured angle and gear."""
+    """The torque of a weight repeats after another turn than the configured angle and gear give."""
     ratio = checked.ratio
     if ratio is None or ratio > _GEARED:
         return
@@ -87,7 +87,7 @@ def by_weight(checked: Checked) -> Iterator[Correction]:
 
 
 def _unit_by_weight(checked: Checked, found: TurningWeight, ratio: float, shows: str) -> Correction | None:
-    """The unit with which the weight turns as the arm does."""
+    """The unit with which the weight turns like the arm."""
     before, width = checked.factor("motion"), found.most / found.least
     counts = 2 * math.pi * ratio / found.ratio / abs(before)
     if checked.in_whole_numbers("motion") and width < _BETWEEN**2 and counts > 2 * math.pi / _COUNTED:
@@ -134,7 +134,7 @@ def _counts(checked: Checked, counts: float, shows: str) -> Correction:
 
 
 class _Candidate(NamedTuple):
-    """A mistake: by how much the inertia comes out too large, what it is, the key and its right value."""
+    """A mistake: the factor by which it enlarges the inertia, its description, the key and its right value."""
 
     times: float
     words: Sentence
@@ -143,7 +143,7 @@ class _Candidate(NamedTuple):
 
 
 def by_inertia(checked: Checked) -> Iterator[Correction]:
-    """As one mass the drive has another inertia than the nominal values say."""
+    """With one mass, the drive has another inertia than the nominal values give."""
     times = checked.times_nominal
     if times is None:
         return
@@ -151,7 +151,7 @@ def by_inertia(checked: Checked) -> Iterator[Correction]:
     torque = _torque_times(checked, times) if counted["torque"] else 1.0
     is_torque = checked.axis.config.torque.kT_Nm_per_A is None
     per_mille = counted["torque"] and is_torque and _PER_MILLE[0] < torque < _PER_MILLE[1]
-    # Where both are counted, one may make up for the other.
+    # If both are counts, the error of one may compensate that of the other.
     if is_about_nominal(times) and not per_mille:
         return
     assert checked.shown is not None
@@ -186,7 +186,7 @@ def _shows_inertia(inertia: float, times: float) -> Sentence:
 
 
 def _torque_times(checked: Checked, times: float) -> float:
-    """How many times too large the torque is: by Coulomb friction where both signals may be, else as the inertia."""
+    """Factor by which the torque is too large: by Coulomb friction if both signals may be wrong, or by the inertia."""
     friction = checked.values.get("fc", 0.0)
     shown = 0.0 if checked.shown is None else checked.shown[1]
     return shown / friction if friction > 0 and shown > 0 and checked.in_whole_numbers("motion") else times
@@ -206,7 +206,7 @@ def _per_mille(checked: Checked, times: float, shows: str) -> Correction:
 
 
 def _nearest(checked: Checked, times: float) -> _Candidate | None:
-    """The mistake that makes the inertia come out so; None: no usual one does."""
+    """The mistake that explains this inertia; None: no common mistake does."""
     found = min(_candidates(checked), key=lambda c: abs(math.log(times / c.times)))
     return found if 1 / _NEAR < times / found.times < _NEAR else None
 
@@ -235,7 +235,7 @@ def _candidates(checked: Checked) -> Iterator[_Candidate]:
 
 
 def by_ratio(checked: Checked) -> Iterator[Correction]:
-    """The configured gear makes the arm faster than the motor, or does not fit the nominal inertias."""
+    """The configured gear makes the arm faster than the motor, or does not agree with the nominal inertias."""
     given, key = checked.axis.config.model.nominal.get("r"), ("model", "nominal", "r")
     if given is None or checked.ratio is None:
         return
@@ -264,7 +264,7 @@ def by_ratio(checked: Checked) -> Iterator[Correction]:
 
 
 def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
-    """The ratio with which the nominal inertias, motor + r^2 arm, make this one; None: none below 1 does."""
+    """The ratio with which the nominal inertias, motor + r^2 arm, give this one; None: no ratio below 1 does."""
     low, high = (checked.inertia_with({"r": ratio}) for ratio in _TRIED)
     arm = (high - low) / (_TRIED[1] ** 2 - _TRIED[0] ** 2)
     motor = low - arm * _TRIED[0] ** 2
@@ -283,7 +283,7 @@ _RATIO_OFF = 1.5
 
 
 def by_speed(checked: Checked) -> Iterator[Correction]:
-    """No motor turns as fast as the motion would be in radians."""
+    """No motor turns as fast as the motion would be if it were in radians."""
     if checked.agrees or checked.in_whole_numbers("motion") or checked.output == "speed":
         return
     unit = unit_in(checked.unit_text("motion"), checked.output)

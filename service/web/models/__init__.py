@@ -1,4 +1,4 @@
-"""Bodies of the REST answers.  The descriptions state the units; a number that is not finite is null."""
+"""Bodies of REST requests and answers.  Descriptions state the units; a number that is not finite is null."""
 
 from service.web.models.alarm_bodies import (
     Alarm,

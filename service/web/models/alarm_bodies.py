@@ -1,4 +1,4 @@
-"""Bodies of alarms, and of what is done about them."""
+"""Bodies of alarms and of actions on alarms."""
 
 from typing import Literal, Self
 
@@ -135,7 +135,7 @@ class Alarm(Body):
 
 
 class AlarmTransition(Body):
-    """What has happened to an alarm."""
+    """A transition of an alarm."""
 
     at: Time = Field(description="UTC")
     event: AlarmEvent
@@ -148,7 +148,7 @@ class AlarmTransition(Body):
 
 
 class ReplayReport(Body):
-    """Whether the report of a replay is there."""
+    """State of the replay report of an alarm."""
 
     state: Literal["none", "running", "made", "failed"]
     problem: TextOrNull = Field(description="why it failed; null: it did not")
@@ -156,7 +156,7 @@ class ReplayReport(Body):
 
 
 class AlarmRecord(Alarm):
-    """An alarm with all that has happened to it."""
+    """An alarm with its transitions."""
 
     transitions: list[AlarmTransition] = Field(description="oldest first")
     report: ReplayReport | None = Field(
@@ -172,14 +172,14 @@ class AlarmChange(Body):
 
 
 class AlarmMessage(AlarmTransition):
-    """What a webhook and MQTT deliver: a transition of an alarm, and the alarm as it is now."""
+    """Message of a webhook or over MQTT: a transition of an alarm, and the alarm at the time of sending."""
 
     id: str = Field(description="the same whenever it is sent again: a receiver drops what it has had")
     alarm: Alarm
 
 
 class AlarmNote(Body):
-    """What a person writes about an alarm; both may be left out."""
+    """A note of a person about an alarm; both fields may be left out."""
 
     comment: GivenText = Field("", max_length=2000)
     work_order: GivenText = Field(
@@ -198,7 +198,7 @@ class AlarmComment(AlarmNote):
 
 
 class AlarmShelf(AlarmNote):
-    """Until when an alarm is shelved: one of until and duration_s."""
+    """End of the shelving of an alarm: either until or duration_s."""
 
     until: GivenTime | None = Field(None, description="ISO 8601 with time zone; at most seven days from now")
     duration_s: float | None = Field(
@@ -213,7 +213,7 @@ class AlarmShelf(AlarmNote):
 
 
 class AlarmFrequency(Body):
-    """How often the alarms of a name were raised."""
+    """How often alarms with the same axis, parameter and direction were raised."""
 
     axis: str
     parameter: str
@@ -230,7 +230,7 @@ class AlarmStateCount(Body):
 
 
 class AlarmStatistics(Body):
-    """How much the alarms ask of an operator (EEMUA 191, ISA-18.2)."""
+    """Alarm load of an operator (EEMUA 191, ISA-18.2)."""
 
     since: Time = Field(description="UTC")
     until: Time = Field(description="UTC")

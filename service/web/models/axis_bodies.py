@@ -79,7 +79,7 @@ class Model(Body):
 
 
 class Stamps(Body):
-    """Scatter of the time stamps of an axis."""
+    """Jitter of the time stamps of an axis."""
 
     clock: Literal["receipt", "cyclic", "counter"] = Field(
         description="source of the sample times: receipt, the fitted cycle of the controller, or its counter"
@@ -105,7 +105,7 @@ class Detector(Body):
 
 
 class Heat(Body):
-    """How warm an axis is whose friction follows its heat, which nobody measures."""
+    """Warm-up state of an axis whose friction follows its heat, estimated without a thermometer."""
 
     heat_w: Number = Field(description="friction power that would keep the axis as warm as it is [W]")
     sd_w: Number = Field(description="its standard deviation [W]")
@@ -113,7 +113,7 @@ class Heat(Body):
 
 
 class AxisEpoch(Body):
-    """Which nominal values of an axis are in force, and what is under way."""
+    """The epoch in force of an axis, and the progress of a learning or verification window."""
 
     number: int = Field(description="of the epoch that is in force; see /api/v1/axes/{axis}/epochs")
     state: Literal["learning", "verifying", "current"] = Field(
@@ -127,7 +127,7 @@ class AxisEpoch(Body):
 
 
 class OutOfService(Body):
-    """An axis is maintained: its alarms are recorded, but not announced."""
+    """An axis is out of service, e.g. for maintenance: its alarms are recorded, but not announced."""
 
     since: Time | None = Field(description="UTC; null: the configuration says so")
     who: str = Field(description="a person; configuration: its [robot.axis.alarms]")
@@ -181,7 +181,7 @@ class Axis(Body):
 
 
 class ParameterState(Body):
-    """A monitored parameter as MQTT has it: fields of Parameter, and the deviation."""
+    """A monitored parameter in MQTT messages: fields of Parameter, and the deviation."""
 
     name: str
     unit: str
@@ -196,7 +196,7 @@ class ParameterState(Body):
 
 
 class AxisState(Body):
-    """An axis as MQTT has it: fields of Axis."""
+    """An axis in MQTT messages: some fields of Axis."""
 
     id: str
     last_sample: Time | None

@@ -1,4 +1,4 @@
-"""What the bodies of all REST answers share: numbers, times, texts, sentences."""
+"""Common parts of all bodies: numbers, times, texts, sentences."""
 
 import math
 import re
@@ -13,7 +13,7 @@ from service.texts.instants import iso
 
 
 def finite(value: float | None) -> float | None:
-    """The number, or None where it is not finite."""
+    """The number, or None if it is not finite."""
     return value if value is not None and math.isfinite(value) else None
 
 
@@ -25,10 +25,10 @@ _DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
 
 
 def _date_and_time(given: object) -> object:
-    """A text that begins as a time does; pydantic takes a number for seconds or milliseconds since 1970.
+    """Check that a value is a text that starts like a time, as pydantic would also accept a number.
 
     Raises:
-        ValueError: it does not.
+        ValueError: the value is no such text.
     """
     if given is not None and not (isinstance(given, str) and _DATE_AND_TIME.match(given)):
         raise ValueError("must be ISO 8601 with time zone: 2026-03-01T12:00:00Z, or +01:00 as %2B01:00")
@@ -36,10 +36,10 @@ def _date_and_time(given: object) -> object:
 
 
 def _written(text: str) -> str:
-    """A text that moves no cursor of a terminal, where a command prints it.
+    """Check that a text has no control characters, which could move the cursor of a terminal that prints it.
 
     Raises:
-        ValueError: it is none.
+        ValueError: the text has one.
     """
     if (wrong := control_character(text)) is not None:
         raise ValueError(f"must be a text without control characters; it has U+{ord(wrong):04X}")
@@ -47,25 +47,25 @@ def _written(text: str) -> str:
 
 
 GivenTime = Annotated[AwareDatetime, BeforeValidator(_date_and_time)]
-"""In a request"""
+"""A time in a request"""
 GivenText = Annotated[str, AfterValidator(_written)]
-"""In a request"""
+"""A text in a request"""
 Number = Annotated[float | None, BeforeValidator(finite)]
 Time = Annotated[str, BeforeValidator(_iso), Field(json_schema_extra={"format": "date-time"})]
-"""Given as text, or in microseconds since 1970"""
+"""A time in an answer, made from a text or from microseconds since 1970"""
 TextOrNull = Annotated[str | None, BeforeValidator(lambda text: text or None)]
 """An empty text becomes null"""
 Direction = Literal["up", "down"]
 
 
 class Body(BaseModel):
-    """Base of all bodies: immutable, no unknown fields; a body within another is read from an object's attributes."""
+    """Base of all bodies: immutable, no unknown fields; inner bodies can be read from attributes of objects."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, from_attributes=True)
 
 
 class Sentence(Body):
-    """A text for a person, with what another language needs to say it."""
+    """A text for a person, with the data to translate it."""
 
     words: str = Field(description="the text, in English, as it stands in other fields")
     kind: str = Field(description="which sentence it is; joined: its values, one after the other")
@@ -73,7 +73,7 @@ class Sentence(Body):
 
 
 def sentences(texts: Iterable[str | None]) -> list[dict[str, object]]:
-    """Fields of models.Sentence of those texts that are sentences of a kind, each once."""
+    """The fields of models.Sentence for those texts that can be translated, each once."""
     return [_sentence(text) for text in dict.fromkeys(texts) if isinstance(text, wording.Sentence)]
 
 
@@ -83,8 +83,8 @@ def _sentence(text: wording.Sentence) -> dict[str, object]:
 
 
 def sentence_bodies(texts: Iterable[str | None]) -> list[Sentence]:
-    """Those of them that are sentences of a kind, each once."""
+    """The bodies of those texts that can be translated, each once."""
     return [Sentence.model_validate(found) for found in sentences(texts)]
 
 
-SENTENCES = "the texts above that are sentences of a kind: with it, so that another language can say them"
+SENTENCES = "those of the texts above that can be translated, with their kinds and values"

@@ -37,7 +37,7 @@ class Link(Body):
 
 
 class Lack(StrEnum):
-    """What is missing so that every axis is monitored and every alarm recorded."""
+    """Kind of a reason why not every axis is monitored, or not every alarm recorded."""
 
     WORKER = "worker"
     BUS = "bus"

@@ -1,4 +1,4 @@
-"""Bodies of the history and of the slow trend."""
+"""Bodies of the history and of the long-term trend."""
 
 from typing import Literal
 
@@ -9,7 +9,7 @@ from service.web.models.bodies import Body, Number, Time
 
 
 class HistoryColumn(Body):
-    """A quantity over time, one number for each entry of ``time``; null where n is 0, or it is not finite."""
+    """A quantity over time, one number for each entry of ``time``; null if n is 0 or the number is not finite."""
 
     unit: str
     mean: list[Number] = Field(description="in unit, over all points of the row")
@@ -41,7 +41,7 @@ class ParameterHistory(Body):
 
 
 class History(Body):
-    """The history of an axis, oldest first; a row without any point is the beginning of a gap."""
+    """The history of an axis, oldest first; a row without any point is the start of a gap."""
 
     axis: str
     resolution: Resolution = Field(description="what the rows were made of: points, minutes, hours, days")

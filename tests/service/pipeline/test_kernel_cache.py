@@ -1,4 +1,4 @@
-"""Where the compiled kernel is kept, and that it is compiled in a process of its own, never a hindrance."""
+"""Where the compiled kernel is kept, and that it is compiled in a separate process, never a hindrance."""
 
 import errno
 import importlib.metadata
@@ -73,7 +73,7 @@ def test_a_shipped_kernel_that_cannot_be_written_to_is_used_from_there(
     assert warming._base(environ) / shipped.name == folder, "as a process that this one starts finds it"
 
 
-FAILED = "the kernel could not be compiled in a process of its own"
+FAILED = "the kernel could not be compiled in a separate process"
 
 
 def test_a_filled_cache_needs_no_process(monkeypatch: pytest.MonkeyPatch) -> None:

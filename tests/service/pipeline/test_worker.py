@@ -344,7 +344,7 @@ def test_a_disk_that_refuses_checkpoints_is_logged_once_and_when_it_takes_them_a
         for way in (refuse, refuse, save, save, refuse):
             monkeypatch.setattr(bench.checkpoints, "save", way)
             saver.save()
-    failed, again = "checkpoint failed; it is tried again", "checkpoints are saved again"
+    failed, again = "checkpoint failed; retrying", "checkpoints are saved again"
     assert [entry["event"] for entry in logs] == [failed, again, failed]
     assert "disk is full" in str(saver.problem)
 
