@@ -4,11 +4,11 @@
     l_i = 1/2 log(lam_0 / lam_i) + e_0^2 / (2 lam_0) - e_i^2 / (2 lam_i) - allowance_i - unexplained_i
     g_i = max(0, g_i + l_i),     alarm when g_i > h_i
 
-Hypothesis 0 is the present reference.  The faults that it has leave a share of their effect unexplained
-(likelihood.py).  The mean of exp(l_i) is 1 while it holds (without allowance), so the mean time between false alarms of
-each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the usual intervals are discretised once: the
-nominal one, and those that are a microsecond shorter or longer, as times are rounded to microseconds.  Any other
-interval is propagated as in the recursion (propagate.py).
+Hypothesis 0 is the reference: the present state of the axis with its active faults, which leave a share of their effect
+unexplained (likelihood.py).  While the reference holds, the mean of exp(l_i) is 1 (without allowance), so the mean time
+between false alarms of each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the usual intervals
+are discretised once: the nominal one, and those that are a microsecond shorter or longer, as times are rounded to
+microseconds.  Any other interval is propagated as in the recursion (propagate.py).
 """
 
 import math
@@ -74,8 +74,9 @@ from monitor_core.kernel.work_arrays import copy_rows, floats, ints, table
 TORQUE_BEFORE, TORQUE_HELD, LAST_OUTPUT, CREDIT = range(4)
 LAST, SETTLED, IN_A_ROW, PHASE, WAIT, CHECKS, SINCE, COUNTS = range(8)
 WATCHING, PENDING, REFINING = 0, 1, 2
-"""Phases: the first g > h stops a run; something has changed, and the WAIT-th tested sample from now stops it; so, too,
-when it is known what has changed, and only its size is to become more certain."""
+"""Phases.  WATCHING: the first g > h stops a run.  PENDING: a change was detected and its cause is not known.
+REFINING: the cause is known and its size becomes more certain.  In the last two the WAIT-th tested sample from now
+stops a run."""
 
 
 class Memory(NamedTuple):
@@ -83,7 +84,7 @@ class Memory(NamedTuple):
 
     x: Floats  # (n, H) at the last sample, after its correction
     u: Floats  # (m, H) inputs held since
-    sums: Floats  # (3, H) g; by how much its path has fallen since the last mark; evidence beside g
+    sums: Floats  # (3, H) g; decrease of its path since the last mark; evidence in addition to g
     when: NDArray[np.int64]  # (2 + MARKS, H) us: g last 0; g last below SURE; marks, the latest first
     numbers: (
         Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
@@ -101,11 +102,11 @@ class Block(NamedTuple):
     u: Floats  # (N,) N m
     y: Floats  # (N,)
     gate: NDArray[np.bool_]  # (N, 1) whether to test; (0, 1): always
-    weight: Floats  # (N,) torque of the weight, N m; NaN, or (0,): as before
+    weight: Floats  # (N,) torque of the weight, N m; NaN, or (0,): the last value
 
 
 class BankTrace(NamedTuple):
-    """Values at each sample; arrays of length 0 where no trace is wanted."""
+    """Values at each sample; arrays of length 0 if no trace is wanted."""
 
     eps: Floats  # (N, H) innovations
     llr: Floats  # (N, H) l_i; NaN: not tested
@@ -153,7 +154,7 @@ def run_hypotheses(
     psi, before, motion = table(0, H), floats(H), floats(H)
     over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
     late, weight = floats(H), floats(H)
-    # These are computed later in each sample: until then they are scratch.
+    # These arrays are computed later in each sample; until then they serve as scratch.
     middle = MiddleSpeed(table(m, H), yhat, eps, llr, motion, psi, psi, psi)
     doing, last = ints(H), ints(H)
     t, ut, y, mode, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)

@@ -24,7 +24,7 @@ YEAR = 400 * DAY
 
 
 class _Open(NamedTuple):
-    """The open entry: sums of 1/variance (w), and of value and time (relative to the first reading) with these weights."""
+    """The open entry: sums of 1/variance (w), and with these weights of value and time since the first reading."""
 
     start_us: int
     end_us: int
