@@ -19,10 +19,10 @@ from monitor_core.identification.problem import Disturbance, Problem
 _FARTHEST = 1e3
 """A positive parameter stays within this factor of its start, unless it has bounds."""
 _LEVELS = 1e4
-"""The same for a noise level, downwards.  Upwards:"""
+"""A noise level stays above its start divided by this factor."""
 _LOUDEST = 100.0
-"""Torque noise moves the output within one interval by no more than so many standard deviations of the output's own:
-K then hardly depends on it any more, and the Riccati equation loses its digits."""
+"""Upper bound of torque noise: it moves the output within one interval by this number of standard deviations of the
+output noise.  Beyond it K hardly depends on the level, and the Riccati equation becomes inexact."""
 
 
 LEVEL = "noise "
@@ -90,7 +90,7 @@ class Layout:
             usual = (min(value, self._interval_s), value * _FARTHEST)
         lower, upper = problem.bounds.get(name, usual)
         if name not in problem.bounds:
-            value = max(value, lower)  # values of before may be of a fit without bounds
+            value = max(value, lower)  # the start may come from a fit without bounds
         if not lower <= value <= upper:
             raise ValueError(f"{name} starts at {value}, outside its bounds {lower}, {upper}")
         if positive and lower <= 0:
@@ -185,7 +185,7 @@ class Layout:
 
 
 def whole_intervals(delay_s: float, interval_s: float) -> int:
-    """Number of samples to shift the torque so that its delay stays within one interval, from 0 to its end."""
+    """Number of samples by which to shift the torque so that the remaining delay is from 0 to one interval."""
     return 0 if 0 <= delay_s <= interval_s else math.floor(delay_s / interval_s)
 
 

@@ -17,7 +17,7 @@ from monitor_core.identification.starting.response import Measured, Response, Ta
 from monitor_core.identification.starting.search import Found, distinct, errors, settle
 
 _BEAM = 3
-"""Chains of each length that go on."""
+"""Number of chains of each length that are continued."""
 
 
 class Modal(NamedTuple):
@@ -100,7 +100,7 @@ def _settled(problem: Problem, slots: Slots, modal: Modal, measured: Measured) -
 # makes sense.
 
 _BEYOND = 1.3
-"""Of the highest frequency measured: resonances a little above it are felt."""
+"""Candidates reach up to this multiple of the highest measured frequency, as resonances slightly above it matter."""
 _GRID = 200
 _RATIOS = (0.01, 0.03, 0.1)
 """Decay over frequency."""
@@ -146,7 +146,7 @@ def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ..
 
 
 def joined(known: Modal, mode: Mode) -> Modal:
-    """With one more."""
+    """The known modes with one more."""
     low, high = (factor * known.a.max() for factor in _WEIGHTS)
     p, a = np.append(known.p, mode.p), np.append(known.a, np.clip(mode.a, low, high))
     order = np.argsort(p)

@@ -1,12 +1,12 @@
-"""Warm-up found in records: the time constant of the heat, and how friction follows it.
+"""Finds the warm-up in records: the time constant of the heat, and the dependence of friction on it.
 
 The drive is fitted with constant friction first.  Near that fit the prediction errors are linear in the parameters,
 
     eps(t) = psi(t)' delta(t),     delta(t) = c + s (heat(t) - mean),
 
-with a constant part c of every parameter and slopes s of the friction that follows the heat.  All that the records say
-of this is in sums over short windows, psi psi' and psi eps, within which the heat is constant.  So c and s are a least
-squares problem for each time constant and each heat at the start of a record, which are searched for.
+with a constant part c of each parameter and slopes s of the friction that follows the heat.  The records enter only by
+sums of psi psi' and psi eps over short windows, within which the heat is constant.  So c and s are a least-squares
+problem for given time constant and heats at the starts of the records; these are searched for.
 
 A first record that begins cold makes the slopes certain: with a motion that is always alike, a record that begins at an
 unknown heat shows how friction falls, but not from which heat.  What friction is off by beside the heat is judged by
@@ -45,9 +45,9 @@ from monitor_core.identification.thermal.warm_up_search import (
 LEAST_MOTION_S = 60.0
 """Records with less motion are not searched for a warm-up."""
 _A_LITTLE = 0.01
-"""Of a friction: by that it changes, to see whether all of it falls"""
+"""Relative change of the friction, used to see whether all of it falls"""
 _STANDS = 0.05
-"""Of the root mean square of the speed: an axis that is slower stands."""
+"""The axis stands below this share of the root mean square of the speed."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def find_warm_up(
         records: those of the fit.
         followers: free parameters that may follow the heat.
         start: how the first record begins.
-        begins_s: clock times of the first samples [s]; None, or none at all: unknown.
+        begins_s: clock times of the first samples [s]; None or empty: unknown.
     """
     fm, fc = braking(found.drive, found.values)
     if not followers or not fm + fc > 0:
@@ -204,11 +204,11 @@ def _carried(
     return pauses
 
 
-# --- What the warm-up lacks: by how much friction is off beside the heat ----------------------------------------------
+# --- Model errors of the warm-up: deviations of friction that the heat does not explain -------------------------------
 
 
-# One time constant and straight lines are not the law of any gearbox.  What they leave is judged on windows that the
-# fit has not seen:
+# One time constant and straight lines do not describe any gearbox exactly.  The remaining error is estimated on windows
+# that the fit has not used:
 #
 # * the beginning, the middle and the end of each record by the fit of the others, as on another day;
 # * the last third of each record by the fit of what was before, as of an axis that becomes warmer than its records.
@@ -219,9 +219,9 @@ def _carried(
 # lacks changes slowly.
 
 _PARTS = 3
-"""Of a record: they are judged apart, and by the first ones the last."""
+"""Number of parts of a record, which are judged separately; the last part also by the fit of the first ones."""
 _LEAST = 3
-"""Groups in a part of a record; with fewer of them its parts are judged as one."""
+"""Least number of groups in a part of a record; with fewer, its parts are judged as one."""
 _SURE = 1.28
 """Standard deviations up to the bound that a mean square exceeds in one of ten cases."""
 

@@ -1,8 +1,8 @@
 """The search for a warm-up in records: sums over short windows, and least squares for each time constant.
 
-No drive is the axis: what friction it seems to have differs a little with the speed.  The heat of the last minutes goes
-with the present speed, so part of that would look like a warm-up.  So each friction may follow the present power, too,
-window by window, and the heat is judged by what it explains beside that.
+No model is exact, so its friction seems to vary a little with the speed.  The heat of the last minutes is correlated
+with the present speed, so part of that variation would look like a warm-up.  Therefore each friction may also follow
+the present power, window by window, and the heat must explain more than that.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from monitor_core.identification.records.measured_record import Record
 
 WINDOW_S = 10.0
 LEAST_FALL = 0.04
-"""Of its value: friction that changes by less from the least to the largest heat follows nothing."""
+"""Friction follows the heat only if it changes by at least this share from the smallest to the largest heat."""
 _CHANCE = 1e-4
 """Probability of a slope like that found, if nothing followed the heat."""
 _CHANCE_BESIDE = 1e-3
-"""The same of a further friction beside the one that shows it best: that the axis warms up is known then."""
+"""The same for a further friction parameter, as it is then known that the axis warms up."""
 _TAUS = 18
 _SHORTEST_S, _LONGEST = 60.0, 2.0
 """Time constants that are tried; the longest in lengths of the records."""
 GROUP = 6
-"""Windows in a row whose errors may be correlated."""
+"""Number of windows in a row whose errors may be correlated."""
 _FEWEST_GROUPS, _SMALLEST_GROUP = 10, 2
 """Groups are smaller where they would be fewer."""
 _TERMS = 3
-"""That are fitted to the groups for each parameter: a constant, what goes with the power, what follows the heat"""
+"""Terms fitted to the groups for each parameter: a constant, one proportional to the power, one following the heat"""
 _RIDGE = 1e-9
 
 
