@@ -1,6 +1,7 @@
 """The derivatives of all Markov parameters C A^k B with respect to the logarithms of the parameters, modulo a prime.
 
-The first 2n of them fix the transfer function of n states, so parameters can be seen exactly as far as these change.
+The first 2n Markov parameters determine the transfer function of n states.  So a change of parameters is visible
+exactly if it changes these.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,7 +26,7 @@ from monitor_core.modeling.modular import (
 from monitor_core.modeling.statespace import Definition, Entries, StateSpace
 
 Gradients = Mapping[str, Ints]
-"""By name, the derivatives (p,) of its logarithm with respect to those of the coordinates."""
+"""By name: derivatives (p,) of its logarithm with respect to the logarithms of the coordinates."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Sample:
 
     @property
     def prime(self) -> int:
-        """All arithmetic is modulo this."""
+        """Modulus of all arithmetic."""
         return self.point.prime
 
     @cached_property
@@ -85,7 +86,7 @@ def _until_settled(
 
 
 def union(spaces: Sequence[Ints], samples: Sequence[Sample]) -> Ints:
-    """What all the spaces together span, in echelon form."""
+    """Sum of all the spaces, in echelon form."""
     return echelon(np.vstack(spaces), samples[0].prime)[0]
 
 

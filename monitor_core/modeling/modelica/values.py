@@ -45,7 +45,7 @@ class Values:
     _busy: list[str] = field(default_factory=list)
 
     def place(self, name: str) -> Origin:
-        """Where the value of a parameter is written, else where it is declared, else its component."""
+        """Place of the value of a parameter, or else of its declaration, or else of its component."""
         value, declared = self.symbols[name].value, self.places[name]
         written = Origin() if isinstance(value, InstanceSymbol) else place_of(value, name)
         return written if written.file else replace(declared, component=name)
