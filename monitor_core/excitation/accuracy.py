@@ -228,7 +228,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
 
 
 def _sparse(rows: Floats) -> Floats:
-    """The same space in reduced echelon form, the largest elements as pivots; rounding errors become zero."""
+    """Basis of the row space in reduced echelon form, with the largest elements as pivots; rounding errors become 0."""
     out = rows.copy()
     for k in range(len(out)):
         i, j = divmod(int(np.argmax(np.abs(out[k:]))), out.shape[1])

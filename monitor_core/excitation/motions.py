@@ -67,8 +67,9 @@ class ExcitationError(ValueError):
 
 
 _SOFT, _FIRM = 2.0, 4.0
-"""Bandwidths of the simulated controller, rad/s.  If it also acts in the evaluated periods, a low bandwidth only keeps
-the drive from drifting; otherwise a higher one moves the drive to its place before them."""
+"""Bandwidths of the simulated controller, rad/s.  For a drive that is not linear it also acts in the evaluated periods,
+where the low bandwidth only prevents drift; for a linear one the high bandwidth moves the drive to its place before
+them."""
 
 
 @dataclass(frozen=True)

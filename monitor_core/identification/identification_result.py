@@ -110,7 +110,7 @@ class ParameterRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class IdentificationResult:
-    """What ``identify`` returns.
+    """Result of ``identify``.
 
     Attributes:
         start: the problem with the values before the fit.

@@ -37,7 +37,7 @@ _R = TypeVar("_R")
 
 
 def _equal_flags(flags: Any, other: Any) -> bool:
-    """What is not set has its default."""
+    """Whether two sets of flags are equal; a flag that is not set has its default."""
     own, others, options = flags._values, other._values, flags.options
     return own == others or all(
         own.get(name, options[name].default) == others.get(name, options[name].default)

@@ -102,7 +102,7 @@ def _reflection(c: Floats) -> Floats:
 
 
 def _balanced(A: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same drive in other units of states and input, in which rows and columns of [A b; c 0] are of similar size.
+    """The drive in units of states and input with which rows and columns of [A b; c 0] have similar sizes.
 
     Balancing A alone would not suffice: an angle that only the sensor depends on could have any unit.
     """

@@ -24,7 +24,7 @@ from monitor_core.identification.torque_balance.torque_windows import SIGNAL, To
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 _MOST = 0.5
-"""Of the mean square of the torque."""
+"""Coulomb friction takes most of the torque above this share of the mean square of the torque."""
 _SLOW = 0.05
 """rad/s: what is so slow moves rigidly."""
 

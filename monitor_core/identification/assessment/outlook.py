@@ -49,7 +49,7 @@ class Watched(NamedTuple):
 
 
 class Outlook:
-    """What can be watched with these nominal values in the motion of records.
+    """Finds the parameters that can be watched with these nominal values and the motion of the records.
 
     ``sizes``: sizes given by the user, by name of the parameter; for the others the size is the value.
     """
@@ -63,7 +63,7 @@ class Outlook:
     def watched(
         self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float] = {}
     ) -> tuple[Watched, ...]:
-        """What can be watched, in the order of ``monitored``.
+        """Whether each parameter can be watched, in the order of ``monitored``.
 
         Args:
             monitored: names of parameters, "1/Ja" for a reciprocal.
@@ -106,7 +106,7 @@ class Outlook:
     def with_load(
         self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float]
     ) -> tuple[Watched, ...] | None:
-        """What can be watched, and the load at the end; None: the records hardly determine it, or are too short.
+        """As ``watched``, with the load at the end; None: the records hardly determine the load, or are too short.
 
         A change of the load differs from one of the torque constant only by friction and inertia, so both show less
         together.  Each other parameter must still show small changes, or hardly larger ones than without the load.

@@ -140,7 +140,7 @@ class Layout:
         return self._inward(np.array([entry.start for entry in self.entries]))
 
     def bounds(self) -> tuple[Floats, Floats]:
-        """Of the vector (shared,)."""
+        """Lower and upper bounds of the vector, (shared,) each."""
         lower, upper = ([entry[k] for entry in self.entries] for k in (2, 3))
         return self._inward(np.array(lower)), self._inward(np.array(upper))
 

@@ -74,7 +74,7 @@ def known_of(
     speed_scale: float = 1.0,
     unknown: Collection[str] = (),
 ) -> Known:
-    """What is known of an axis with these nominal values; arguments as of ``Known``.
+    """Known properties of an axis with these nominal values; arguments as in ``Known``.
 
     ``unknown``: parameters whose values are placeholders.  What depends on them is not known; the inertia does not
     depend on frictions and springs.

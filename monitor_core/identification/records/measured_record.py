@@ -126,7 +126,7 @@ class Record:
 
     @property
     def unit(self) -> str:
-        """Of y."""
+        """Unit of y."""
         return UNITS[self.quantity]
 
     def select(self, samples: slice | Bools | Ints) -> Record:
@@ -140,7 +140,7 @@ class Record:
         return Record(t, u, y, self.quantity, self.name, self.measured[samples], signals)
 
     def without(self, samples: slice | Bools | Ints) -> Record:
-        """The same record, with y at these samples taken for not measured: an outlier, a fault of the sensor."""
+        """The record with y at these samples marked as not measured, as for an outlier or a fault of the sensor."""
         valid = self.measured.copy()
         valid[samples] = False
         return replace(self, valid=valid)

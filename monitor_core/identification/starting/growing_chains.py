@@ -37,7 +37,7 @@ class Stem(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Of the end."""
+        """Cost at the end of the search."""
         return self.end.cost
 
     @property

@@ -153,7 +153,9 @@ def _relative(arx: Arx, f: Floats) -> Floats:
 
 
 class Response:
-    """Of a problem's drive as a function of x = log theta, for those free parameters that the response depends on.
+    """Frequency response of a problem's drive as a function of x = log theta.
+
+    theta are the free parameters that the response depends on.
 
     Friction that depends on the direction and offsets have no frequency response; they stay at their start, and so do
     parameters that start at zero or below.

@@ -122,7 +122,7 @@ class WarmUpFit(NamedTuple):
     slopes: Floats
     sd: Floats
     groups: int
-    """Of windows, whose scatter the standard deviations come from"""
+    """Number of groups of windows, whose scatter gives the standard deviations"""
     cost: float
 
     @property
@@ -168,7 +168,7 @@ class Search:
         self.seconds = WINDOW_S * sum(w.power.size for w in windows)
 
     def seeing(self, seen: Sequence[Bools]) -> Search:
-        """The same search that sees these windows (W,) of each record only."""
+        """The search restricted to these windows (W,) of each record."""
         masked = [
             w._replace(
                 information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis]

@@ -37,8 +37,8 @@ motion travels more, and its friction is that of the motion."""
 _RARE = 0.025
 """Share of the samples, at either side, that are ignored as noise."""
 _SLOW, _RESTING = 0.15, 0.005
-"""Of the root mean square of the speed: below the first friction is that of the Stribeck curve, or sticks and slips;
-below the second, on average over a second, an axis does not travel."""
+"""Shares of the root mean square of the speed: below the first, friction follows the Stribeck curve, or sticks and
+slips; below the second, on average over a second, an axis does not travel."""
 _LEAST = 0.1
 """Least share of samples at standstill; otherwise the torque is not changed."""
 

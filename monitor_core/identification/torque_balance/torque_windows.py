@@ -27,8 +27,8 @@ POSE: tuple[TorqueTerm, ...] = (*USUAL, "angle", "angle^2", "angle^3")
 """Terms with a weight that depends on the pose in any way"""
 
 ONE_WAY: tuple[TorqueTerm, ...] = ("viscous", "coulomb")
-"""Of an axis that moves in one direction only: an offset is its Coulomb friction, and each place is passed once, so
-that what changes with the time is not told from what changes with the angle."""
+"""Terms of an axis that moves in one direction only.  An offset is then part of Coulomb friction.  As each place is
+passed once, a dependence on the angle cannot be distinguished from one on the time."""
 
 WINDOWS = 4
 """Number of equations per window length; closer ones contain nothing new."""
@@ -90,7 +90,7 @@ def balance_equations(
     terms: Sequence[TorqueTerm],
     least: float | None = None,
 ) -> tuple[Floats, Floats]:
-    """Of all parts that are long enough: see ``windowed_equations``; ``least``: only where the speed is above."""
+    """``windowed_equations`` of all parts that are long enough; ``least``: only windows with a larger speed."""
     rows, torque = [np.zeros((0, 1 + len(terms)))], [np.zeros(0)]
     for part in parts:
         if len(part.u) > window:
@@ -141,7 +141,7 @@ def _one_way(speed: Floats) -> bool:
 
 
 def speed_of(part: GridPart, half: int) -> Floats:
-    """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
+    """Speed in a part (N,); from an angle it is the mean over ``half`` samples on either side."""
     if part.quantity == "speed":
         return part.y
     around = np.pad(part.y, half, mode="reflect", reflect_type="odd")

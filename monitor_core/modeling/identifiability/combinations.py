@@ -124,7 +124,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Combination:
-    """What is seen: its text, the first coordinates in it, and the gradient (p,) of its logarithm.
+    """An identifiable combination: its text, the first coordinates in it, and the gradient (p,) of its logarithm.
 
     The gradient is that at the first sample, with respect to the logarithms of the first coordinates.
     """
@@ -147,7 +147,7 @@ def with_sums(frame: Frame) -> Frame:
 
 
 def _in_forms(sample: Sample, forms: Sequence[Vector]) -> Sample:
-    """What is seen, in terms of the linear forms; each has a column that the others do not have: its first."""
+    """The sample in terms of the linear forms; the first column of each form occurs in no other form."""
     prime = sample.prime
     leading = [next(j for j, c in enumerate(form) if c) for form in forms]
     multiples = np.array([form[j] for form, j in zip(forms, leading, strict=True)], dtype=np.int64)

@@ -31,7 +31,7 @@ Gradients = Mapping[str, Ints]
 
 @dataclass(frozen=True)
 class Sample:
-    """What is seen at one point: ``values`` (p,) of the coordinates, ``seen`` (rank, p) spans the gradients.
+    """Gradients at one point: ``values`` (p,) of the coordinates; ``seen`` (rank, p) spans the gradients.
 
     The gradients are those of the transfer function with respect to the logarithms of the coordinates.
     """
