@@ -30,7 +30,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.measured_speed import Steps
 
 HEAT = "heat"
-"""Name of the derived signal [W]; no measured signal can have it beside a thermal model."""
+"""Name of the derived signal [W]; with a thermal model no measured signal can have this name."""
 GAP_S = 1.0
 """A longer interval between two samples is a pause."""
 MOVED = 1.0

@@ -77,10 +77,10 @@ class PlannedMotion:
     """Motions of a plant along the linear motion under a torque signal, for any amplitude of the signal.
 
     The signal, and the torque for friction and weight along the motion, are known beforehand.  A simulated controller
-    adds what is missing.  A linear drive needs it before and after the evaluated periods only: in these the torque is
-    the signal itself, and a constant against an offset.  With Coulomb friction or weight it acts throughout: such a
-    drive does not quite follow the linear motion, and would drift away from it.  The torque of this simulation, applied
-    alone to the same drive, makes the same motion; an axis with a good controller of its own follows the motion as a
+    adds the remaining torque.  A linear drive needs it only before and after the evaluated periods, during which the
+    torque is the signal itself plus a constant against an offset.  With Coulomb friction or weight it acts throughout,
+    as such a drive does not quite follow the linear motion, and would drift away from it.  The torque of this
+    simulation alone gives the same motion of the same drive; an axis with a good controller can follow the motion as a
     reference.
     """
 

@@ -102,7 +102,7 @@ def distinguishable(estimation: Estimation, inputs: Floats, wanted: Sequence[str
     """All parameters that one record can determine, without those that must be held (first those without a unit).
 
     Raises:
-        ExcitationError: a ``wanted`` parameter cannot be determined beside the others.
+        ExcitationError: a ``wanted`` parameter cannot be determined together with the others.
     """
     bases = {split_name(name)[0] for name in wanted}
     names = [*wanted, *(name for name in estimation.all_names if name not in bases)]

@@ -107,7 +107,7 @@ def _chosen(drive: Drive, free: Sequence[str], fixed: Mapping[str, str]) -> Para
 
 
 def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> ParameterSelection:
-    """All except fixed ones, torque constant, gear ratio, and what is then still not identifiable."""
+    """All parameters except fixed ones, torque constant, gear ratio, and those that are still not identifiable."""
     names = [p.name for p in drive.parameters]
     held = {**{name: "known from the data sheet" for name in RELATIVE if name in names}, **fixed}
     drawn = [p.name for p in space.drawn if p.name not in held]

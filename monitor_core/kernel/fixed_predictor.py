@@ -132,7 +132,7 @@ def _gravity(
 def _hold_friction(
     g: int, j: int, M: MotionInputs, speed: float, x: Floats, w: Floats, b: int, Z: Floats, slope: Floats
 ) -> None:
-    """Write the friction of interval g to w, beside the other inputs, and its derivatives to Z.
+    """Write the friction of interval g to w, which has the other inputs, and its derivatives to Z.
 
     ``slope`` (3, p): on entry, the gradient of the present speed in the first row; then the gradients of w, v and v_1
     of friction.py.

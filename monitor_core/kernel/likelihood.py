@@ -19,7 +19,7 @@ _CLIP = 36.0
 """Upper limit of squared innovations over their variance."""
 
 G, FALLEN, HELD_BACK = 0, 1, 2
-"""Rows of the sums: g; by how much its path has fallen since the last mark; what evidence has beside g."""
+"""Rows of the sums: g; decrease of its path since the last mark; evidence in addition to g."""
 ONSET, LATE, FIRST_MARK = 0, 1, 2
 """Rows of the times: g was last 0; g was last below SURE; marks, the latest first."""
 

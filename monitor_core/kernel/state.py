@@ -50,7 +50,7 @@ COUNTERS = (
 ) = range(len(COUNTERS))
 
 OBSERVED, WEAK, UNSEEN = 0, 1, 2
-"""How much is known of a parameter now, beside what was known at commissioning."""
+"""Present information on a parameter, compared with commissioning"""
 
 
 class State(NamedTuple):

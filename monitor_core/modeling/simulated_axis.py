@@ -131,7 +131,7 @@ def simulate_linear(
 ) -> tuple[Floats, Floats]:
     """Output y (N, W) for the torque u (N, W) held from sample to sample, and the states (n, W) at the end.
 
-    y[k] is what is measured when u[k] starts to act: y[0] belongs to the state ``start`` (n, W), default 0.  A mean
+    y[k] is measured when u[k] starts to act: y[0] belongs to the state ``start`` (n, W), default 0.  A mean
     speed is that over the interval before.
 
     Raises:

@@ -26,7 +26,7 @@ from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 _MOST = 0.5
 """Coulomb friction takes most of the torque above this share of the mean square of the torque."""
 _SLOW = 0.05
-"""rad/s: what is so slow moves rigidly."""
+"""Frequency [rad/s] of a motion that is slow enough to be rigid."""
 
 
 def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> float:

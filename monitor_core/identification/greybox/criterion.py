@@ -243,7 +243,7 @@ def _loss(eps: Floats, limit: float) -> float:
     return float(np.sum(np.where(size <= limit, size**2, 2 * limit * size - limit**2)))
 
 
-# --- Outliers: in the innovations form K carries each of them on in the state, whatever the loss ----------------------
+# --- Outliers: in the innovations form K carries each outlier on in the state, whatever the loss ----------------------
 
 
 GROSS = 5.0

@@ -24,7 +24,7 @@ class Estimate:
 
     Attributes:
         drive: the problem's, with the state of the disturbance if there is one: what K and ``values`` belong to.
-        problem: the problem with the estimates in place of what it started from; see ``compare``.
+        problem: the problem with the estimates in place of its start values.
         names: (p,) free parameters, "Td" if it is free, "fm per temperature" of varying ones, "delay" if it is free.
         theta: (p,) estimates, SI.
         covariance: (p, p); infinite variance where a direction cannot be determined, NaN beside it.
@@ -163,7 +163,7 @@ def _levels(found: Estimate, layout: Layout) -> Iterator[str]:
 
 
 def _level(found: Estimate, name: str) -> str:
-    """There is hardly any torque noise, or so much that the noise of the output is invisible."""
+    """Sentence on torque noise that is negligible, or so large that the noise of the output cannot be seen."""
     output = found.noise["output"]
     if name == "torque" and output**2 < _SMALL * found.lam0:
         return f"Noise on the output cannot be distinguished from none: {output:.2g}; torque noise explains all errors."

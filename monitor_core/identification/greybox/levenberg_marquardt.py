@@ -118,7 +118,7 @@ def minimise(
 
 
 def _settled(at: Normal, left: Floats, limit: float) -> bool:
-    """Whether the remaining step is negligible beside the standard deviation, which cost / samples scales."""
+    """Whether the remaining step is negligible compared with the standard deviation, which cost / samples scales."""
     return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
 

@@ -146,9 +146,9 @@ _EXPLAINED = 1e-12
 class Information(NamedTuple):
     """Information on the parameters in the records."""
 
-    accuracy: Accuracy  # the same, relative to the sizes, with what is not determined
+    accuracy: Accuracy  # relative to the sizes, with the directions that are not determined
     covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be determined
-    white: Floats  # (p, p) what it would be with white errors of the same variance
+    white: Floats  # (p, p) covariance for white errors of the same variance
     order: int  # of the errors' autoregressive model; 0: white
 
 

@@ -53,7 +53,7 @@ class Layout:
     """Order of the vector: ``names`` first (p, those reported), then noise levels, then initial states.
 
     Args:
-        problem: what is free.
+        problem: the problem, with its free parameters.
         drive: with the state of the disturbance, if there is one.
         disturbance: None: K does not follow from noise.
         interval_s: the delay stays in the interval that it starts in.

@@ -89,9 +89,10 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
 
 
 def has_wrong_sign(record: Record) -> bool:
-    """Whether torque or motion has the wrong sign, whatever their units.
+    """Whether torque or motion has the wrong sign, for any units.
 
-    Inertia and friction of one mass decide, where they agree, otherwise the work: a weight gives back what it took.
+    If the signs of inertia and friction of one mass agree, they decide; otherwise the work of the torque does, as a
+    weight gives back its energy.
     """
     mass = shown_inertia(record)
     if mass is not None and mass.inertia * mass.torques["coulomb"] > 0:

@@ -21,8 +21,8 @@ class Record:
     """A record of N samples, two at least.
 
     The torque is held: ``u[k]`` acts from ``t[k]`` to ``t[k+1]``, and ``y[k]`` was measured at ``t[k]``, before
-    ``u[k]`` could act.  The intervals are what they are: a model that is discretised with each interval of its own
-    loses nothing by jitter or lost samples, so there is no need to resample.
+    ``u[k]`` could act.  The intervals may differ: a model that is discretised with the actual intervals loses nothing
+    by jitter or lost samples, so there is no need to resample.
 
     ``y`` is NaN exactly where it was not measured, so that it is not used there by mistake.
 
@@ -130,7 +130,7 @@ class Record:
         return UNITS[self.quantity]
 
     def select(self, samples: slice | Bools | Ints) -> Record:
-        """The record of these samples only; the torque is held over what was between them.
+        """The record with only these samples; the torque is held over the samples between them.
 
         Raises:
             ValueError: fewer than two are left, or they are not in the order of time.

@@ -109,7 +109,7 @@ def resample(record: Record, interval_s: float) -> Record:
 
     Args:
         record: regular or not, with or without missing samples.
-        interval_s: of the new grid; not shorter than that of the record.
+        interval_s: interval of the new grid, not shorter than that of the record.
 
     Raises:
         ValueError: a shorter interval; a record too short for two new samples.

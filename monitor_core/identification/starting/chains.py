@@ -102,7 +102,7 @@ def _motor(row: int) -> list[Term]:
     ]
 
 
-# --- Masses and springs of a chain from what is seen at its end: an inverse eigenvalue problem with a closed solution -
+# --- Masses and springs of a chain from the response at its end: an inverse eigenvalue problem in closed form ---------
 
 
 # Speed over torque at the first of n masses that springs join in a row, without losses, is

@@ -110,7 +110,7 @@ _MOST = 4
 
 
 class Mode(NamedTuple):
-    """Frequency, rad/s; weight, 1/(kg m^2); decay, 1/s; and by how much the cost would fall."""
+    """Frequency, rad/s; weight, 1/(kg m^2); decay, 1/s; and the expected decrease of the cost."""
 
     p: float
     a: float
@@ -161,7 +161,7 @@ def shape(target: Target, p: float, decay: float, output: Output) -> Complexes:
     G = ((z - 1) / s / s.size / (target.z[:, None] - z)).sum(axis=1)
     if output == "speed":
         return np.asarray(G)
-    # The angle: each mode's integral, s^-1, and the integrator with what is left.
+    # For the angle: the integral (1/s) of each mode, and an integrator for the rest.
     G = ((z - 1) / s**2 / s.size / (target.z[:, None] - z)).sum(axis=1)
     return np.asarray(G - (1 / s).sum() / s.size * h / (target.z - 1))
 

@@ -56,7 +56,7 @@ _NUDGES = (0.4, 0.7, 0.4, 1.0, 0.4, 0.7)
 _HELD = 1e4
 """Weight of the prior of held parameters."""
 _SLACK = 4.0
-"""Standard deviations of a chi-square by which the right model may exceed what is expected."""
+"""The right model may exceed its expected cost by this number of standard deviations of a chi-square."""
 _SAME = 1.02
 """Costs within this factor are of the same minimum."""
 

@@ -187,9 +187,9 @@ def best_fit(
 def best_of(found: Sequence[Estimate]) -> Estimate:
     """The estimate that explains the records best.
 
-    A drive that is not quite the axis has several minima that predict one step ahead almost alike, since the gain
-    corrects what they lack.  That which also simulates the motion is the axis; among those that do so alike the least
-    cost decides, and then the first.
+    With a model that is not exact there are several minima with almost equal one-step predictions, as the gain corrects
+    their errors.  The one that also simulates the motion best is right; among equally good ones the least cost decides,
+    and then the first.
     """
     rivals = [e for e in found if e.converged] or list(found)
     if len(rivals) == 1:

@@ -263,7 +263,7 @@ class Search:
 
 
 def _left(information: Floats, score: Floats, constants: Floats, more: Floats) -> Floats:
-    """Scores of windows (W, p) less what constants (p,) and what is added to them in each (W, p) explain."""
+    """Scores of windows (W, p) minus the part explained by constants (p,) plus deviations in each window (W, p)."""
     return np.asarray(score - np.einsum("wij,wj->wi", information, constants + more))
 
 
@@ -279,7 +279,7 @@ def left_of(windows: Sequence[Windows], fit: WarmUpFit) -> list[Floats]:
 
 
 def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
-    """The fit with the followers that the records show, each beside the others; None: they show none."""
+    """The fit with all followers that the records show, each in addition to the others; None: there are none."""
     value = dict(zip(search.index, values, strict=True))
     found: WarmUpFit | None = None
     while rest := [i for i in search.index if found is None or i not in found.which]:
@@ -292,6 +292,6 @@ def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
 
 
 def _shows(fit: WarmUpFit, value: float, chance: float) -> bool:
-    """Whether the records show that the last follower of a fit, of this value, follows beside the others."""
+    """Whether the records show that the last follower of a fit, a parameter with this value, follows the heat, too."""
     fall = abs(float(fit.slopes[-1])) * float(np.ptp(np.concatenate(fit.heats)))
     return fit.chance <= chance and fall >= LEAST_FALL * abs(value)

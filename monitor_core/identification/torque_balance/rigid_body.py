@@ -77,7 +77,7 @@ def rigid_fits(
 
     Args:
         records: about equally sampled.
-        models: terms of each, beside the inertia.
+        models: terms of each model, in addition to the inertia.
         speed_scale: of Coulomb friction, rad/s.
         shortest_s: length of a window at least; motions faster than a third of it are suppressed.
         moving: without standstill, where there is motion enough: friction may be anything then, and looks like the

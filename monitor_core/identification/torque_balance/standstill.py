@@ -1,8 +1,8 @@
-"""Standstill of an axis that stops often, as in pick and place: friction then holds whatever the torque is.
+"""Standstill of an axis that stops often, as in pick and place: there friction balances any torque.
 
-The model of friction, tanh of the speed, has no such force: it creeps, and a fit would explain the torque of an axis
-that stands by an inertia or a friction that no drive has.  So that torque is replaced by what keeps a model at rest:
-the offset and the weight that the motion of the record shows.
+The model of friction, tanh of the speed, has no such force: the model creeps, and a fit would explain the torque at
+standstill by a wrong inertia or friction.  So this torque is replaced by the torque that keeps a model at rest: the
+offset and the weight that the motion of the record shows.
 """
 
 from collections.abc import Sequence

@@ -66,7 +66,7 @@ def gear_ratios(
 
 
 _Found = tuple[dict[str, float], list[Sum], float]
-"""Ratios of the angles that are used, their sums, and what is left of the squared torque."""
+"""Ratios of the used angles, their sums, and the unexplained part of the squared torque"""
 
 
 class _Trial:
@@ -100,7 +100,7 @@ class _Trial:
         return residual_torque(self.columns(ratios, sums), self.torque)
 
     def least(self, known: Floats, phases: Floats) -> tuple[int, float]:
-        """Which one of some sums (M, G) explains most beside known columns, and what it leaves."""
+        """Index of the sum (of M, G) that explains most in addition to known columns, and the unexplained part."""
         Q = np.linalg.qr(known)[0]
         e = self.torque - Q @ (Q.T @ self.torque)
         c, s = np.cos(phases), np.sin(phases)

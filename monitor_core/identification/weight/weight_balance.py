@@ -1,4 +1,4 @@
-"""The torque balance of one mass with friction, beside which a weight is fitted, as columns of a least-squares problem.
+"""The torque balance of one mass with friction and a weight, as columns of a least-squares problem.
 
     J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u
 

@@ -105,7 +105,7 @@ def _expanded(value: Laurent, sums: Mapping[str, Laurent]) -> Laurent:
 
 @dataclass(frozen=True)
 class Frame:
-    """Coordinates by their texts, and what is seen of them at random points, for each prime.
+    """Coordinates by their texts, and their gradients at random points, for each prime.
 
     ``forms``: each coordinate as a sum of the first ones.  ``order``: which of them stand below the fraction stroke,
     the first first.

@@ -91,7 +91,7 @@ def union(spaces: Sequence[Ints], samples: Sequence[Sample]) -> Ints:
 
 
 def gradients(coordinates: Sequence[str], definitions: Sequence[Definition], point: Point) -> dict[str, Ints]:
-    """The gradients of the logarithms of the coordinates, and of what is defined by them."""
+    """The gradients of the logarithms of the coordinates, and of the parameters defined by them."""
     unit = np.eye(len(coordinates), dtype=np.int64)
     out = dict(zip(coordinates, unit, strict=True))
     for definition in definitions:

@@ -239,7 +239,7 @@ def _divided(value: Linear, divisor: Laurent) -> Linear:
 
 
 def _power(base: Laurent, exponent: Laurent) -> Laurent:
-    """The power; ValueError with what is wrong, OverflowError where it would be no number, or a very long sum."""
+    """The power.  ValueError: it does not exist; OverflowError: it is no finite number, or a very long sum."""
     if not exponent.is_number:
         raise ValueError(f"the exponent {exponent} is not a number")
     number = Fraction(exponent.value({}))
