@@ -63,7 +63,7 @@ def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: fl
 
     The past begins where the clock was last set back, as earlier times cannot be ordered.
     """
-    first = int(np.count_nonzero(t_us == NEVER))  # what is known follows
+    first = int(np.count_nonzero(t_us == NEVER))  # empty entries come first
     set_back = np.flatnonzero(np.diff(t_us) < 0)
     first = max(first, int(set_back[-1]) + 1 if set_back.size else 0)
     known = kept[first:]
@@ -175,7 +175,7 @@ def _of_itself(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
 
 
 def _beside_others(dR: Floats, ds: Floats, i: int) -> tuple[Floats, Floats]:
-    """Value and information of each stretch, whatever the other parameters are; 0 if it does not separate them."""
+    """Value and information of each stretch for unknown other parameters; 0 if it does not separate them."""
     value, information = np.zeros(len(dR)), np.zeros(len(dR))
     for k, (A, b) in enumerate(zip(dR, ds, strict=True)):
         scale = np.sqrt(np.abs(np.diag(A)))

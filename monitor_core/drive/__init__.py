@@ -1,9 +1,9 @@
 """A drive as numbers: parameters, units, bounds; A, B, C as data; stability, Kalman gain.
 
 * ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
-* ``operating_conditions``: nominal values that follow signals, gates.  ``thermal_state``: warm-up without a
-  thermometer.  ``friction_roles``: which parameters are friction.  ``measured_speed``.
-* ``assembly``, ``discretization``: what the kernel takes.  ``kalman``: the predictor, and where it is stable.
+* ``operating_conditions``: nominal values that depend on signals, and gates.  ``thermal_state``: warm-up without a
+  thermometer.  ``friction_roles``: the parameters that are friction.  ``measured_speed``: speed at the sensor.
+* ``assembly``: arrays for the kernel.  ``discretization``: zero-order hold.  ``kalman``: filter gain and stability.
 """
 
 from monitor_core.drive.axis_model import AxisModel, NominalValueError

@@ -1,4 +1,4 @@
-"""From models to the arrays of the kernel: Tables for a structure, one column of Constants for each axis."""
+"""Arrays of the kernel for models: Tables for a structure, and one column of Constants for each axis."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -25,7 +25,7 @@ _ROWS_OF = {"A": 0, "B": 1, "C": 2}
 
 
 class _Slot(NamedTuple):
-    """An entry of A, B, C (par = -1) or of its derivative with respect to theta_par."""
+    """An entry of A, B, C (par = -1), or of a derivative of these with respect to theta_par."""
 
     group: int
     par: int
@@ -104,7 +104,7 @@ class Assembly:
         )
 
     def _product(self, n: int, p: int) -> Product:
-        """Places of the entries of A and of the A_i: by places (all A_i), and by rows of a single A_i."""
+        """Indices of the entries of A and of the A_i: for all A_i together, and by row for each A_i."""
         blocks = -(-(p + 1) // FOUR) * FOUR
         A = [s for s in self._index if s.group == 0]
         slopes = {s: k for s, k in self._index.items() if s.group == 3}
@@ -136,7 +136,7 @@ class Assembly:
         return products + [(i * n + s.row, self._index[s], s.col, i) for s in friction for i in range(p)]
 
     def _friction_terms(self, n: int, p: int) -> FrictionTerms:
-        """Products of the row of the speed in A, B, A_i, B_i; none where no friction needs them."""
+        """Products with the row of the speed in A, B, A_i, B_i; none if there is no Coulomb friction."""
         state, inputs = self.drive.speed_state, self.drive.inputs
         number = inputs.count(COULOMB)
         row = {s: k for s, k in self._index.items() if s.row == state and number}
@@ -163,12 +163,12 @@ class Assembly:
     def model_constants(self, model: AxisModel, speed_scale: float) -> dict[str, Floats]:
         """V0, coef, weight, rest, rigid, theta0, lower, upper and u_scale of one axis, each as a vector.
 
-        ``speed_scale`` [rad/s] is that of Coulomb friction, see Settings.
+        ``speed_scale`` [rad/s]: that of Coulomb friction, see Settings.
 
         Raises:
             ValueError: the drive's ``speed_state`` is not the speed at the sensor.
         """
-        # Powers of a monitored parameter are those of theta_i, in the tables.
+        # The powers of a monitored parameter are in the tables, as powers of theta_i.
         fixed = {name: 1.0 if name in self._signs else v for name, v in model.nominal.items()}
         V0 = np.zeros(len(self._index))
         for p in self._pieces:
@@ -189,7 +189,7 @@ class Assembly:
 
 
 def rubs(model: AxisModel) -> bool:
-    """Whether a Coulomb friction acts on the axis, or may, as it is monitored."""
+    """Whether a Coulomb friction acts on the axis, or is monitored and so may act."""
     bases = {split_name(name)[0] for name in model.monitored}
     values = {name: value or float(name in bases) for name, value in model.nominal.items()}
     friction = np.array(model.drive.inputs) == COULOMB
@@ -197,7 +197,7 @@ def rubs(model: AxisModel) -> bool:
 
 
 def without_friction(tables: Tables) -> Tables:
-    """Tables for axes on which no friction acts: it is not computed."""
+    """The tables without Coulomb friction, which saves its computation for axes that have none."""
     return tables._replace(friction=tables.friction._replace(number=0))
 
 
@@ -217,8 +217,8 @@ def _input_scales(model: AxisModel, speed_scale: float) -> Floats:
     """Factor of the measured speed or angle in the argument of an input (m,).
 
     At nominal values a flange has ``ratio`` times the angle and speed of the sensor.  The angle is measured.  The speed
-    is measured, or it is that of the predictor: the speed at the sensor is (C A x), or (C x) where the speed is the
-    output; that depends on x[speed_state] only, so the factor of friction is the one of this state.
+    is measured, or it is that of the predictor: C A x, or C x if the speed is the output.  This depends on
+    x[speed_state] only, so the factor of friction includes the coefficient of this state.
     """
     drive = model.drive
     scale, friction = drive.matrix("ratio", model.nominal)[:, 0], np.array(drive.inputs) == COULOMB
@@ -247,7 +247,7 @@ def _ints(values: object) -> Ints:
 
 
 def _starts(n: int, rows: Sequence[int]) -> Indices:
-    """Where each of n rows begins in a list that is sorted by rows, and the end."""
+    """Index at which each of n rows begins in a list that is sorted by rows, and the end of the list."""
     return _indices(np.searchsorted(rows, np.arange(n + 1)))
 
 

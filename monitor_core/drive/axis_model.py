@@ -17,7 +17,7 @@ from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 
 class NominalValueError(ValueError):
-    """A nominal value that is impossible for its parameter; ``reason`` says why without name and value."""
+    """A nominal value that is impossible for its parameter; ``reason`` says why, without name and value."""
 
     def __init__(self, name: str, value: float, reason: str) -> None:
         super().__init__(f"nominal {name} = {value}: {reason}")
@@ -28,17 +28,17 @@ class NominalValueError(ValueError):
 class AxisModel:
     """One axis: a drive, its nominal values (SI), and the monitored parameters theta.
 
-    ``nominal`` may be given by the names of the parameters of the drive or, where these are merged, of the drawn ones;
-    here it holds all parameters of the drive, and no others. A monitored name ``1/Ja`` means that theta holds the
-    reciprocal of ``Ja``.  ``scales`` gives the size of a parameter whose nominal value is zero (an offset); it sets the
-    threshold of its test.  ``bounds`` confine theta; default for a positive parameter: a tenth to ten times its nominal
-    value.
+    ``nominal`` may be given by the names of the drive's parameters or, if these are merged, by the names of the drawn
+    parameters.  The attribute then holds exactly the parameters of the drive.  A monitored name ``1/Ja`` means that
+    theta holds the reciprocal of ``Ja``.  ``scales``: size of a parameter whose nominal value is zero (an offset),
+    which sets the threshold of its test.  ``bounds``: limits of theta; default for a positive parameter: a tenth to ten
+    times its nominal value.
 
     Raises:
-        KeyError: a name that the drive does not have, or a nominal value that is missing.
-        ValueError: a value that is not finite, or not positive where it must be; a parameter monitored twice; the
-            reciprocal of zero; a parameter without size; bounds that do not hold the nominal value; a drive whose
-            inputs do not follow from its output.
+        KeyError: the drive does not have a name, or a nominal value is missing.
+        ValueError: a value is not finite, or not positive where it must be; a parameter is monitored twice; the
+            reciprocal of zero is monitored; a parameter has no size; bounds do not contain the nominal value; an input
+            of the drive cannot be computed from its output.
     """
 
     drive: Drive
@@ -96,11 +96,11 @@ class AxisModel:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The monitored parameters, reciprocals written as such, under the names of ``monitored``."""
+        """The monitored parameters, under the names of ``monitored``, which may be reciprocals."""
         return tuple(self.drive.parameter(name) for name in self.monitored)
 
     def carried_weight(self) -> tuple[str, ...]:
-        """The parameters of the weight that the axis bears, where none of them is monitored; empty: it bears none."""
+        """Parameters of the weight that the axis bears; empty if it bears none, or if one of them is monitored."""
         weight = tuple(name for name in self.drive.weights() if self.nominal[name] != 0)
         return weight if {split_name(name)[0] for name in self.monitored}.isdisjoint(weight) else ()
 
@@ -111,7 +111,7 @@ class AxisModel:
 
     @cached_property
     def scale(self) -> Floats:
-        """Size s_i of each theta_i (p,): |theta0_i|, or as given."""
+        """Size s_i of each theta_i (p,): |theta0_i|, or its entry in ``scales``."""
         return np.array([self._size(name) for name in self.monitored], dtype=float)
 
     @cached_property
@@ -128,7 +128,7 @@ class AxisModel:
         return values
 
     def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
-        """A (n, n), B (n, m) and C (1, n) at theta (p,), by default at nominal."""
+        """A (n, n), B (n, m) and C (1, n) at theta (p,); default: at the nominal values."""
         A, B, C = self._at_nominal if theta is None else self.drive.matrices(self.values(theta))
         return A.copy(), B.copy(), C.copy()
 
@@ -137,7 +137,7 @@ class AxisModel:
         return self.drive.matrices(self.nominal)
 
     def balance(self) -> Floats:
-        """The diagonal d (n,) of powers of two that balances A at nominal: D^-1 A D."""
+        """The diagonal d (n,) of powers of two that balances A at the nominal values: D^-1 A D."""
         return self._balance.copy()
 
     @cached_property

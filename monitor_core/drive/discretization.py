@@ -1,9 +1,9 @@
 """Balancing and exact zero-order hold as matrices, for simulation, Kalman gain and fits; not for the recursion.
 
-With derivatives, for many intervals of one drive, one Taylor series is shared by all of them:  [Ad Bd], the upper rows
-of exp(F h), F = [A B; 0 0], are sum_k T_k h^k with T_0 = [I 0], T_1 = [A B] and T_k = A T_(k-1) / k; so are their
-derivatives with dT_k = (dA T_(k-1) + A dT_(k-1)) / k (methods: Frechet derivative of the exponential).  The T_k do not
-depend on h: an interval costs a polynomial.  Where the norm of A h is above 1, the polynomial is taken at h / 2^s and
+Many intervals of one drive share one Taylor series, also for the derivatives:  [Ad Bd], the upper rows of exp(F h) with
+F = [A B; 0 0], are sum_k T_k h^k with T_0 = [I 0], T_1 = [A B] and T_k = A T_(k-1) / k.  The derivatives have the same
+form with dT_k = (dA T_(k-1) + A dT_(k-1)) / k (Frechet derivative of the exponential).  The T_k do not depend on h, so
+each interval costs only a polynomial.  If the norm of A h is above 1, the polynomial is evaluated at h / 2^s and
 squared s times:  [Ad Bd] -> [Ad Ad, Ad Bd + Bd].
 """
 
@@ -14,11 +14,11 @@ from monitor_core.arrays import Floats
 from monitor_core.kernel.compile import array_function, entry
 
 TERMS = 19
-"""r^k / k! with r = 1: the first term left out of the derivative is below 1e-16."""
+"""Number of terms: with a norm of 1, the first omitted term of the derivative is below 1e-16."""
 
 
 def balance_of(A: Floats) -> Floats:
-    """The diagonal d (n,) of powers of two that balances A: in states x_i / d_i it is D^-1 A D."""
+    """The diagonal d (n,) of powers of two that balances A: for the states x_i / d_i, A becomes D^-1 A D."""
     return np.asarray(sla.matrix_balance(A, permute=False, separate=True)[1][0], dtype=float)
 
 
@@ -36,7 +36,7 @@ def zero_order_hold_slopes(
 ) -> tuple[Floats, Floats]:
     """[Ad Bd] (G, n, n + m) for the intervals (G,), and its derivatives (G, p, n, n + m).
 
-    ``dA`` (p, n, n) and ``dB`` (p, n, m) are the derivatives of A and B.  Nothing is balanced here.
+    ``dA`` (p, n, n) and ``dB`` (p, n, m): derivatives of A and B.  The caller balances the matrices.
     """
     n, m, p, G = *B.shape, len(dA), len(intervals_s)
     X, dX = np.empty((G, n, n + m)), np.empty((G, p, n, n + m))
@@ -115,7 +115,7 @@ def hold_intervals(A: Floats, B: Floats, dA: Floats, dB: Floats, h: Floats, X: F
 
 @array_function
 def _terms(r: float) -> int:
-    """How many terms a series with that ratio needs."""
+    """Number of terms that the series needs for a norm r."""
     k, left = 2, r
     while k < TERMS and left > 1e-17:
         left *= r / k
@@ -125,7 +125,7 @@ def _terms(r: float) -> int:
 
 @array_function
 def _polynomial(coefficients: Floats, h: float, terms: int, out: Floats) -> None:
-    """Horner's scheme, of all elements side by side."""
+    """Evaluate a polynomial for each element by Horner's scheme."""
     for e in range(out.size):
         out[e] = coefficients[terms - 1, e]
     for k in range(terms - 2, -1, -1):

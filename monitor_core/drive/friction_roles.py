@@ -1,4 +1,4 @@
-"""Which parameters of a drive are friction, by their place in A and B, and what friction brakes a lasting motion.
+"""Finds the friction parameters of a drive by their places in A and B, and the friction of a steady motion.
 
 Viscous friction acts between a mass and the ground: it is a damper whose terms in A are all in the column of one speed.
 A damper between two masses has terms in the columns of both.  Coulomb friction is a torque in B that multiplies the
@@ -23,12 +23,12 @@ class Friction(NamedTuple):
 
 
 def friction_of(drive: Drive) -> Friction:
-    """Parameters that are friction, in the order of the drive."""
+    """The friction parameters of a drive, in its order."""
     return Friction(tuple(_viscous(drive)), tuple(_coulomb(drive)))
 
 
 def braking(drive: Drive, values: Mapping[str, float]) -> tuple[float, float]:
-    """Viscous friction [N m s/rad] and Coulomb friction [N m] of a lasting motion, at the sensor; at least 0."""
+    """Viscous friction [N m s/rad] and Coulomb friction [N m] of a steady motion, at the sensor; at least 0."""
     speeds, angles = rigid_speeds(drive, values), drive.matrix("ratio", values)[:, 0]
     viscous, coulomb = _viscous(drive), _coulomb(drive)
     d = sum(max(values[name], 0.0) * float(speeds[column]) ** 2 for name, column in viscous.items())
@@ -37,14 +37,14 @@ def braking(drive: Drive, values: Mapping[str, float]) -> tuple[float, float]:
 
 
 def _viscous(drive: Drive) -> dict[str, int]:
-    """Columns in A of the speeds that viscous frictions brake, by their names."""
+    """By name of a viscous friction: column in A of the speed that it brakes."""
     return _in_one_column(drive, "A", DAMPING)
 
 
 def _coulomb(drive: Drive) -> dict[str, int]:
-    """Columns in B of Coulomb frictions, by their names."""
-    found = _in_one_column(drive, "B", TORQUE_UNIT)
-    return {name: column for name, column in found.items() if drive.inputs[column] == COULOMB}
+    """By name of a Coulomb friction: its column in B."""
+    torques = _in_one_column(drive, "B", TORQUE_UNIT)
+    return {name: column for name, column in torques.items() if drive.inputs[column] == COULOMB}
 
 
 def _in_one_column(drive: Drive, matrix: Matrix, unit: str) -> dict[str, int]:
@@ -62,7 +62,7 @@ def rigid_speeds(drive: Drive, values: Mapping[str, float]) -> Floats:
     rest = drive.matrix("rest", values)[:, 0]
     if drive.output != "angle":
         return rest
-    # The angle at the sensor grows by 1, no spring is loaded: rows of A in which no mass is divided by.
+    # The angle at the sensor grows by 1 and no spring is loaded.  These are the rows of A without an inertia.
     inertias = {p.name for p in drive.parameters if p.unit == INERTIA}
     dynamic = {t.row for t in drive.terms if t.matrix in ("A", "B") and inertias & dict(t.powers).keys()}
     rows = [row for row in range(len(drive.states)) if row not in dynamic]

@@ -15,7 +15,7 @@ from monitor_core.drive.structure import Drive
 from monitor_core.kernel.tables import GAINS
 
 _MARGIN = 1e-6
-"""A double eigenvalue 1, which has no filter, comes out of the Riccati solver as 1 - 1e-8."""
+"""For a double eigenvalue 1, for which no filter exists, the Riccati solver gives 1 - 1e-8."""
 _DOUBLINGS = 40
 _SETTLED = 1e-15
 
@@ -27,12 +27,12 @@ def filter_gain(
 
         K = P C' / lambda_0,      lambda_0 = C P C' + R
 
-    P is the variance of the one-step prediction.  ``torque_noise`` [N m] is the standard deviation of a white
-    sequence that enters like the torque, held over each interval; ``output_noise`` [rad or rad/s] that of the
-    measurement, R its square.  Coulomb friction is left out: it is an input here.
+    P is the variance of the one-step prediction.  ``torque_noise`` [N m]: standard deviation of a white sequence that
+    acts like the torque and is held over each interval.  ``output_noise`` [rad or rad/s]: standard deviation of the
+    measurement, with R its square.  Coulomb friction does not matter, as it is an input here.
 
     Raises:
-        ValueError: a noise that is negative or not finite, no output noise, or no stable filter.
+        ValueError: a noise is negative or not finite, the output noise is zero, or there is no stable filter.
     """
     _, P, _, C, d = _steady(model, interval_s, torque_noise, output_noise)
     lam0 = float(C @ P @ C) + 1
@@ -42,14 +42,14 @@ def filter_gain(
 def _steady(
     model: AxisModel, interval_s: float, torque_noise: float, output_noise: float
 ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-    """Ad, P of the one-step prediction, Q, C (n,) in the coordinates x / d, and d; the output noise is the unit."""
+    """Ad, P of the one-step prediction, Q and C (n,) for the states x / d, and d; in units of the output noise."""
     if not (0 <= torque_noise < math.inf and 0 < output_noise < math.inf):
         raise ValueError(
             f"torque_noise = {torque_noise}, output_noise = {output_noise}: need finite values, "
             "the first at least zero, the second greater than zero"
         )
     Ad, G, C, d = _balanced(model, interval_s)
-    # In units of the output noise, R = 1, the Riccati equation is scaled best.
+    # The Riccati equation is scaled best in units of the output noise: R = 1.
     g = G / output_noise * torque_noise
     try:
         return Ad, prediction_variance(Ad, C[0], g @ g.T), g @ g.T, C[0], d
@@ -65,17 +65,18 @@ def gains_after(
 ) -> tuple[tuple[float, ...], ...]:
     """Filter gains after 0, 2, 3 .. intervals without a measurement, from the steady state (GAINS - 1 of n numbers).
 
-    The prediction grows uncertain with the interval: P <- Ad P Ad' + Q for each one, from the filter's own P.
+    Without a measurement the prediction becomes more uncertain: P <- Ad P Ad' + Q in each interval, from the P of the
+    filter.
 
     Raises:
-        ValueError: as filter_gain.
+        ValueError: as in ``filter_gain``.
     """
     Ad, P, Q, C, d = _steady(model, interval_s, torque_noise, output_noise)
-    found = [P - np.outer(P @ C, P @ C) / (C @ P @ C + 1), P]
+    variances = [P - np.outer(P @ C, P @ C) / (C @ P @ C + 1), P]
     for _ in range(GAINS - 2):
-        found.append(Ad @ found[-1] @ Ad.T + Q)
-    del found[1]
-    return tuple(tuple(_kept(model, d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in found)
+        variances.append(Ad @ variances[-1] @ Ad.T + Q)
+    del variances[1]
+    return tuple(tuple(_kept(model, d * (P @ C) / (C @ P @ C + 1)).tolist()) for P in variances)
 
 
 def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
@@ -88,7 +89,7 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
     Raises:
         ValueError: there is no stable filter.
     """
-    # The doubling algorithm (Chu, Fan, Lin, Wang 2004): step k is 2^k steps of the recursion.  G is C'C summed up.
+    # The doubling algorithm (Chu, Fan, Lin, Wang 2004): step k replaces 2^k steps of the recursion; G accumulates C'C.
     A, G, P, unit = Ad.T, np.outer(C, C), Q, np.eye(len(Ad))
     for _ in range(_DOUBLINGS):
         AW = np.linalg.solve((unit + G @ P).T, A.T).T
@@ -106,13 +107,13 @@ def prediction_variance(Ad: Floats, C: Floats, Q: Floats) -> Floats:
 
 
 def held_disturbance(interval_s: float, time_constant_s: float) -> float:
-    """Standard deviation of w, held over each interval, for which  d' = -d / Td + w  has the standard deviation 1."""
+    """Standard deviation of w, held over each interval, for which d has standard deviation 1:  d' = -d / Td + w."""
     a = math.exp(-interval_s / time_constant_s)
     return math.sqrt((1 + a) / (1 - a)) / time_constant_s
 
 
 def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> float:
-    """Slowest time constant [s] of the predictor with filter gain K (n,): of (I - K C) Ad; inf: unstable."""
+    """Slowest time constant [s] of the predictor (I - K C) Ad with filter gain K (n,); inf if it is unstable."""
     Ad, _, C, d = _balanced(model, interval_s)
     closed = Ad - np.outer(K / d, C[0] @ Ad)
     radius = float(np.abs(np.linalg.eigvals(closed)).max())
@@ -122,7 +123,7 @@ def slowest_time_constant(model: AxisModel, K: Floats, interval_s: float) -> flo
 
 
 def _balanced(model: AxisModel, interval_s: float) -> tuple[Floats, Floats, Floats, Floats]:
-    """Ad (n, n), the columns of Bd of the torque (n, q), C (1, n) in the coordinates x / d, and d (n,)."""
+    """Ad (n, n), the columns of Bd for the torque (n, q) and C (1, n), for the states x / d; and d (n,)."""
     A, B, C = model.matrices()
     d = model.balance()
     enters = B[:, model.drive.of_torque]
@@ -133,24 +134,24 @@ def _balanced(model: AxisModel, interval_s: float) -> tuple[Floats, Floats, Floa
 
 
 def _kept(model: AxisModel, K: Floats) -> Floats:
-    """The gain without that of a state that is reset after the correction."""
+    """The gain K, with 0 for the state that is reset after the correction, if there is one."""
     if (s := model.drive.mean_state) >= 0:
         K[s] = 0.0
     return K
 
 
-# --- The range of theta: within its bounds, and where the predictor is stable (D_M of Ljung and Soderstrom) -----------
+# --- Range of theta: within its bounds, and where the predictor is stable (D_M of Ljung and Soderstrom) ---------------
 
 _STABLE = 1e-6
 _FAR = 1e3
-"""Sizes: in place of a bound that is infinite."""
+"""Distance in sizes that replaces an infinite bound."""
 _BISECTIONS = 30
 
 
 def stable_limits(model: AxisModel, K: Floats, interval_s: float) -> Floats:
-    """Bounds of theta (2, p), reduced as far as the predictor with filter gain K (n,) needs it.
+    """Bounds of theta (2, p), narrowed to where the predictor with filter gain K (n,) is stable.
 
-    Where it is unstable at the nominal values themselves the bounds are not changed.
+    If it is unstable at the nominal values themselves, the bounds are not changed.
     """
     values = tuple(tuple(sorted(part.items())) for part in (model.nominal, model.scales, model.bounds))
     gain = tuple(np.ravel(K).tolist())
@@ -184,7 +185,7 @@ def _drawn_in(model: AxisModel, K: Floats, interval_s: float) -> Floats:
 
 
 def _last_stable(model: AxisModel, i: int, unstable: float, K: Floats, interval_s: float) -> float:
-    """By bisection between the nominal value and an unstable one."""
+    """Last stable value of theta_i, by bisection between its nominal value and an unstable value."""
     stable, theta = float(model.theta0[i]), model.theta0[np.newaxis].copy()
     for _ in range(_BISECTIONS):
         theta[0, i] = (stable + unstable) / 2

@@ -11,18 +11,18 @@ from monitor_core.drive.structure import Output
 
 
 class Steps(NamedTuple):
-    """The step to each sample (N,) from the one before whose output was measured."""
+    """Steps to samples (N,), each from the last sample before it whose output was measured."""
 
     interval_us: NDArray[np.int64]
-    """0: there is none, or this one was not measured; negative: the clock went back"""
+    """Time since that sample; 0: there is none, or this sample was not measured; negative: the clock went back"""
     speed: Floats
-    """Magnitude [rad/s], from an angle the mean over the interval; NaN: unknown"""
+    """Magnitude of the speed [rad/s] (for a measured angle the mean over the interval); NaN: unknown"""
     distance: Floats
-    """Magnitude of the change of an angle [rad]; 0 where a speed is measured, or nothing is known"""
+    """Magnitude of the change of a measured angle [rad]; 0 for a measured speed, or if unknown"""
 
 
 class MeasuredSpeed:
-    """Steps of one axis that measures this output."""
+    """Computes the steps of one axis with this output, block by block."""
 
     def __init__(self, output: Output) -> None:
         self._angle = output == "angle"
@@ -30,7 +30,7 @@ class MeasuredSpeed:
         """Time [us] and output of the last measured sample; None: there is none yet"""
 
     def take(self, t_us: NDArray[np.int64], y: Floats) -> Steps:
-        """The steps to samples (N,) at these times, with this output (NaN: not measured)."""
+        """The steps to samples with times ``t_us`` (N,) and outputs ``y`` (N,); NaN: not measured."""
         N, measured = len(t_us), np.flatnonzero(np.isfinite(y))
         interval, speed, distance = np.zeros(N, np.int64), np.full(N, math.nan), np.zeros(N)
         if not self._angle:

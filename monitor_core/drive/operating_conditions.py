@@ -2,16 +2,16 @@
 
     theta_0i(s) = v_i + slope_1 (f_1(s) - reference_1) + ...
 
-f is a term: a measured signal, a function of a sum of signals, or a product of these (signal_terms.py).  Where the
-slopes are those of Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is the reciprocal of that sum, exactly.  A
-gate is open while its signal has the right value; while a gate is closed, nothing is learned and no test runs.
+f is a term: a measured signal, a function of a sum of signals, or a product of these (signal_terms.py).  If the slopes
+are given for Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is exactly the reciprocal of that sum.  A gate is
+open while its signal has the right value; while a gate is closed, no estimate is updated and no test runs.
 
 The torque of the weight may instead be an input of the drive (Drive.with_load), w(s) = slope_1 f_1(s) + ..
 
-A signal may also be derived: the heat of an axis without a thermometer (``thermal_state``), which parameters follow as
-they follow a measured one.
+A signal may also be derived: the heat of an axis without a thermometer (``thermal_state``) is used like a measured
+signal.
 
-Every value of a sample depends on the samples up to that one: blocks may be split anywhere.
+All results for a sample depend only on samples up to that one: blocks may be split anywhere.
 """
 
 import math
@@ -32,38 +32,38 @@ from monitor_core.samples import SampleBlock
 from monitor_core.wording import sentence
 
 MARGIN = 0.1
-"""Share of the width of the range in which a slope was found, up to which a nominal value follows beyond its ends."""
+"""A nominal value follows a signal beyond the ends of the range of its slope, by up to this share of the width."""
 
 _HEAT = Term.read(HEAT)
 _SAME = 1e-6
-"""Relative difference below which two values of a signal are the same: signals are scaled numbers."""
+"""Relative difference below which two values of a signal count as equal: signals are scaled numbers."""
 
 
 class Follow(NamedTuple):
-    """A parameter follows a term, which may lie between ``low`` and ``high``."""
+    """A parameter that follows a term; its slope is valid between ``low`` and ``high`` of the term."""
 
     name: str
-    """The parameter that follows, Ja or 1/Ja, whichever is monitored"""
+    """The parameter that the slope belongs to: Ja or 1/Ja, no matter which is monitored"""
     term: Term
     slope: float
     reference: float
     low: float = -math.inf
     high: float = math.inf
     margin: float = MARGIN
-    """Share of the width of that range, up to which the parameter follows beyond its ends"""
+    """The slope is also used beyond the ends, by up to this share of the width"""
 
-    def change(self, at: Floats) -> Floats:
-        """Change of the parameter (N,), at values of the term (N,); NaN where it is unknown."""
-        return np.where(self.knows(at), self.slope * (at - self.reference), math.nan)
+    def change(self, values: Floats) -> Floats:
+        """Change of the parameter (N,) for values of the term (N,); NaN where it is unknown."""
+        return np.where(self.knows(values), self.slope * (values - self.reference), math.nan)
 
-    def knows(self, at: Floats | float) -> Bools:
-        """Whether the parameter follows (N,), at values of the term (N,)."""
+    def knows(self, values: Floats | float) -> Bools:
+        """Whether the slope is valid (N,) for values of the term (N,)."""
         reach = self.margin * (self.high - self.low) if math.isfinite(self.high - self.low) else 0.0
-        return np.asarray((at >= self.low - reach) & (at <= self.high + reach), np.bool_)
+        return np.asarray((values >= self.low - reach) & (values <= self.high + reach), np.bool_)
 
 
 class Gate(NamedTuple):
-    """Open while the signal is one of ``equals``, if there are any, and between ``above`` and ``below``."""
+    """A gate that is open while its signal is one of ``equals`` (if given) and between ``above`` and ``below``."""
 
     signal: str
     equals: tuple[float, ...] = ()
@@ -71,7 +71,7 @@ class Gate(NamedTuple):
     below: float = math.inf
 
     def open(self, values: Floats) -> Bools:
-        """Whether the gate is open (N,), at values of the signal (N,); it is closed at NaN."""
+        """Whether the gate is open (N,) for values of the signal (N,); NaN closes it."""
         between = (values > self.above) & (values < self.below)
         if not self.equals:
             return np.asarray(between, np.bool_)
@@ -81,11 +81,12 @@ class Gate(NamedTuple):
 
 @dataclass(frozen=True)
 class Conditions:
-    """Operating conditions of an axis.  ``signals`` names the columns of the measured signals.
+    """Operating conditions of an axis.  ``signals``: names of the columns of the measured signals.
 
-    ``min_speed``: nothing is learned while the axis turns more slowly (rad/s, at the sensor); 0: no limit.
-    ``thermal``: how the axis warms up; its heat is one more signal, the last one.  None: there is none.
-    ``weight``: terms of the nominal weight of a drive that has it as an input; their names and references do not count.
+    ``min_speed``: the gate is closed while the axis turns more slowly (rad/s, at the sensor); 0: no limit.
+    ``thermal``: thermal model of the warm-up, which adds its heat as the last signal; None: no model.
+    ``weight``: terms of the nominal weight, for a drive that has it as an input; their names and references are
+    ignored.
     """
 
     signals: tuple[str, ...] = ()
@@ -115,8 +116,8 @@ class Operating:
     """The operating conditions of one axis, from sample to sample.
 
     Raises:
-        KeyError: a term or a gate is of a signal that is not there.
-        ValueError: a parameter is to follow a signal but is not monitored, or has slopes of both Ja and 1/Ja; a
+        KeyError: a term or a gate needs a signal that does not exist.
+        ValueError: a parameter that follows a signal is not monitored, or has slopes for both Ja and 1/Ja; or a
             function does not exist.
     """
 
@@ -133,25 +134,25 @@ class Operating:
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
         self._speed = MeasuredSpeed(model.drive.output)
         self.thermal = None if conditions.thermal is None else ThermalState(conditions.thermal)
-        """The heat of the axis; None: it has no thermal model"""
+        """The heat of the axis; None: there is no thermal model"""
         self._last: tuple[Floats, float] | None = None
 
     def take(self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None) -> tuple[Floats, Bools]:
-        """Shift theta_0(s) - theta_0 (N, p), NaN where it is unknown, and whether to learn (N,).
+        """Shift theta_0(s) - theta_0 (N, p), NaN where it is unknown, and whether all gates are open (N,).
 
         Args:
             t_us: times of the samples (N,) [us].
             y: measured output (N,), rad or rad/s.
-            signals: the signals at the samples (N, S); NaN, or None for all of them: unknown.
+            signals: the measured signals (N, S); NaN: unknown; None: all are unknown.
         """
-        found = self._take(t_us, y, signals)
-        return found.shift, found.gate
+        taken = self._take(t_us, y, signals)
+        return taken.shift, taken.gate
 
     def conditioned(self, block: SampleBlock) -> SampleBlock:
-        """The samples with shift, gate, weight, and all signals, the derived ones too."""
-        found = self._take(block.t_us, block.y, block.signals)
-        conditioned = block._replace(shift=found.shift, gate=found.gate, weight=found.weight)
-        return conditioned if self.thermal is None else conditioned._replace(signals=found.signals)
+        """The samples with shift, gate, weight, and all signals including the derived ones."""
+        taken = self._take(block.t_us, block.y, block.signals)
+        conditioned = block._replace(shift=taken.shift, gate=taken.gate, weight=taken.weight)
+        return conditioned if self.thermal is None else conditioned._replace(signals=taken.signals)
 
     def _take(self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None) -> _Taken:
         N, c = len(t_us), self._conditions
@@ -179,18 +180,18 @@ class Operating:
         return _Taken(shift, gate, weight, s)
 
     def following(self, signal: str) -> tuple[str, ...]:
-        """Monitored parameters that follow this signal, or a function of it."""
+        """Names of the monitored parameters that follow this signal, or a function of it."""
         return tuple(f.name for f in self._followers if any(signal in x.term.signals for x in f.follows))
 
-    def alike(self, t_us: NDArray[np.int64]) -> int:
-        """Number of the first samples (of N) between which no pause makes the heat unknown, or could."""
+    def samples_before_pause(self, t_us: NDArray[np.int64]) -> int:
+        """Number of samples before the first pause, after which the heat may be unknown; all N if there is none."""
         if self.thermal is None:
             return len(t_us)
         pauses = np.flatnonzero(np.abs(np.diff(t_us)) > GAP_S * 1e6)
         return int(pauses[0]) + 1 if pauses.size else len(t_us)
 
     def shift_at_heat(self, heat: float) -> Floats:
-        """Shift (p,) at the last signals, were the heat another one [W]; NaN where it is unknown."""
+        """Shift (p,) for the last signals with another heat [W]; NaN where it is unknown."""
         shift = np.zeros(len(self._model.monitored))
         if self._last is None or self.thermal is None:
             return shift
@@ -202,14 +203,14 @@ class Operating:
 
     @property
     def heat_range(self) -> tuple[float, float]:
-        """Lowest and highest heat at which friction is known from records."""
+        """Lowest and highest heat [W] at which friction is known from records."""
         known = [(f.low, f.high) for follower in self._followers for f in follower.follows if f.term == _HEAT]
         return max((low for low, _ in known), default=-math.inf), min(
             (high for _, high in known), default=math.inf
         )
 
     def shift_beyond(self) -> Floats:
-        """Part (p,) of the shift at the last sample that the heat makes beyond the range that is known."""
+        """Part (p,) of the shift at the last sample that is extrapolated beyond ``heat_range``."""
         if self.thermal is None:
             return np.zeros(len(self._model.monitored))
         low, high = self.heat_range
@@ -221,7 +222,7 @@ class Operating:
 
     @property
     def far_beyond(self) -> str:
-        """A sentence if the heat at the last sample is beyond that range and its margin; otherwise empty."""
+        """A sentence if the heat at the last sample is beyond ``heat_range`` and its margin; otherwise empty."""
         if self.thermal is None or self._last is None:
             return ""
         low, high = self.heat_range
@@ -236,17 +237,17 @@ class Operating:
         )
 
     def to_arrays(self) -> dict[str, NDArray[np.generic]] | None:
-        """What must be saved to carry on after a restart: arrays by name; None: nothing."""
+        """The state to save, as arrays by name; None: there is nothing to save."""
         if self.thermal is None or self._speed.before is None:
             return None
         return {"heat": self.thermal.to_array(), "before": np.array(self._speed.before, np.float64)}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Continue from a saved state.
+        """Restore a saved state.
 
         Raises:
             KeyError: an array is missing.
-            ValueError: an array is no such state.
+            ValueError: an array does not have the form of such a state.
         """
         heat, before = (np.asarray(arrays[name], np.float64) for name in ("heat", "before"))
         if self.thermal is None or before.shape != (2,) or not np.isfinite(before).all():
@@ -256,7 +257,7 @@ class Operating:
 
     @property
     def reason(self) -> str:
-        """Why the conditions prevented learning from the last sample; empty: they did not."""
+        """Why the conditions excluded the last sample, as a sentence; empty if they did not."""
         return next(self._reasons(), "")
 
     def _reasons(self) -> Iterator[str]:
@@ -266,7 +267,7 @@ class Operating:
         for gate in c.gates:
             value = s[self._column[gate.signal]]
             if not gate.open(np.array([value])).all():
-                yield _at(gate.signal, value)
+                yield _stated(gate.signal, value)
         if c.min_speed > 0 and not speed >= c.min_speed:
             yield sentence("slow", "slower than {speed} rad/s", speed=f"{c.min_speed:g}")
         for follower in self._followers:
@@ -280,13 +281,13 @@ class _Follower(NamedTuple):
     i: int
     name: str
     follows: tuple[Follow, ...]
-    value: float  # of the parameter that the slopes are of
-    theta0: float  # of the monitored one
-    reciprocal: bool  # one is the reciprocal of the other
-    limits: tuple[float, float]  # of theta
+    value: float  # nominal value of the parameter that the slopes belong to
+    theta0: float  # nominal value of the monitored parameter
+    reciprocal: bool  # whether one of these two is the reciprocal of the other
+    limits: tuple[float, float]  # bounds of theta_i
 
     def shift(self, s: Floats, column: Mapping[str, int]) -> Floats:
-        """theta_0i(s) - theta_0i (N,) at signals (N, S)."""
+        """theta_0i(s) - theta_0i (N,) for signals (N, S); NaN where it is unknown."""
         change = np.zeros(len(s))
         for follow in self.follows:
             change = change + follow.change(_term(follow.term, s, column))
@@ -298,7 +299,7 @@ class _Follower(NamedTuple):
         return np.where(possible, change, math.nan)
 
     def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
-        """Why the shift at signals (1, S) is unknown."""
+        """Sentences that say why the shift for signals (1, S) is unknown."""
         if unknown := [*_unknown(self.follows, s, column)]:
             yield unknown[0]
             return
@@ -307,32 +308,33 @@ class _Follower(NamedTuple):
 
 
 def _term(term: Term, s: Floats, column: Mapping[str, int]) -> Floats:
-    """The term (N,) at signals (N, S)."""
+    """Values of the term (N,) for signals (N, S)."""
     return term.value({name: s[:, column[name]] for name in term.signals})
 
 
 def _unknown(follows: Iterable[Follow], s: Floats, column: Mapping[str, int]) -> Iterator[str]:
-    """The terms whose change at signals (1, S) is unknown, with the reason."""
+    """Sentences on the terms whose change for signals (1, S) is unknown."""
     for follow in follows:
-        at = _term(follow.term, s, column)
-        if math.isnan(follow.change(at)[0]):
-            found = _at(str(follow.term), at[0])
+        values = _term(follow.term, s, column)
+        if math.isnan(follow.change(values)[0]):
+            stated = _stated(str(follow.term), values[0])
             low, high = f"{follow.low:g}", f"{follow.high:g}"
             yield (
-                found
-                if math.isnan(at[0])
-                else sentence("beyond", "{found}, beyond {low} to {high}", found=found, low=low, high=high)
+                stated
+                if math.isnan(values[0])
+                else sentence("beyond", "{found}, beyond {low} to {high}", found=stated, low=low, high=high)
             )
 
 
-def _at(name: str, value: float) -> str:
+def _stated(name: str, value: float) -> str:
+    """The value of a term as a sentence."""
     if math.isnan(value):
         return sentence("not known", "{name} is not known", name=name)
     return sentence("value", "{name} = {value}", name=name, value=f"{value:g}")
 
 
 def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
-    """Which of theta follow a term."""
+    """Indices of the parameters in theta that follow a term."""
     bases = [split_name(name)[0] for name in model.monitored]
     for entry in follows:
         if split_name(entry.name)[0] not in bases:

@@ -1,9 +1,9 @@
-"""Terms: what a nominal value can follow; a measured signal, a function of a sum of signals, or a product of these.
+"""Terms that a nominal value can follow: a measured signal, a function of a sum of signals, or a product of these.
 
     temperature        cos(angle2)        cos(angle2 + angle3)        payload * cos(angle2 - angle3)
 
-The weight of a robot's arm loads an axis with a sum of such terms: each link behind it has a cosine and a sine of the
-angle that the link has with the ground, which is a sum of the angles of the axes before it, and a payload multiplies.
+The weight of a robot's arm loads an axis with a sum of such terms.  Each link beyond the axis has a cosine and a sine
+of its angle to the ground, which is a sum of the angles of the axes before it.  A payload is a further factor.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Factor(NamedTuple):
     def value(self, signals: Mapping[str, Floats]) -> Floats:
         """The factor (N,) at values of its signals (N,); NaN where one of them is not finite."""
         total = sum((sign * signals[name] for sign, name in self.addends), np.zeros(()))
-        # One by one: a vectorised cosine may depend on the place in the array in its last bit.
+        # Value by value: the last bit of a vectorised cosine may depend on the index in the array.
         function = FUNCTIONS[self.function] if self.function else float
         return np.array([function(v) if math.isfinite(v) else math.nan for v in total.tolist()], np.float64)
 
@@ -78,22 +78,22 @@ class Term(NamedTuple):
 
     @property
     def signals(self) -> tuple[str, ...]:
-        """Names of the signals in it, each once."""
+        """Names of the signals in the term, each once."""
         return tuple(dict.fromkeys(name for factor in self.factors for _, name in factor.addends))
 
     @property
     def functions(self) -> tuple[str, ...]:
-        """Names of the functions in it, each once."""
+        """Names of the functions in the term, each once."""
         return tuple(dict.fromkeys(factor.function for factor in self.factors if factor.function))
 
     @property
     def turns(self) -> bool:
-        """Whether it turns with a pose, as a weight does: it has a cosine or sine."""
+        """Whether the term has a cosine or sine, so that it varies with the pose like a weight."""
         return not {"cos", "sin"}.isdisjoint(self.functions)
 
     @property
     def is_signal(self) -> bool:
-        """Whether it is a signal itself."""
+        """Whether the term is a single signal."""
         return len(self.factors) == 1 and not self.functions
 
     def value(self, signals: Mapping[str, Floats]) -> Floats:

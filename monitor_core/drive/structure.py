@@ -18,7 +18,7 @@ from monitor_core.kernel.tables import COSINE, OF_MOTION, ONE, SINE, TORQUE, WEI
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
 Output = Literal["speed", "angle", "mean speed"]
-"""What is measured: the last is the mean of the speed over the interval before the sample."""
+"""The measured output; "mean speed" is the mean over the interval before the sample."""
 Powers = tuple[tuple[str, int], ...]
 """Names of parameters and their exponents."""
 
@@ -30,13 +30,13 @@ _DISTURBANCE = "time constant of the torque disturbance"
 INERTIA, DAMPING, STIFFNESS, TORQUE_UNIT = "kg m^2", "N m s/rad", "N m/rad", "N m"
 """Units of inertias, dampers, springs and torques."""
 SINCE_SAMPLE = "angle since the last sample"
-"""Name of the state that a mean speed is taken from."""
+"""Name of the state that gives a mean speed."""
 DELAY = "delay"
-"""Name of the skew between torque and output."""
+"""Name of the delay between torque and output."""
 _DELAYED = "delay of the torque after its sample"
 
 LOAD = "load"
-"""Name of the weight that loads an axis, over the nominal one."""
+"""Name of the ratio of the weight that loads an axis to the nominal weight."""
 _LOAD = "weight of arm and payload, relative to nominal"
 
 _OPERATORS = frozenset(" +*/^()")
@@ -46,8 +46,8 @@ _OPERATORS = frozenset(" +*/^()")
 class Parameter:
     """A physical parameter.
 
-    ``positive``: zero or a negative value makes no sense (inertias, springs).  ``nonnegative``: a negative value makes
-    none (dampers, friction), which positive ones imply.
+    ``positive``: the value must be above zero (inertias, springs).  ``nonnegative``: the value must not be negative
+    (dampers, friction); this is implied by ``positive``.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Parameter:
 
     @property
     def least(self) -> float:
-        """The lower bound of what makes sense: 0, or minus infinity."""
+        """Physical lower bound: 0, or minus infinity."""
         return 0.0 if self.positive or self.nonnegative else -math.inf
 
 
@@ -79,14 +79,14 @@ class Term:
 
 @dataclass(frozen=True, slots=True)
 class Definition:
-    """``name`` = sum of ``coefficient * prod value^exponent``, in drawn parameters and names defined before."""
+    """``name`` = sum of ``coefficient * prod value^exponent``, of drawn parameters and names defined before it."""
 
     name: str
     terms: tuple[tuple[float, Powers], ...]
 
     @property
     def names(self) -> frozenset[str]:
-        """Names of the values in it."""
+        """Names of the values in the definition."""
         return frozenset(name for _, powers in self.terms for name, _ in powers)
 
     def value(self, values: Mapping[str, float]) -> float:
@@ -114,15 +114,15 @@ class Quantity:
 class Drive:
     """The structure of a drive.
 
-    ``inputs`` are kinds of monitor_core.kernel.tables (TORQUE, COULOMB, ..).  ``rest`` terms (n, 1) give the state of
-    the drive moving rigidly with output 1, from which a predictor starts after a gap.  ``ratio`` terms (m, 1) give
-    the angle at the flange of each input that depends on the motion while the sensor's angle is 1; such an input
-    without a term of its own is at the sensor: 1.  ``speed_state`` is the state that is the speed at the sensor up
-    to a factor, -1 if there is none; only Coulomb friction with the angle as output needs it.
+    ``inputs``: kinds from monitor_core.kernel.tables (TORQUE, COULOMB, ..).  ``rest`` terms (n, 1): the state of the
+    drive moving rigidly with output 1, from which a predictor starts after a gap.  ``ratio`` terms (m, 1): for each
+    input that depends on the motion, the angle at its flange while the angle at the sensor is 1; an input without such
+    a term is at the sensor (1).  ``speed_state``: the state that is the speed at the sensor up to a factor, -1 if there
+    is none; only Coulomb friction with the angle as output needs it.
 
-    ``parameters`` are those that occur in the terms.  Some may be merged from what the user drew, by the
-    ``definitions``, to be evaluated in order: ``Jm + r^2*Jg`` of inertias that are rigidly joined.  ``drawn`` are
-    then all of the user's own parameters.
+    ``parameters``: those that occur in the terms.  Some may be merged from the user's parameters by the
+    ``definitions``, which are evaluated in order: ``Jm + r^2*Jg`` for inertias that are rigidly joined.  ``drawn``:
+    then all parameters of the user.
     """
 
     name: str
@@ -136,7 +136,7 @@ class Drive:
     drawn: tuple[Parameter, ...] = ()
 
     def parameter(self, name: str) -> Parameter:
-        """The parameter of that name, or of ``1/name``.
+        """The parameter with this name, which may be ``1/name``.
 
         Raises:
             KeyError: the drive has no such parameter, or has it only as a part of others.
@@ -148,10 +148,10 @@ class Drive:
         raise KeyError(self._why_not(base))
 
     def given_as(self, name: str) -> Parameter:
-        """The parameter whose value may be given under this name: one of the drive, or a drawn one.
+        """The parameter whose value may be given under this name: a parameter of the drive, or a drawn one.
 
         Raises:
-            KeyError: there is none.
+            KeyError: there is no such parameter.
         """
         for candidate in (*self.parameters, *self.drawn):
             if candidate.name == name:
@@ -194,7 +194,7 @@ class Drive:
         return self.matrix("A", values), self.matrix("B", values), self.matrix("C", values)
 
     def merged_from(self, name: str) -> tuple[str, ...]:
-        """The parameters that are merged from that name."""
+        """The parameters that are merged from the parameter with this name and others."""
         parts = {name}
         for definition in self.definitions:
             if not parts.isdisjoint(definition.names):
@@ -202,7 +202,7 @@ class Drive:
         return tuple(p.name for p in self.parameters if p.name in parts - {name})
 
     def with_delay(self) -> Drive:
-        """The drive with the delay of its torque as a parameter, which then can be monitored; it is in no matrix.
+        """The drive with the delay of its torque as a parameter that can be monitored; the matrices do not contain it.
 
         Raises:
             ValueError: the drive has a parameter of that name already.
@@ -227,22 +227,22 @@ class Drive:
         )
 
     def with_load(self, offset: str) -> Drive:
-        """The drive with one more input, the torque of the nominal weight, which acts ``load`` times.
+        """The drive with the torque of the nominal weight as one more input, multiplied by the parameter ``load``.
 
-        It acts as the constant torque ``offset`` does, and in its unit.
+        It acts at the same place and has the same unit as the constant torque ``offset``.
 
         Raises:
-            ValueError: ``offset`` is no constant torque; the drive has a parameter ``load`` already.
+            ValueError: ``offset`` is not a constant torque, or the drive already has a parameter ``load``.
         """
         return self._with_torque(offset, Parameter(LOAD, "1", _LOAD))
 
     def with_torque_of(self, offset: str, signal: str) -> Drive:
-        """The drive with one more input, a signal, which acts as the constant torque ``offset`` does.
+        """The drive with a signal as one more input, which acts at the same place as the constant torque ``offset``.
 
         Its parameter is the slope, "tau0 per cos(axis2)", in the unit of that torque per unit of the signal.
 
         Raises:
-            ValueError: as ``with_load``.
+            ValueError: as in ``with_load``.
         """
         unit = self.parameter(offset).unit
         return self._with_torque(offset, Parameter(slope_name(offset, signal), unit, "slope", positive=False))
@@ -287,7 +287,7 @@ class Drive:
 
     @property
     def of_torque(self) -> NDArray[np.bool_]:
-        """Which inputs (m,) are the motor torque."""
+        """Mask (m,) of the inputs that are the motor torque."""
         return np.array([kind == TORQUE for kind in self.inputs])
 
     @property
@@ -329,7 +329,7 @@ class Drive:
         return f"the drive {self.name!r} has no parameter {name!r}; it has {known}"
 
     def _missing(self, p: Parameter, known: Mapping[str, float]) -> str:
-        """Which value is missing: of a merged parameter, the first drawn one without a value."""
+        """Message on a missing value; for a merged parameter, it names the first drawn one without a value."""
         name = next(self._lacking(p.name, known), p.name)
         if name == p.name:
             return f"no nominal value for {p.name} ({p.meaning}, {p.unit})"
@@ -346,9 +346,9 @@ class Drive:
 
 
 def split_name(name: str) -> tuple[str, bool]:
-    """``"1/Ja"`` is the reciprocal of the parameter ``Ja``: ("Ja", True).  So is ``"1/(Jm + r^2*Jg)"``.
+    """Name of the parameter, and whether the name is its reciprocal: "1/Ja" gives ("Ja", True).
 
-    ``"1/k1 + 1/k2"`` is a name like any other.
+    ``"1/(Jm + r^2*Jg)"`` is a reciprocal, too; ``"1/k1 + 1/k2"`` is not.
     """
     if name.startswith("1/"):
         base = name[2:].strip()
@@ -360,24 +360,24 @@ def split_name(name: str) -> tuple[str, bool]:
 
 
 def slope_name(name: str, term: str) -> str:
-    """What the slope of a parameter over a signal, or a function of signals, is called: "fm per temperature"."""
+    """Name of the slope of a parameter over a signal, or a function of signals: "fm per temperature"."""
     return f"{name} per {term}"
 
 
 def value_of(values: Mapping[str, float], name: str) -> float:
-    """The value of a parameter, or of the reciprocal that "1/Ja" names."""
+    """The value of the parameter ``name``, which may be a reciprocal such as "1/Ja"."""
     base, inverse = split_name(name)
     return 1 / values[base] if inverse else values[base]
 
 
 def with_value(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
-    """The values with this one of a parameter, or of the reciprocal that "1/Ja" names."""
+    """The values with ``value`` for the parameter ``name``, which may be a reciprocal such as "1/Ja"."""
     base, inverse = split_name(name)
     return {**values, base: 1 / value if inverse else value}
 
 
 def _in_brackets(text: str) -> bool:
-    """The first bracket closes at the end."""
+    """Whether one pair of brackets encloses the whole text."""
     depth = 0
     for k, letter in enumerate(text):
         depth += (letter == "(") - (letter == ")")

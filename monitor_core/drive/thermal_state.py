@@ -2,18 +2,18 @@
 
     heat' = (P_friction - heat) / tau,     P_friction = fm w^2 + fc |w|
 
-The heat is in watts: at a lasting motion it becomes that motion's friction power.  Over an interval the solution is
-exact for a constant power, heat+ = a heat + (1 - a) P with a = exp(-h / tau).  fm and fc are fixed numbers, so that a
-fault that changes friction does not change the heat.  Friction that follows the heat does so as it would follow a
-measured temperature (``operating_conditions``).
+The heat is in watts: during a steady motion it converges to the friction power of that motion.  The solution over an
+interval is exact for a constant power: heat+ = a heat + (1 - a) P with a = exp(-h / tau).  fm and fc are fixed numbers,
+so that a fault that changes friction does not change the heat.  Friction follows the heat in the same way as it would
+follow a measured temperature (``operating_conditions``).
 
-An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  A gearbox has
-more than one time constant, and it cools more slowly the longer it stands: what is left of its heat is known up to the
-difference to one that cools half as fast (standard deviation).  While nothing could have been received (``unwatched``),
-the axis may also have moved and come back: then less of its heat is known, the longer that was.  After that, after a
-clock that was set, and at a start of which nothing is known, the heat may be anything from 0 to the largest of the
-records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``), to that of what the
-model lacks.
+While no samples come, the axis is taken to stand still and cool, unless its angle shows afterwards that it has moved.
+A gearbox has more than one time constant, and it cools more slowly the longer it stands.  So the standard deviation of
+the remaining heat is the difference to a gearbox that cools half as fast.  In a pause in which nothing could have been
+received (``unwatched``), the axis may also have moved and come back: the longer the pause, the less is known of the
+heat.  After the axis has moved unseen, after a clock was set, and at an unknown start, the heat may be anything from 0
+to the largest of the records.  Its variance then falls like a^2, and with observations (``monitoring.heat_observer``),
+to that of the model error.
 
 The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state.
 """
@@ -30,33 +30,33 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.measured_speed import Steps
 
 HEAT = "heat"
-"""Name of the derived signal [W]; no measured signal can have it beside a thermal model."""
+"""Name of the derived signal [W]; with a thermal model no measured signal can have this name."""
 GAP_S = 1.0
 """A longer interval between two samples is a pause."""
 MOVED = 1.0
-"""rad at the sensor: an axis that comes back from a pause so far away has moved meanwhile."""
+"""An axis whose angle at the sensor [rad] differs by more than this after a pause has moved meanwhile."""
 
 ThermalStart = Literal["cold", "unknown"]
 Unwatched = Literal["stood", "unknown"]
-"""What an axis did in a pause in which nothing could have been received, and after which it is where it was."""
+"""Assumed motion during a pause in which nothing could have been received, if the angle is the same after it."""
 
 
 @dataclass(frozen=True)
 class ThermalModel:
-    """How an axis warms up.
+    """Model of the warm-up of an axis.
 
     Args:
         tau_s: time constant [s].
         fm: viscous friction for the power [N m s/rad], at the sensor.
         fc: Coulomb friction for the power [N m].
-        largest: heat in the records [W], at the most.
-        start: how an axis begins of which nothing is known: cold, or at any heat up to the largest.
-        unwatched: what an axis did between a saved state and its first sample: it stood, or it may have moved and come
-            back.
-        error: standard deviation [W] of what the heat is off by when it is known, as the model is not the axis.
+        largest: largest heat in the records [W].
+        start: assumed heat at an unknown start: cold, or any heat up to the largest.
+        unwatched: assumed motion between a saved state and the first sample: the axis stood, or it may have moved and
+            come back.
+        error: standard deviation [W] of the model error, which remains when the heat is known.
 
     Raises:
-        ValueError: a value out of its range.
+        ValueError: a value is out of its range.
     """
 
     tau_s: float
@@ -84,7 +84,7 @@ class ThermalModel:
         return np.asarray(self.fm * w * w + self.fc * w)
 
     def kept(self, seconds: float) -> float:
-        """a = exp(-h / tau): what is left of a heat after so long without motion."""
+        """a = exp(-h / tau): share of the heat that is left after ``seconds`` without motion."""
         return math.exp(-seconds / self.tau_s)
 
 
@@ -94,32 +94,32 @@ class ThermalState:
     def __init__(self, model: ThermalModel) -> None:
         self.model = model
         self.heat = 0.0
-        """Now [W]; what is expected, where it is not known"""
+        """Present heat [W]; its expected value if it is not known"""
         self.known = True
-        """Whether it is known so well that what follows it can be tested"""
+        """Whether the heat is known well enough to test the parameters that follow it"""
         self.since_us: int | None = None
-        """When it became unknown, or was last observed; None: before the first sample"""
-        self._variance = 0.0  # at that time
-        self._restored = False  # and no sample has come since
+        """Time at which the heat became unknown, or was last observed; None: before the first sample"""
+        self._variance = 0.0  # at since_us
+        self._restored = False  # True until the first sample after a saved state was restored
         self.losses = 0
-        """How often nothing has been known of it but its range"""
+        """Number of times that the heat became completely unknown"""
         self._now_us: int | None = None
         if model.start == "unknown":
             self._lose(None)
 
     @property
     def sd(self) -> float:
-        """Standard deviation of the heat now [W], with what the model lacks."""
+        """Standard deviation of the present heat [W], including the model error."""
         return math.hypot(self.sd_of_start, self.model.error)
 
     @property
     def sd_of_start(self) -> float:
-        """The part of it that is of a heat that was not known, or of its observation; it falls with time [W]."""
+        """Standard deviation [W] due to the unknown heat at ``since_us``, or its observation; it decays with time."""
         passed_us = 0 if self.since_us is None or self._now_us is None else self._now_us - self.since_us
         return math.sqrt(self._variance) * self.model.kept(max(passed_us, 0) * 1e-6)
 
     def take(self, t_us: NDArray[np.int64], steps: Steps) -> Floats:
-        """The heat [W] at samples (N,), with the steps to them."""
+        """The heat [W] at samples with times ``t_us`` (N,), from the steps to them."""
         N = len(t_us)
         if not N:
             return np.zeros(0)
@@ -129,7 +129,7 @@ class ThermalState:
         paused = h > gap
         lost = (h < -gap) | (paused & (steps.distance > MOVED))
         distinct, which = np.unique(np.maximum(h, 0), return_inverse=True)
-        # One by one: a vectorised exponential may depend on the place in the array in its last bit.
+        # Value by value: the last bit of a vectorised exponential may depend on the index in the array.
         a = np.array([self.model.kept(us * 1e-6) for us in distinct.tolist()])[which]
         brought = (1.0 - a) * np.where(paused, 0.0, self.model.power(steps.speed))
         if self._restored and self.model.unwatched == "unknown" and h[0] > gap and not lost[0]:
@@ -154,13 +154,13 @@ class ThermalState:
         return heat
 
     def _lose(self, t_us: int | None) -> None:
-        """From now on nothing is known but the range."""
+        """Set the heat to unknown: anything in its range."""
         self.heat = self.model.largest / 2
         self._variance, self.since_us, self.known = self.heat**2, t_us, False
         self.losses += 1
 
     def _cool(self, t_us: int, seconds: float) -> None:
-        """After a pause in which it stood, before the heat is that of now: how far that may be off."""
+        """Increase the variance for a pause in which the axis stood; call before ``heat`` is updated for the pause."""
         self._now_us, more = t_us, (self.model.kept(seconds / 2) - self.model.kept(seconds)) * self.heat
         before = self.sd_of_start
         if more > before:
@@ -169,13 +169,16 @@ class ThermalState:
             self._variance *= 1 + (more / before) ** 2
 
     def _doubt(self, t_us: int, a: float) -> None:
-        """After a pause that keeps a of a heat: it may have stood, or worked at up to the largest power, or both."""
+        """Set heat and variance after an unwatched pause: the axis may have stood, or moved at up to the largest power.
+
+        ``a``: share of the heat that the pause would leave without motion.
+        """
         more = (1.0 - a) * self.model.largest / 2
         self._variance = (a * self.sd_of_start) ** 2 + more**2
         self.heat, self.since_us, self._now_us, self.known = a * self.heat + more, t_us, t_us, False
 
     def observed(self, heat: float, sd: float, known: bool) -> None:
-        """Set what was found of the heat now [W], and whether that is enough to test what follows it."""
+        """Set the observed heat and its standard deviation [W], and whether the heat counts as known."""
         self.heat = min(max(heat, 0.0), self.model.largest)
         self._variance, self.known, self.since_us = sd**2, known, self._now_us
 
@@ -186,10 +189,10 @@ class ThermalState:
         return np.array([self.heat, self._variance, self.since_us, self._now_us, self.known], np.float64)
 
     def restore(self, state: Floats) -> None:
-        """Continue from ``to_array``.
+        """Restore a state from ``to_array``.
 
         Raises:
-            ValueError: that is no such state.
+            ValueError: the array does not have the form of such a state.
         """
         if not state.size:
             return

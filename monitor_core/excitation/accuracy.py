@@ -1,4 +1,4 @@
-"""Cramer-Rao bound of the parameters of a drive from a record, by the sensitivities of its output."""
+"""Cramer-Rao bound of the parameters of a drive from a record, computed from the sensitivities of its output."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,25 +12,25 @@ from monitor_core.arrays import Floats
 from monitor_core.wording import listed, percent
 
 LIMIT = 0.95
-"""From this magnitude of a correlation on, two parameters are not distinguished."""
+"""Magnitude of a correlation from which two parameters are not distinguished."""
 POOR = 1.0
 """With a standard deviation of 100 % a parameter is not determined at all."""
 FAIR = 0.1
 """A parameter with a smaller relative standard deviation is determined, whatever its correlations are."""
 
 _HIDDEN = 1e-9
-"""A direction that changes the output so much less than the strongest is not seen at all."""
+"""A direction is hidden if it changes the output by less than this share of the strongest direction."""
 _LARGE = 0.3
-"""Parameters are named with a weak direction from this share of its largest component on."""
+"""A parameter takes part in a weak direction if its component is at least this share of the largest."""
 _TAKES_PART = 1e-6
-"""The same of a hidden one, where a component is either there or rounding."""
+"""The same for a hidden direction, in which a smaller component is a rounding error."""
 
 Pair = tuple[str, str, float]
 """Two parameters and the correlation of their estimates."""
 
 
 class Finding(NamedTuple):
-    """What a record does not determine: the parameters, whether it contains nothing of them at all, and a sentence."""
+    """Parameters that a record does not determine; ``hidden``: it has no information on them; a sentence."""
 
     names: tuple[str, ...]
     hidden: bool
@@ -38,9 +38,10 @@ class Finding(NamedTuple):
 
 
 class Direction(NamedTuple):
-    """A joint change: the movement of the output over what its parts would cause one by one; its larger parts.
+    """A joint change of parameters with little effect on the output.
 
-    The parts are in units of their effect on the output; their signs are those of the parameters' changes.
+    ``size``: its effect relative to the effects of its single parts.  ``parts``: the larger parts, in units of their
+    effect on the output, with the signs of the changes of the parameters.
     """
 
     size: float
@@ -56,8 +57,8 @@ class Direction(NamedTuple):
 class Accuracy:
     """Accuracy of estimates of ``names`` from a record, if all other parameters are known.
 
-    ``S`` (N, p) are the sensitivities of the output to relative changes, ``noise`` the standard deviation of white
-    noise on it.  The Cramer-Rao bound holds for any unbiased estimate, and least squares reach it.
+    ``S`` (N, p): sensitivities of the output to relative changes.  ``noise``: standard deviation of white noise on the
+    output.  The Cramer-Rao bound holds for any unbiased estimate, and least squares reach it.
 
     Raises:
         ValueError: S does not have one column for each name; the noise is not positive.
@@ -89,12 +90,12 @@ class Accuracy:
 
     @cached_property
     def hidden(self) -> Floats:
-        """Directions (k, p) in which the output does not change at all, each with few parameters."""
+        """Directions (k, p) in which the output does not change, each with as few parameters as possible."""
         sizes, directions = self._svd
         return _sparse(directions[sizes <= _HIDDEN * sizes.max(initial=0.0)])
 
     def inverse_information(self, noise: float) -> Floats:
-        """Covariance (p, p) of the estimates with this noise along the directions that are seen; else zero."""
+        """Covariance (p, p) of the estimates with this noise, along the directions that are not hidden; else zero."""
         sizes, directions = self._svd
         seen = len(sizes) - len(self.hidden)
         weighted = directions[:seen] / sizes[:seen, None]
@@ -123,7 +124,7 @@ class Accuracy:
             return np.asarray(self.covariance / np.outer(sd, sd))
 
     def pairs(self) -> tuple[Pair, ...]:
-        """Two parameters and the correlation of their estimates, where that is above LIMIT."""
+        """Pairs of parameters whose estimates have a correlation above LIMIT."""
         R = self.correlations
         return tuple(
             (self.names[i], self.names[j], float(R[i, j]))
@@ -134,7 +135,7 @@ class Accuracy:
     def directions(self) -> tuple[Direction, ...]:
         """Joint changes without effect on the output, then those with little effect, the worst first.
 
-        Two parameters whose estimates correlate by LIMIT, and with no others, form one.
+        Two parameters whose estimates have a correlation of LIMIT, and with no others, form one direction.
         """
         sizes, rows = self._svd
         seen = range(len(sizes) - len(self.hidden))
@@ -150,11 +151,11 @@ class Accuracy:
         return tuple((self.names[i], float(sign * row[i])) for i in large)
 
     def words(self) -> tuple[str, ...]:
-        """What this record does not determine, in sentences."""
+        """Sentences on the parameters that this record does not determine."""
         return tuple(finding.sentence for finding in self.findings())
 
     def findings(self) -> tuple[Finding, ...]:
-        """What this record does not determine."""
+        """Findings on the parameters that this record does not determine."""
         deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
         directions, pairs = self.directions(), self.pairs()
         groups = _groups(deviations, directions)
@@ -215,7 +216,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
         else:
             effect = f"moves the output by only {percent(direction.size)} of what they would one by one"
             inside = [pair for pair in pairs if _inside(pair, direction)]
-            # Where more of them correlate, the joint change is reported instead.
+            # If more of them correlate, the joint change is reported instead.
             if len(inside) == 1:
                 first, other, r = inside[0]
                 effect += f", and the estimates of {first} and {other} correlate by {r:.2f}"
@@ -227,7 +228,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
 
 
 def _sparse(rows: Floats) -> Floats:
-    """The same space in reduced echelon form, the largest elements as pivots; rounding errors become zero."""
+    """Basis of the row space in reduced echelon form, with the largest elements as pivots; rounding errors become 0."""
     out = rows.copy()
     for k in range(len(out)):
         i, j = divmod(int(np.argmax(np.abs(out[k:]))), out.shape[1])

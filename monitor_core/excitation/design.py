@@ -1,4 +1,4 @@
-"""Design of an experiment: signal, motion within the limits, predicted accuracy, and what it will not determine."""
+"""Design of an experiment: signal, motion within the limits, predicted accuracy, and warnings."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -34,11 +34,11 @@ from monitor_core.wording import percent
 Command = Literal["torque", "speed", "angle"]
 
 _PEAK = {"torque": 1.5, "speed": 2.5, "angle": 2.5}
-"""Peak over rms value, about: of the torque, whose phases are made for it, and of what follows from it."""
+"""Approximate ratio of peak to rms value: low for the torque, whose phases are optimised for it."""
 _FADE_S = 1.0
-"""At least, where the period is so long: the motion has to come to rest in it."""
+"""Least time of a fade, if the period is long enough, as the motion must come to rest in it."""
 _EVERYWHERE = 0.2
-"""Part of an optimal spectrum's power that is spread evenly: the drive may not be quite the nominal one."""
+"""Share of an optimal spectrum's power that is spread evenly, as the drive may differ from its nominal values."""
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class Task:
     Args:
         plant: the drive that is moved.
         estimation: how its parameters will be estimated.
-        limits: of torque, speed and angle.
-        period: samples in a period.
-        periods: to be evaluated, after one to warm up.
-        band_hz: of the lines, odd ones: what friction adds then has no mean.
-        command: what is commanded: torque, or a reference for the axis's own controller.
-        free: estimated parameters; default all that can be distinguished.
-        find: parameters for which the spectrum is optimised; default a flat spectrum.
+        limits: limits of torque, speed and angle.
+        period: number of samples in a period.
+        periods: number of evaluated periods, after one for warming up.
+        band_hz: band of the lines; these are odd, so that the effect of friction has no mean.
+        command: commanded quantity: torque, or a reference for the controller of the axis.
+        free: estimated parameters; default: all that can be distinguished.
+        find: parameters for which the spectrum is optimised; default: a flat spectrum.
     """
 
     plant: Plant
@@ -98,7 +98,7 @@ class Task:
         return {name: each[name] / limits[name] for name in each if np.isfinite(limits[name])}
 
     def costs(self, frequency_hz: Floats) -> Floats:
-        """Share of each limit that a power of 1 (N m)^2 in each line uses (J, L)."""
+        """Share of each of J limits that a power of 1 (N m)^2 in each line uses (J, L)."""
         return np.array([np.abs(G * _PEAK[name]) ** 2 for name, G in self.over_limits(frequency_hz).items()])
 
 
@@ -117,7 +117,7 @@ class PlannedExperiment:
     Args:
         task: the requirements.
         trial: signal and motion.
-        accuracy: of the estimates.
+        accuracy: predicted accuracy of the estimates.
         flat: accuracy with a flat spectrum under the same limits; equal to ``accuracy`` without optimisation.
         held: parameters that are not estimated because the record does not distinguish them from others.
     """
@@ -145,7 +145,7 @@ class PlannedExperiment:
 
     @property
     def gains(self) -> dict[str, float]:
-        """Standard deviation with the flat spectrum over that with this one, of the parameters to find."""
+        """Ratio of the standard deviation with a flat spectrum to that with this one, for the parameters to find."""
         at = [self.accuracy.names.index(name) for name in self.task.find]
         ratio = self.flat.standard_deviations[at] / self.accuracy.standard_deviations[at]
         return dict(zip(self.task.find, ratio.tolist(), strict=True))
@@ -155,7 +155,7 @@ def plan(task: Task, rng: np.random.Generator) -> PlannedExperiment:
     """Plan the experiment for a task.
 
     Raises:
-        ExcitationError: there is none; the text says what would be right.
+        ExcitationError: there is no such experiment; the text says what would be right.
         KeyError, ValueError: a parameter that the drive does not have, or that is zero and has no scale.
     """
     if task.command == "torque" and task.plant.bears_weight:
@@ -188,7 +188,7 @@ def plan(task: Task, rng: np.random.Generator) -> PlannedExperiment:
 
 
 def _trial(task: Task, random: Multisine) -> Trial:
-    """The signal with low peaks, as large as the limits allow."""
+    """The signal with minimized peaks, as large as the limits allow."""
     weights = task.over_limits(task.frequency_hz)
     signal = flattened(random, list(weights.values()))
     motion = PlannedMotion(task.plant, task.schedule, signal)
@@ -223,14 +223,14 @@ def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequenc
         ) from None
 
 
-# --- What a planned experiment does not determine, and what would help, in sentences ----------------------------------
+# --- Sentences on parameters that a planned experiment does not determine, and on what would help ---------------------
 
 
 _MOST_LINES = 80
 _WORTH_IT = 1.5
 """A band that makes a standard deviation so much smaller is worth the words."""
 _OFF = 0.2
-"""Share of Coulomb friction by which it may have changed since it was configured, by the temperature alone."""
+"""Relative change of Coulomb friction since its configuration that temperature alone may cause."""
 
 
 def warnings(experiment: PlannedExperiment) -> tuple[str, ...]:

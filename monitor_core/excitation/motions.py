@@ -1,7 +1,7 @@
 """Motions of a drive under a designed signal, as large as its limits allow, from rest to rest.
 
-A drive under a torque signal alone drifts: with friction it integrates the torque once, without it twice.  So the
-linear motion under the signal is planned, and the drive is simulated with the torque that follows it.
+With only a torque signal a drive drifts, as it integrates the torque once with friction, and twice without.  So the
+linear motion under the signal is planned, and the drive is simulated with the torque that follows this motion.
 """
 
 import math
@@ -19,7 +19,9 @@ from monitor_core.excitation.planned_drive import Motion, Plant
 
 @dataclass(frozen=True)
 class Schedule:
-    """In samples: a warm-up of one period ``N``, whose first ``fade`` samples fade in; ``periods``; ``fade`` out.
+    """Phases of an experiment, in samples.
+
+    A warm-up of one period ``N``, whose first ``fade`` samples fade in; ``periods`` evaluated periods; ``fade`` out.
 
     Raises:
         ValueError: no period; a fade longer than a period, or shorter than four samples.
@@ -46,7 +48,7 @@ class Schedule:
         return slice(self.N, self.N * (1 + self.periods))
 
     def window(self) -> Floats:
-        """Rises from 0 to 1 and falls again (samples,), with continuous speed and acceleration."""
+        """Window (samples,) that rises from 0 to 1 and falls again, with continuous speed and acceleration."""
         t = np.arange(self.fade) / self.fade
         ramp = t**3 * (10 - 15 * t + 6 * t**2)
         middle = np.ones(self.samples - 2 * self.fade)
@@ -61,23 +63,24 @@ class ExcitationError(ValueError):
     """An experiment that cannot be planned; the text says what would be right."""
 
 
-# --- A motion that the drive follows, and the torque for it -----------------------------------------------------------
+# --- Motion that the drive follows, and its torque --------------------------------------------------------------------
 
 
 _SOFT, _FIRM = 2.0, 4.0
-"""Bandwidths of the controller that stands for a good one, rad/s: where it acts in the evaluated periods, too, it only
-keeps the drive from drifting away; where it does not, it moves the drive to its place before them."""
+"""Bandwidths of the simulated controller, rad/s.  For a drive that is not linear it also acts in the evaluated periods,
+where the low bandwidth only prevents drift; for a linear one the high bandwidth moves the drive to its place before
+them."""
 
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """Motions of a plant along the linear motion under a torque signal, which has any amplitude.
+    """Motions of a plant along the linear motion under a torque signal, for any amplitude of the signal.
 
     The signal, and the torque for friction and weight along the motion, are known beforehand.  A simulated controller
-    adds what is missing.  A linear drive needs it before and after the evaluated periods only: in these the torque is
-    the signal itself, and a constant against an offset.  With Coulomb friction or weight it acts throughout: such a
-    drive does not quite follow the linear motion, and would drift away from it.  The torque of this simulation, applied
-    alone to the same drive, makes the same motion; an axis with a good controller of its own follows the motion as a
+    adds the remaining torque.  A linear drive needs it only before and after the evaluated periods, during which the
+    torque is the signal itself plus a constant against an offset.  With Coulomb friction or weight it acts throughout,
+    as such a drive does not quite follow the linear motion, and would drift away from it.  The torque of this
+    simulation alone gives the same motion of the same drive; an axis with a good controller can follow the motion as a
     reference.
     """
 
@@ -87,7 +90,7 @@ class PlannedMotion:
 
     @cached_property
     def _reference(self) -> Floats:
-        """Angle and speed (2, samples) from rest at zero and back, with the same room on both sides."""
+        """Angle and speed (2, samples) from rest at zero and back, centred between equal limits on both sides."""
         angle, speed = (
             self.schedule.repeated(self.signal.through(G))
             for G in self.plant.response(self.signal.frequency_hz)
@@ -99,7 +102,7 @@ class PlannedMotion:
 
     @cached_property
     def _forward(self) -> Floats:
-        """The torque along the reference (samples,) if the drive was linear, in the evaluated periods the signal.
+        """Torque (samples,) that follows the reference for a linear drive; in the evaluated periods it is the signal.
 
         Before and after by the inverse of its frequency response, below twice the highest line: the fades contain next
         to nothing above.
@@ -143,12 +146,12 @@ class PlannedMotion:
         return motion
 
 
-# --- The largest amplitude at which torque, speed and angle stay within their limits ----------------------------------
+# --- Largest amplitude with which torque, speed and angle stay within their limits ------------------------------------
 
 
 _TRIALS = 12
 _FULL = 0.99
-"""An amplitude that uses so much of a limit is the largest."""
+"""An amplitude that uses this share of a limit counts as the largest."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +194,7 @@ class FittedMotion(NamedTuple):
 def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> FittedMotion:
     """The largest amplitude within the limits, from a first guess, with its motion (samples,).
 
-    Peaks grow with the amplitude, but not quite in proportion: friction takes its part of a small one.
+    Peaks grow with the amplitude, but not quite in proportion: friction reduces a small amplitude more.
 
     Raises:
         ExcitationError: no amplitude is small enough.
@@ -216,7 +219,7 @@ def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> Fitt
 
 
 def _next(below: tuple[float, float], above: tuple[float, float] | None) -> float:
-    """Amplitude where a line through the two points reaches slightly less than the limit, and never close to either."""
+    """Amplitude at which a line through the two points reaches slightly less than the limit, not close to a point."""
     aim = (1 + _FULL) / 2
     if above is None:
         return below[0] * min(4.0, aim / max(below[1], 1e-9))

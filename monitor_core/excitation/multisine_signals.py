@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 Lines = Literal["all", "odd"]
-"""Odd lines alone make the second half of a period minus the first: what friction adds then has no mean."""
+"""With odd lines only, the second half of a period is minus the first, so that the effect of friction has no mean."""
 
 
 def lines_in(
@@ -103,7 +103,7 @@ def multisine(
     return Multisine.random(rng, N, interval_s, lines).times(rms).samples()
 
 
-# --- Crest factors: a multisine with low peaks for its power determines more within the same limits -------------------
+# --- Crest factors: with low peaks a multisine has more power within the same limits, and so determines more ----------
 
 
 # P. Guillaume, J. Schoukens, R. Pintelon, I. Kollar, "Crest-factor minimization using nonlinear Chebyshev approximation
@@ -114,7 +114,7 @@ _EXPONENTS = (2, 4, 8, 16, 32, 64, 128)
 _STEPS = 100
 """Steps of L-BFGS for each exponent."""
 _OVERSAMPLING = 16
-"""Samples in a period of the highest line, from which on a peak between two of them does not count."""
+"""Samples in a period of the highest line, with which peaks between samples can be neglected."""
 
 
 def crest_factor(x: Floats) -> float:

@@ -70,11 +70,11 @@ class Plant:
 
     @cached_property
     def bears_weight(self) -> bool:
-        """Whether gravity acts on it."""
+        """Whether gravity acts on the drive."""
         return self._has((COSINE, SINE))
 
     def _has(self, kinds: Sequence[int]) -> bool:
-        """Whether an input of these kinds acts on it."""
+        """Whether an input of these kinds acts on the drive."""
         return bool((np.isin(self.drive.inputs, kinds) & self._balanced[1].any(axis=0)).any())
 
     def response(self, frequency_hz: Floats) -> Complex:
@@ -94,7 +94,7 @@ class Plant:
 
     @cached_property
     def inertia(self) -> float:
-        """Total inertia at the motor while nothing bends, kg m^2."""
+        """Total inertia at the motor for rigid motion, kg m^2."""
         low, high = (1 / self._slowly[:, self.drive.of_torque].sum(axis=1)).real
         return float(abs(low - high) / (_RIGID[1] ** 2 - _RIGID[0] ** 2))
 

@@ -1,4 +1,4 @@
-"""Predicted accuracy of an experiment by the Cramer-Rao bound, and the spectrum that is best for chosen parameters.
+"""Predicted accuracy of an experiment by the Cramer-Rao bound, and the optimal spectrum for chosen parameters.
 
 The bound holds for the predictor of the axis: for its output error, or for the innovations with its gain K.
 """
@@ -22,7 +22,7 @@ from monitor_core.kernel.fixed_predictor import simulate_known
 from monitor_core.wording import listed
 
 _UNSEEN = 1e-9
-"""A sensitivity so much smaller than the largest is none."""
+"""A sensitivity below this share of the largest counts as zero."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,10 @@ class Estimation:
     """How the parameters will be estimated.
 
     Args:
-        drive: with the quantity as output that is measured.
+        drive: the drive, with the measured quantity as output.
         values: of its parameters.
         interval_s: between samples.
-        lam0: variance of the innovations, of the output noise where there is no gain.
+        lam0: variance of the innovations, or of the output noise for output error.
         K: filter gain (n,) in the drive's states, None for output error.
         scales: sizes of parameters that are zero.
 
@@ -99,10 +99,10 @@ class Estimation:
 
 
 def distinguishable(estimation: Estimation, inputs: Floats, wanted: Sequence[str] = ()) -> tuple[str, ...]:
-    """All parameters that one record can determine, without those that must be held for it: pure numbers first.
+    """All parameters that one record can determine, without those that must be held (first those without a unit).
 
     Raises:
-        ExcitationError: a ``wanted`` parameter cannot be determined beside the others.
+        ExcitationError: a ``wanted`` parameter cannot be determined together with the others.
     """
     bases = {split_name(name)[0] for name in wanted}
     names = [*wanted, *(name for name in estimation.all_names if name not in bases)]
@@ -121,7 +121,7 @@ def distinguishable(estimation: Estimation, inputs: Floats, wanted: Sequence[str
 
 
 def linear_part(responses: Complex) -> list[int]:
-    """Which parameters (p,) affect the linear response: not those of friction, which only the simulation shows."""
+    """Indices of the parameters that affect the linear response; Coulomb friction shows only in the simulation."""
     sizes = np.abs(responses).max(axis=0)
     return [int(i) for i in np.flatnonzero(sizes > _UNSEEN * sizes.max(initial=0.0))]
 
@@ -177,7 +177,7 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
         if best < (1 + _CLOSE) * least:
             break
         p = p * np.sqrt(ratio)
-        p = np.maximum(p, _FLOOR * p.max())  # what has become zero never grows again
+        p = np.maximum(p, _FLOOR * p.max())  # a power of zero could not grow again
         used = costs @ p
         weights = np.maximum(weights * np.sqrt(used / used.max()), _FLOOR)
         weights /= weights.sum()
@@ -185,7 +185,7 @@ def optimal_powers(M: Floats, costs: Floats, wanted: Floats) -> Optimum:
 
 
 def _gains(M: Floats, p: Floats, wanted: Floats) -> tuple[Floats, float]:
-    """How much the criterion falls for each power (L,), and the criterion."""
+    """Decrease of the criterion per power (L,), and the criterion."""
     C = np.linalg.inv(np.tensordot(p, M, axes=1))
     return np.einsum("ij,lij->l", (C * wanted) @ C, M), float(wanted @ np.diag(C))
 

@@ -18,7 +18,7 @@ BAND_HZ = (0.0, 30.0)
 TORQUE_RMS = 1.23
 """N m"""
 NOISE: Mapping[Output, float] = {"speed": 1.0, "angle": INTERVAL_S / np.sqrt(2), "mean speed": 1.0}
-"""Standard deviation of the white noise on the output: 1 rad/s; on the angle what differences to that."""
+"""Standard deviation of the white noise on the output: 1 rad/s; on an angle, the value whose differences give this."""
 
 
 class Experiment(NamedTuple):

@@ -1,13 +1,14 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
-* ``identification_procedure``: the whole way, ``identify``; ``identification_result``: what it returns; ``problem``,
-  ``parameter_selection``: what is estimated; ``friction_scale``, ``holding``: two steps of the way.
-* ``records``: records.  ``record_checks``: whether they can be used.
-* ``torque_balance``: the axis as one rigid mass, by linear least squares.  ``weight``: the weight that it holds.
-* ``predictor``: prediction errors of a drive.  ``greybox``: its fit.
-* ``starting``: values to start from, and the number of masses.
-* ``thermal``: friction that follows a heat which is not measured.
-* ``assessment``: the verdict on a fit, what can be watched with it, its frequency response beside others.
+* ``identification_procedure``: ``identify``, the complete procedure; ``identification_result``: its result;
+  ``problem``,
+  ``parameter_selection``: the estimated parameters; ``friction_scale``, ``holding``: two steps of the procedure.
+* ``records``: records.  ``record_checks``: checks whether they can be used.
+* ``torque_balance``: the axis as one rigid mass, by linear least squares.  ``weight``: the weight that the axis bears.
+* ``predictor``: prediction errors of a drive.  ``greybox``: fit of a drive to records.
+* ``starting``: starting values, and the number of masses.
+* ``thermal``: friction that depends on an unmeasured heat.
+* ``assessment``: the verdict on a fit, the parameters that can be monitored, comparison of frequency responses.
 * ``black_boxes``: models without physics, and frequency responses.
 """
 

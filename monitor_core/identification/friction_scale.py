@@ -1,4 +1,4 @@
-"""The speed scale of Coulomb friction: the best of those that come into question, then between its neighbours.
+"""The speed scale of Coulomb friction: the best of some candidates, then refined between its neighbours.
 
 Friction is fc tanh(speed / scale).  The scale is a parameter like others, but with far minima, so that a search starts
 from several values.
@@ -15,23 +15,23 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting import best_of
 
 _WITHIN, _MOST_FITS = 0.03, 8
-"""The search ends where the scale is known to this part, or after so many fits."""
+"""The search ends when the scale is known to this relative accuracy, or after this number of fits."""
 _BEYOND = 2.5
-"""Farther than the steepest or flattest scale by this factor; what is tried differs by as much."""
+"""The search extends beyond the smallest and largest candidate by this factor, by which candidates differ."""
 _SIGNIFICANT = 10.83
-"""Of a chi-square variable with one degree of freedom, one in a thousand: twice the gain in log likelihood."""
+"""Least significant value of twice the gain in log likelihood: chi-square with one degree of freedom, 1 in 1000."""
 _ALIKE = 1.1
-"""Costs so near to the least are alike, and the simulation decides.  Where Coulomb friction takes most of the torque a
-simulation says little, and the scale that it likes best may predict far worse."""
+"""Costs within this factor of the smallest count as equal, and the simulation decides.  It must not decide alone: if
+Coulomb friction takes most of the torque, a simulation says little, and its best scale may predict far worse."""
 _FAILED = 10.0
-"""What a fit that fails costs, as a multiple of the best fit: a number, since Brent's search interpolates the costs."""
+"""Cost of a fit that fails, as a multiple of the best cost: a finite number, as Brent's search interpolates costs."""
 
 
 def with_best_scale(found: Estimate, scales: Sequence[float], fit: Callable[[Problem], Estimate]) -> Estimate:
-    """The estimate with the speed scale [rad/s] that explains the records best; none to be tried: as it is.
+    """The estimate with the speed scale [rad/s] that explains the records best; unchanged if there are no ``scales``.
 
-    Each fit starts from the estimates before.  A scale between those that were tried is kept only where the errors
-    fall by more than chance.
+    Each fit starts from the estimates before.  A scale between the candidates is kept only if it reduces the errors
+    significantly.
     """
     if not scales:
         return found
@@ -41,7 +41,7 @@ def with_best_scale(found: Estimate, scales: Sequence[float], fit: Callable[[Pro
     refined = _refined(best, sorted(e.problem.speed_scale for e in tried), fit)
     if refined is None:
         return best
-    # Twice the gain in log likelihood, with errors that are as large as they are after.
+    # Twice the gain in log likelihood, with the innovation variance of the refined fit.
     return refined if (best.cost - refined.cost) / refined.lam0 > _SIGNIFICANT else best
 
 

@@ -1,10 +1,10 @@
-"""Parameters that the records do not determine are held, so that the others mean something and can be monitored.
+"""Holds parameters that the records do not determine, so that the others are meaningful and can be monitored.
 
-Of two parameters whose estimates are strongly correlated, such as viscous and Coulomb friction at nearly one speed,
-one is held: the prediction is as good as before, the other one has a standard deviation that a monitor can work with,
-and an alarm of it stands for both.  The held one keeps the configured value where that agrees with the records, else
-its estimate.  A prior around the configured value would do the same to the prediction, but leave both with standard
-deviations that depend on the width of the prior, which is not known.
+If the estimates of two parameters are strongly correlated, such as viscous and Coulomb friction at nearly one speed,
+one of them is held.  The prediction is as good as before, the standard deviation of the other is small enough for a
+monitor, and its alarm stands for both.  The held one keeps its configured value if that agrees with the records,
+otherwise its estimate.  A prior around the configured value would give the same prediction, but the standard deviations
+of both would depend on the width of the prior, which is not known.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from monitor_core.identification.problem import Problem
 from monitor_core.settings import DOUBTFUL, TOGETHER
 
 _AGREES = 3.0
-"""Standard deviations of its estimate that a configured value may be away."""
+"""A configured value agrees with an estimate within this number of standard deviations."""
 
 
 class HeldParameter(NamedTuple):
-    """A parameter that is held, at which value and why."""
+    """A parameter to hold, with its value and the reason."""
 
     name: str
     value: float
@@ -41,13 +41,13 @@ def hold_undetermined(
     monitored: Collection[str],
     refit: Callable[[Problem], Estimate],
 ) -> tuple[Estimate, dict[str, str]]:
-    """Hold parameters one by one until the records determine those that are left.
+    """Hold parameters one by one until the records determine the remaining ones.
 
     Args:
-        found: the fit with all of them free.
-        configured: values that the user gave, by parameter.
-        monitored: parameters that will be monitored: of two whose estimates are correlated, the other one is held.
-        refit: the fit of a problem.
+        found: the fit with all parameters free.
+        configured: values given by the user, by parameter.
+        monitored: parameters that will be monitored: of two correlated parameters, one that is not monitored is held.
+        refit: fits a problem.
 
     Returns:
         The last fit, and why each parameter is held.
@@ -65,9 +65,9 @@ def hold_undetermined(
 
 
 def hold_offset(problem: Problem, monitored: Collection[str]) -> tuple[Problem, dict[str, str]]:
-    """Hold constant torques of an axis that moves in one direction only, where they are Coulomb friction.
+    """Hold constant torques of an axis that moves in one direction only, as they cannot be told from Coulomb friction.
 
-    The fit would divide the two by the few samples of each start, and both would be wrong.
+    The fit would separate the two by the few samples of each start, and both would be wrong.
     """
     friction = set(friction_of(problem.drive).coulomb) & set(problem.free)
     if not friction:
@@ -95,7 +95,7 @@ def _without(problem: Problem, hold: HeldParameter) -> Problem:
 def _next(
     found: Estimate, configured: Mapping[str, float], monitored: Collection[str]
 ) -> HeldParameter | None:
-    """What to hold first: what is zero, then what the records do not show, then one of two that are correlated."""
+    """The parameter to hold first: one that is zero, then one that the records do not show, then one of a pair."""
     table = _Table(found, monitored)
     for name in table.names:
         if found.drive.parameter(name).nonnegative and table.theta[name] == 0:
@@ -136,7 +136,7 @@ def _agrees(name: str, table: _Table, configured: Mapping[str, float]) -> bool:
 
 
 class _Table:
-    """The estimates that may be held: those that follow no signal."""
+    """The estimates that may be held, which are those that do not follow a signal."""
 
     def __init__(self, found: Estimate, monitored: Collection[str]) -> None:
         self._found, self._monitored = found, monitored
@@ -150,11 +150,11 @@ class _Table:
         return self.sd[name] / max(abs(self.theta[name]), 1e-300)
 
     def rank(self, name: str) -> tuple[bool, float]:
-        """By which of two the first one is held: what is not monitored, and the less determined."""
+        """Order in which parameters are held: those that are not monitored first, then the less determined."""
         return split_name(name)[0] in self._monitored, -self.relative(name)
 
     def partners(self, name: str) -> list[str]:
-        """Those whose estimates are correlated with this one, the most first."""
+        """Parameters whose estimates are correlated with this one, the strongest correlation first."""
         row = self._found.correlation[self._place[name]]
         r = {other: abs(float(row[self._place[other]])) for other in self.names if other != name}
         return sorted((other for other in r if r[other] > TOGETHER), key=lambda other: -r[other])
@@ -164,6 +164,6 @@ class _Table:
         return min([name, *partners[:1]], key=self.rank)
 
     def together(self, name: str, other: str) -> str:
-        """Why."""
+        """The reason for holding one of two correlated parameters, in words."""
         r = float(self._found.correlation[self._place[name], self._place[other]])
         return f"the records do not distinguish it from {other} (correlation {r:.2f})"

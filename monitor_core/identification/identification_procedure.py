@@ -1,4 +1,4 @@
-"""The identification of a drive as a whole: starting values, fit, comparison with the records and with a black box."""
+"""The complete identification of a drive: starting values, fit, comparison with the records and with a black box."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -47,10 +47,10 @@ MOST_ITERATIONS = 100
 MOST_MASSES, USUAL_MASSES = 9, 5
 """A motor hardly feels more masses."""
 _LOAD_MEMORIES = 2
-"""Times the longest memory: to distinguish load and torque constant it must hold several motions in each direction."""
+"""Factor on the longest memory: to distinguish load and torque constant, a memory must span several motions."""
 
 Progress = Callable[[str, int, int], None]
-"""Called with the present phase, the steps done and the most steps of it."""
+"""Called with the present phase, its completed steps, and its largest number of steps."""
 
 
 def identify(
@@ -62,19 +62,19 @@ def identify(
 ) -> IdentificationResult:
     """Estimate the free parameters of a drive; simulate all records; compare with a black box.
 
-    Where most of the motion is so slow that its friction sticks and slips, and the drive does not explain it, the fit
-    is repeated without that motion, as the monitor is then to be used (``Problem.min_speed``).
+    If most of the motion is so slow that friction sticks and slips, and the drive does not explain it, the fit is
+    repeated without the slow motion, and the monitor must then leave it out too (``Problem.min_speed``).
 
     Args:
         problem: drive, nominal values, free parameters, predictor.
-        records: to be fitted.
+        records: records to fit.
         validation: records that are only predicted and simulated.
         options: default: ``IdentificationOptions()``.
         progress: called while it runs.
 
     Raises:
         IdentificationError: the fit cannot start, for instance because the drive is unstable with the nominal values;
-            masses are compared although gravity acts.
+            numbers of masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
     found = _identify(problem, records, validation, options, progress or _silent)
@@ -153,7 +153,7 @@ def _identify(
 def _first(
     problem: Problem, records: Sequence[Record], options: IdentificationOptions, report: Progress
 ) -> Estimate:
-    """The fit with constant friction, of all records, from what the part of them with most motion shows."""
+    """The fit to all records with constant friction, started from a fit to the parts with most motion."""
     parts = lively_parts(records)
     found = _best(problem, parts, options.start, report)
     found = with_best_scale(found, options.speed_scales, lambda other: _fit(other, parts, _silent))
@@ -165,7 +165,7 @@ def _first(
 def _may_follow_heat(
     found: Estimate, records: Sequence[Record], options: IdentificationOptions
 ) -> tuple[str, ...]:
-    """Free friction that is monitored and follows no signal; none where no warm-up is looked for."""
+    """Free friction parameters that are monitored and follow no signal; empty if no warm-up is searched for."""
     if options.thermal is None or moving_s(records) < LEAST_MOTION_S:
         return ()
     watched = {split_name(name)[0] for name in options.monitored}
@@ -175,7 +175,7 @@ def _may_follow_heat(
 
 
 class _Warmed(NamedTuple):
-    """The warm-up that records show, the fit with it, the records with their heat, and what follows that."""
+    """The warm-up found in records, the fit with it, the records with their heat, and the parameters that follow it."""
 
     warm_up: FoundWarmUp
     estimate: Estimate
@@ -207,7 +207,7 @@ def _warmed(
 
 
 class _Watch(NamedTuple):
-    """What can be watched, with which memory [s], and the weight that the load scales, if that can be watched."""
+    """The parameters that can be watched, the memory [s], and the weight for the load, if that can be watched."""
 
     watched: tuple[Watched, ...]
     memory_s: float
@@ -230,7 +230,7 @@ def _watch(estimate: Estimate, records: Sequence[Record], options: Identificatio
 
 
 def _turning_weight(estimate: Estimate, options: IdentificationOptions) -> dict[str, float]:
-    """References of what the constant torque follows as a weight, by slope; empty: no weight is an input."""
+    """References of the terms that the constant torque follows as a weight, by slope; empty: no weight is an input."""
     torques = set(estimate.drive.constant_torques()) - {split_name(name)[0] for name in options.monitored}
     turning = [t for t in options.scheduled if t.parameter in torques and Term.read(t.term).turns]
     return {term.slope: term.reference for term in turning if term.parameter == turning[0].parameter}

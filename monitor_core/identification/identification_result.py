@@ -1,4 +1,4 @@
-"""The result of an identification: estimates, how well they explain records, what to use; and how it was asked for."""
+"""The result of an identification (estimates, fit, verdict), and the options of ``identify``."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,18 +32,20 @@ class IdentificationOptions:
     Args:
         start: where the fit starts.
         monitored: parameters that will be monitored; the colour of the prediction errors is computed for them.
-        load: the load will be monitored in any case; otherwise only where the records determine it.
+        load: monitor the load in any case; otherwise only if the records determine it.
         interval_mean: the drive reports the mean speed of each interval, not the speed at the sample.
         max_masses: also compare chains of one, two, .. so many masses; None: do not.
-        held: why each held parameter is held, for reports.
+        held: reason for each held parameter, for reports.
         unknown: free parameters whose nominal values are only placeholders.
         scheduled: parameters that follow signals of the records.
-        memory_s: of the monitor.
-        memories_s: instead, some to choose from, in ascending order: the shortest that shows small changes is taken.
-        sizes: of monitored parameters as given; needed where the nominal value is zero.
-        speed_scales: of Coulomb friction, rad/s, to be tried beside that of the problem; then the best one is refined.
-        thermal: how the axis begins the first record, where friction may follow a heat that is not measured; None: no
-            warm-up is looked for.
+        memory_s: memory of the monitor.
+        memories_s: candidates instead, in ascending order; the shortest one that shows small changes is chosen.
+        sizes: sizes of monitored parameters given by the user; needed if the nominal value is zero.
+        speed_scales: candidates for the speed scale of Coulomb friction [rad/s], in addition to that of the problem;
+        the
+            best one is refined.
+        thermal: heat at the start of the first record, if friction may depend on an unmeasured heat; None: no warm-up
+            is searched for.
         begins_s: clock times of the first samples of the records [s]; None, or none at all: unknown.
     """
 
@@ -68,12 +70,12 @@ _SIGNIFICANT = 3.0
 
 
 class Rejection(Enum):
-    """Why no nominal values are made of an estimate."""
+    """Reason why an estimate gives no nominal values."""
 
     NOT_CONVERGED = "not-converged"
     NOT_IDENTIFIABLE = "not-identifiable"
     POOR = "poor"
-    """The drive does not explain the motion.  Only this can be overruled."""
+    """The drive does not explain the motion.  Only this reason can be overruled by the user."""
     DELAY_OUT_OF_RANGE = "delay-out-of-range"
     """The daemon can only follow a torque that acts between its sample and the next one."""
 
@@ -88,11 +90,11 @@ class ParameterRow(NamedTuple):
     sd: float | None
     before: float | None
     held: str = ""
-    """Why it is held; empty: it is estimated."""
+    """Reason why the parameter is held; empty: it is estimated."""
 
     @property
     def relative_sd(self) -> float | None:
-        """Standard deviation over the value; None where the value is zero."""
+        """Relative standard deviation; None if the value is zero."""
         return None if self.sd is None or self.value == 0 else self.sd / abs(self.value)
 
     @property
@@ -102,29 +104,29 @@ class ParameterRow(NamedTuple):
 
     @property
     def change(self) -> float | None:
-        """Relative change of the value before."""
+        """Change relative to the value before the fit."""
         return None if not self.before else self.value / self.before - 1
 
 
 @dataclass(frozen=True, eq=False)
 class IdentificationResult:
-    """What ``identify`` returns.
+    """Result of ``identify``.
 
     Attributes:
         start: the problem with the values before the fit.
         estimate: the estimates.
         estimation: traces of the fitted records.
-        validation: traces of the records that were kept aside.
+        validation: traces of the validation records.
         bode: frequency responses of the drive, a black box and the records.
         colour: ratio of the variance of recursive estimates to that with white prediction errors; at least 1.
-        growth: the comparison of chains of one, two, .. masses; None: not asked for.
-        options: why parameters are held, which values before the fit are only placeholders, what follows signals.
-        verdict: on the fit.
-        held: why parameters are held that the records do not determine.
-        watched: which of the monitored parameters can be watched; empty: none were named.
-        memory_s: the memory that this is for [s].
-        warm_up: how the axis warms up, where friction follows a heat that is not measured; None: it does not.
-        standstill: where the axis often stands; the torque there is left out; None: it seldom does.
+        growth: the comparison of chains of one, two, .. masses; None: not requested.
+        options: the options of ``identify``.
+        verdict: the verdict on the fit.
+        held: parameters that the records do not determine, with the reasons why they are held.
+        watched: whether each monitored parameter can be watched; empty: none were named.
+        memory_s: the memory that ``watched`` holds for [s].
+        warm_up: model of the warm-up, if friction depends on an unmeasured heat; None: it does not.
+        standstill: the frequent standstills, whose torque is left out; None: the axis rarely stands still.
     """
 
     start: Problem
@@ -141,7 +143,7 @@ class IdentificationResult:
     memory_s: float
     warm_up: FoundWarmUp | None = None
     not_following: tuple[str, ...] = ()
-    """Friction that was searched for a warm-up, and of which the records do not show that it follows one"""
+    """Friction parameters for which a warm-up was searched but not found"""
     standstill: Standstill | None = None
 
     def model(self, monitored: Sequence[str]) -> AxisModel:
@@ -154,7 +156,7 @@ class IdentificationResult:
 
     @property
     def rejection(self) -> Rejection | None:
-        """Why no nominal values should be made of the estimates; None: they can be used."""
+        """Reason why the estimates must not become nominal values; None: they can be used."""
         if not self.estimate.converged:
             return Rejection.NOT_CONVERGED
         if self.not_identifiable:
@@ -173,7 +175,7 @@ class IdentificationResult:
 
     @property
     def delay_s(self) -> float:
-        """Delay of the torque [s]; zero or a whole interval where it does not differ from these significantly."""
+        """Delay of the torque [s], rounded to zero or one interval if it does not differ from these significantly."""
         e = self.estimate
         if DELAY not in e.names:
             return e.delay_s
@@ -183,7 +185,7 @@ class IdentificationResult:
 
     @property
     def slow_left_out(self) -> float:
-        """Speed below which the motion is left out, as it sticks and slips, rad/s at the sensor; 0: none is."""
+        """Speed below which the motion is left out because of stick-slip [rad/s at the sensor]; 0: nothing is."""
         speed = self.estimate.problem.min_speed
         return 0.0 if self.standstill is not None and speed == self.standstill.speed else speed
 
@@ -194,7 +196,7 @@ class IdentificationResult:
 
     @property
     def recommended_masses(self) -> int | None:
-        """The number of masses that the records ask for, if it is another one than the drive's; None: no doubt."""
+        """The number of masses that the records support, if it differs from that of the drive; otherwise None."""
         if self.growth is None or self.masses is None:
             return None
         recommended = self.growth.recommended

@@ -1,4 +1,4 @@
-"""Which parameters of a drive are estimated, which are held, and which follow measured signals."""
+"""Selection of the parameters of a drive that are estimated, that are held, and that follow measured signals."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,7 +20,7 @@ Schedule = Mapping[str, tuple[str, ...]]
 """Terms (a signal or a function of it) by parameter."""
 
 RELATIVE = ("kT", "r")
-"""Torque constant and gear ratio: known from data sheets, so they are held unless the user frees them."""
+"""Torque constant and gear ratio, which are known from data sheets and are held unless the user frees them"""
 
 
 class ParameterSelection(NamedTuple):
@@ -107,7 +107,7 @@ def _chosen(drive: Drive, free: Sequence[str], fixed: Mapping[str, str]) -> Para
 
 
 def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> ParameterSelection:
-    """All except fixed ones, torque constant, gear ratio, and what is then still not identifiable."""
+    """All parameters except fixed ones, torque constant, gear ratio, and those that are still not identifiable."""
     names = [p.name for p in drive.parameters]
     held = {**{name: "known from the data sheet" for name in RELATIVE if name in names}, **fixed}
     drawn = [p.name for p in space.drawn if p.name not in held]
@@ -144,8 +144,8 @@ def _check_identifiable(space: StateSpace, free: Sequence[str], inputs: Sequence
 
 #    theta(t) = value + slope_1 (f_1(s_1(t)) - reference_1) + ...
 #
-# The references are the means over the records.  So the value and the slopes hardly correlate, and a reader who ignores
-# the signals gets the value that holds in the middle of their range.
+# The references are the means over the records.  So the value and the slopes are hardly correlated, and the value is
+# the one in the middle of the range of the signals.
 
 _CONSTANT = 1e-6
 """A signal whose relative variation is smaller counts as constant."""
@@ -154,7 +154,7 @@ _DIGITS = 2
 
 
 class ScheduledTerm(NamedTuple):
-    """One parameter follows one signal or function of it, ``term``, which lies between low and high in the records."""
+    """A parameter that follows a signal or a function of it (``term``), and the range of the term in the records."""
 
     parameter: str
     term: str
@@ -169,7 +169,7 @@ class ScheduledTerm(NamedTuple):
 
 
 class Slope(NamedTuple):
-    """How a parameter follows a signal: its value at the reference, the slope and its standard deviation."""
+    """Dependence of a parameter on a signal: value at the reference, slope and its standard deviation."""
 
     scheduled: ScheduledTerm
     value: float
@@ -187,7 +187,7 @@ class Slope(NamedTuple):
 
 
 def scheduled_terms(schedule: Schedule, records: Sequence[Record]) -> tuple[ScheduledTerm, ...]:
-    """Where the terms of a schedule lie in the records.
+    """The terms of a schedule with their references and ranges in the records.
 
     Raises:
         IdentificationError: a signal was never measured, or is constant in all records.
@@ -212,7 +212,7 @@ def with_terms(record: Record, scheduled: Iterable[ScheduledTerm]) -> Record:
 
 
 def _where(term: str, records: Sequence[Record]) -> tuple[float, float, float]:
-    """Mean, rounded, smallest and largest value."""
+    """Rounded mean, smallest and largest value of a term."""
     values = np.concatenate([_values(term, record) for record in records])
     values = values[np.isfinite(values)]
     mean, low, high = float(values.mean()), float(values.min()), float(values.max())

@@ -1,4 +1,4 @@
-"""Statement of an identification problem: a drive, its free parameters, and the predictor."""
+"""An identification problem: a drive, its free parameters, and the predictor."""
 
 from __future__ import annotations
 
@@ -62,18 +62,18 @@ class Problem:
         nominal: values of all parameters, as AxisModel takes them; those of the free ones are the start.
         free: names of the drive's parameters to be estimated, "1/Ja" for the reciprocal of Ja.  Positive ones are
             estimated as logarithms, and so stay positive.
-        predictor: "output-error" simulates; "innovations" corrects the state by K eps at each sample, which also is
-            what makes a record from a closed loop, however noisy, as good as any other.
+        predictor: "output-error" simulates; "innovations" corrects the state by K eps at each sample, which is needed
+            for unbiased estimates from noisy records in closed loop.
         speed_scale: of Coulomb friction, rad/s, as in Settings.
-        delay_s: skew, by which the torque acts later than its sample.  Within one interval it is exact whatever the
-            intervals are, and the monitor takes it as it is; whole intervals, or a torque that acts too early, are
-            for records without jitter.
-        free_delay: it is estimated.
+        delay_s: delay from the torque sample until the torque acts.  A delay within one interval is exact for any
+            intervals, and the monitor uses the same value; delays of whole intervals, or a negative one, need records
+            without jitter.
+        free_delay: whether the delay is estimated.
         disturbance: noise from which K follows; None: white torque noise of unknown level.
-        K: filter gain (n,) in the drive's states, which then is held; no disturbance.
-        loss: "huber" for outliers.
-        bounds: of free parameters, by name; "delay" is one.  By default what makes no sense is excluded: no negative
-            inertia, spring, damper or friction.
+        K: fixed filter gain (n,) in the drive's states; then there is no disturbance.
+        loss: "huber" for records with outliers.
+        bounds: bounds of free parameters, by name, including "delay".  The default excludes impossible values: negative
+            inertias, springs, dampers and friction.
         motion: what Coulomb friction and gravity depend on: "measured", as in the monitor (with the angle as output
             friction there follows the speed of the predictor), or "simulated": all on the predictor's state.
         initial: state at the first sample: "free", or "first": moving rigidly with the first output, noise and all,
@@ -82,8 +82,8 @@ class Problem:
             records' signals s_j; the b_j are estimated.
         slopes: where the b_j start, by name, "fm per temperature"; 0 if not given.
         interval_s: that K belongs to, s; None: the median interval of the records.
-        min_speed: errors count only where the axis is as fast at least, as in the monitor, rad/s at the sensor; the
-            state is corrected all the same.  0: all of them do.
+        min_speed: errors count only while the axis has at least this speed, as in the monitor, rad/s at the sensor; the
+            state is corrected at all speeds.  0: all errors count.
 
     Raises:
         KeyError, ValueError: what AxisModel refuses; settings that contradict one another.
@@ -158,7 +158,7 @@ class Problem:
         return replace(self, drive=drive, nominal=nominal, free=tuple(free), varying=varying)
 
 
-# --- The error that an identification raises where a user can mend the cause ------------------------------------------
+# --- The error for causes that the user can correct -------------------------------------------------------------------
 
 
 class IdentificationError(Exception):

@@ -1,4 +1,4 @@
-"""First and last step of a sample: it is classified, and its inputs are held until the next one."""
+"""First and last step for a sample: classify it, and hold its inputs until the next sample."""
 
 import math
 from typing import Any, NamedTuple
@@ -13,26 +13,27 @@ from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT, Tab
 
 
 class Timing(NamedTuple):
-    """Times that decide what becomes of a sample; of the Constants."""
+    """Time limits that decide how a sample is used; fields of the Constants."""
 
     gap_us: Floats  # (W,) a longer interval restarts the predictor
-    settle_us: Floats  # (W,) no update of theta for so long after that
+    settle_us: Floats  # (W,) no update of theta for this time after a restart
     interval: Floats  # (W,) s, nominal
-    lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
+    lost_us: Floats  # (W,) no update of theta for this time after each lost sample except the first
 
 
 class Roles(NamedTuple):
-    """What each lane does with this sample (W,)."""
+    """Use of this sample by each lane (W,)."""
 
-    mode: Ints  # one of those below
-    moves: Ints  # 1: its state is corrected
+    mode: Ints  # SKIP .. TRACK
+    moves: Ints  # 1: the state is corrected
     learns: Ints  # 1: P is updated
     tracks: Ints  # 1: theta is updated
 
 
 SKIP, RESTART, SETTLE, GATED, DOUBTED, IDLE, SEED, TRACK = 0, 1, 2, 3, 4, 5, 6, 7
-"""What a lane does: nothing; start its predictor anew; predict only, as it has just started, as its gate is closed, as
-the sample is an outlier, or as there is nothing to learn; also run P to find P(0); all."""
+"""Modes of a lane.  SKIP: do nothing.  RESTART: restart the predictor.  SETTLE, GATED, DOUBTED, IDLE: predict only,
+because the predictor has just started, the gate is closed, the sample is an outlier, or there is no excitation.  SEED:
+also update P to find P(0).  TRACK: update everything."""
 
 
 @kernel
@@ -51,9 +52,9 @@ def classify_sample(
 ) -> bool:
     """Set the mode of each lane for its sample (t, u, y), and the interval h (W,) in s; True if any lane moves.
 
-    A time that is not after the last one is refused; a time that is earlier by more than a gap means that the clock was
-    set.  Where more than one sample was lost the torque in between is unknown; the state is then wrong for a while, and
-    nothing is learned from it.
+    A sample whose time is not after the last one is skipped; a time that is earlier by more than a gap means that the
+    clock was set.  If more than one sample was lost, the torque in between is unknown; then the state is wrong for a
+    while, and theta is not updated.
     """
     gap_us, settle_us, interval, lost_us = timing.gap_us, timing.settle_us, timing.interval, timing.lost_us
     any_moves = False
@@ -119,10 +120,11 @@ def gain_of_speed(
     first: Ints,
     K: Floats,
 ) -> None:
-    """Where y is an angle, the first samples after a start tell the speed, by what y has grown in each interval.
+    """If y is an angle, set the speed from the increments of y over the first samples after a start.
 
-    An axis may start in the middle of a fast motion: the filter gain would take many time constants for its speed.
-    With three of them one that is an outlier, the very first one too, has no effect any more.  ``first`` (W,): 1 there.
+    An axis may start in the middle of a fast motion, and the filter gain would take many time constants to find its
+    speed.  Three increments are used, so that a single outlier, even the very first sample, has no lasting effect.
+    ``first`` (W,): 1 for lanes at such a sample.
     """
     for a in range(len(lanes)):
         first[a] = 0
@@ -138,7 +140,7 @@ def gain_of_speed(
 
 @kernel
 def follow_first(lanes: Any, first: Ints, moves: Ints, in_a_row: Ints) -> None:
-    """The state follows the first samples whatever they are."""
+    """Correct the state by the first samples even if they are outliers."""
     for a in range(len(lanes)):
         if first[a]:
             moves[a], in_a_row[a] = 1, 0
@@ -186,12 +188,12 @@ def hold_inputs(
     u: Floats,
     torque_before: Floats,
 ) -> None:
-    """Hold the inputs of the sample from now on: torque, constant, weight, gravity of the measured angle.
+    """Hold the inputs of the sample from now on: torque, constant, weight, gravity at the measured angle.
 
-    Where the weight (W,) is not known, NaN, the last one is kept.
+    If the weight (W,) is not known (NaN), the last one is kept.
 
-    Friction follows from the interval to come (friction.py).  Where the speed is measured, that is kept until then, in
-    the unit of its state: rest y.
+    Friction is computed after the next interval (friction.py).  Until then a measured speed is kept, in the unit of its
+    state: rest y.
     """
     speed_state = T.friction.state
     for a in range(len(lanes)):
@@ -221,14 +223,14 @@ def hold_inputs(
                 angle = u_scale[c, a] * y[a]
                 if mode[a] == SKIP:
                     continue
-                # Nearly all hypotheses for an axis have the same angle, and a sine takes longer than all else here.
+                # Nearly all hypotheses for an axis have the same angle, and the sine takes most of the time here.
                 if a > 0 and mode[a - 1] != SKIP and angle == u_scale[c, a - 1] * y[a - 1]:
                     u[c, a] = u[c, a - 1]
                 else:
                     u[c, a] = math.cos(angle) if kind == COSINE else math.sin(angle)
 
 
-# --- The conditions that an axis works under: nominal values that follow them, and gates that close -------------------
+# --- Operating conditions: nominal values that follow signals, and gates ----------------------------------------------
 
 
 @kernel
@@ -244,9 +246,9 @@ def follow_conditions(
     theta_seen: Floats,
     mode: Ints,
 ) -> None:
-    """Move theta_0(s) to ``to[k]`` (p, W), and the estimate along with it: theta - theta_0(s) stays.
+    """Move theta_0(s) to ``to[k]`` (p, W), and the estimate with it, so that theta - theta_0(s) stays the same.
 
-    NaN means that the conditions are unknown: the last ones are kept, and nothing is learned.
+    NaN means that the conditions are unknown: the last ones are kept, and theta is not updated.
     """
     for i in range(shift.shape[0]):
         for a in range(len(lanes)):
@@ -264,7 +266,7 @@ def follow_conditions(
 
 @kernel
 def close_gate(lanes: Any, k: int, a0: int, gate: NDArray[np.bool_], mode: Ints) -> None:
-    """Where the gate (N, W) is closed the sample is predicted, so that the state stays right; nothing is learned."""
+    """Where the gate (N, W) is closed, only predict and correct the state; theta is not updated."""
     for a in range(len(lanes)):
         if mode[a] >= SEED and not gate[k, min(a0 + a, gate.shape[1] - 1)]:
             mode[a] = GATED

@@ -1,4 +1,4 @@
-"""A block of samples of a batch of axes through the recursion: the entry point of the kernel."""
+"""Runs a block of samples of a batch of axes through the recursion: the entry point of the kernel."""
 
 import math
 from typing import Any, NamedTuple
@@ -70,13 +70,13 @@ class BatchSamples(NamedTuple):
     u: Floats  # (N, W) motor torque, N m
     y: Floats  # (N, W) motor speed or its mean over the interval before, rad/s, or motor angle, rad
     number: NDArray[np.int64]  # (W,)
-    shift: Floats  # (N, p, W) theta_0(s) - theta_0; (0, p, W): as before
-    gate: NDArray[np.bool_]  # (N, W) whether to learn; (0, W): always
-    weight: Floats  # (N, W) torque of the weight, N m; NaN, or (0, W): as before
+    shift: Floats  # (N, p, W) theta_0(s) - theta_0; (0, p, W): unchanged
+    gate: NDArray[np.bool_]  # (N, W) whether theta may be updated; (0, W): always
+    weight: Floats  # (N, W) torque of the weight, N m; NaN, or (0, W): the last value
 
 
 class Trace(NamedTuple):
-    """Values of the recursion at each sample; arrays of length 0 where no trace is wanted.
+    """Values of the recursion at each sample; arrays of length 0 if no trace is wanted.
 
     eps NaN: no update.  yhat NaN: no prediction.
 
@@ -84,13 +84,13 @@ class Trace(NamedTuple):
     """
 
     eps: Floats  # (N, W)
-    yhat: Floats  # (N, W) prediction of y, also where nothing is learned from its error
+    yhat: Floats  # (N, W) prediction of y, also for samples that do not update theta
     psi: Floats  # (N, p, W)
     theta: Floats  # (N, p, W)
     P: Floats  # (N, p, W) diagonal
-    g: Floats  # (N, 2, p, W) after an alarm: where it starts again
+    g: Floats  # (N, 2, p, W) after the restart at an alarm
     shift: Floats  # (N, p, W) theta_0(s) - theta_0
-    mode: Floats  # (N, W) what became of the sample, of kernel.admission: TRACK, GATED ..
+    mode: Floats  # (N, W) use of the sample: TRACK, GATED .. of kernel.admission
     observed: Floats  # (N, p, W) OBSERVED, WEAK, UNSEEN
 
 
@@ -106,7 +106,7 @@ def _take(
     weight: Floats,
     roles: Roles,
 ) -> None:
-    """The samples k of the lanes; a lane without a sample k skips."""
+    """Take sample k of each lane; a lane without a sample k skips."""
     mode, learns, number = roles.mode, roles.learns, samples.number
     for a in range(len(lanes)):
         mode[a] = SKIP
@@ -136,10 +136,10 @@ def _record(lanes: Any, k: int, a0: int, w: Work, st: State, to: Trace) -> None:
 
 
 class Propagation(NamedTuple):
-    """Arrays of the propagation from one sample to the next, and of its inputs; X, G, V are there flat, too."""
+    """Arrays of the propagation from one sample to the next, and of its inputs; X also as a flat view."""
 
     X: Floats  # (p n + n, W) z and x
-    G: Floats  # (p n + n, W) what the inputs add
+    G: Floats  # (p n + n, W) contribution of the inputs
     V: Floats  # (slots + 1, W) entries of A, B, C and their derivatives
     X_flat: Floats
     G_flat: Floats
@@ -187,24 +187,24 @@ def run(
 ) -> None:
     """Run a block of samples through a batch with constants C and state F, I, ``len(lanes)`` axes at a time.
 
-    ``kept_t`` and ``kept_d`` are ``Kept``: state, too, but seldom used.
+    ``kept_t`` and ``kept_d``: fields of ``Kept``, a part of the state that is rarely used.
 
     ``lanes``: an array of a multiple of eight, or (0,); the branch for the other shape is not compiled.
 
     Lanes beyond the last axis repeat it without samples; their results are discarded.
     """
     T, z, kept = tables, tables.p * tables.n, Kept(kept_t, kept_d)
-    W = 0 + len(lanes)  # not the literal 1: numba would compile what gets it once more
+    W = 0 + len(lanes)  # not the literal 1: numba would compile functions with this argument again
     n, p, wide = T.n, T.p, 1 if len(lanes) == 1 else EIGHT
     F_X = T.product if len(lanes) == 1 else strided_product(T.product, p, wide, W)
     for a0 in range(0, F.shape[1], W):
-        # The arrays are made here, and not passed in: so the compiler knows that they do not overlap.
+        # The arrays are created here and not passed in, so that the compiler knows that they do not overlap.
         C_, F_, I_ = take_columns(C, a0, W), take_columns(F, a0, W), take_columns(I, a0, W)
         roles = Roles(ints(W), ints(W), ints(W), ints(W))
         w = Work(roles, ints(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W),
                  table(p, W), table(p, W), table(p, W), table(p, W), table(p, W), ints(W), ints(W), ints(W),
                  flags(p, W), (table(p, p), table(p, p), table(p, p)))  # fmt: skip
-        # These are computed later in each sample: until then they are scratch.
+        # These arrays are computed later in each sample; until then they serve as scratch.
         middle = MiddleSpeed(table(T.m, W), w.yhat, w.eps, w.S, w.believed, w.psi, w.Ppsi, w.moved)
         X, G, V = table(z + n, W), table(z + n, W), table(T.slots + 1, W)
         x = Propagation(X, G, V, X.reshape(X.size), G.reshape(G.size), V.reshape(V.size),
@@ -238,8 +238,8 @@ def _run_samples(
 ) -> None:
     """The samples of some lanes, one after the other: one line for each step of the recursion.
 
-    C, F, I: constants and state of these lanes only.  A function of its own, since it does not count references to
-    arrays: that would be half of what ``run`` compiles.
+    C, F, I: constants and state of these lanes only.  This is a separate function so that it need not count references
+    to arrays, which would double the code of ``run``.
     """
     con, st, z = kernel_constant_views(C, T), kernel_state_views(F, I, T.n, T.p, T.m), T.p * T.n
     roles, t, y, yhat, eps, S, lam, psi = w.roles, w.t, w.y, w.yhat, w.eps, w.S, w.lam, w.psi
@@ -317,9 +317,9 @@ def compile_parts(
     events: Events,
     noted: EvidenceColumns,
 ) -> None:
-    """Compile the parts of ``run`` that are cached by themselves, or load them from the cache.
+    """Compile the parts of ``run`` that are cached separately, or load them from the cache.
 
-    On a cold start a second process does it, while the first is still at what comes before them in ``run``.
+    On a cold start a second process does this while the first compiles the beginning of ``run``.
     """
     T, n, p, W = tables, tables.n, tables.p, len(lanes)
     con, st = constant_views(C[:, :W].copy(), T), state_views(F[:, :W].copy(), I[:, :W].copy(), n, p, T.m)

@@ -1,9 +1,9 @@
-"""How the functions of the kernel are compiled.
+"""Decorators that compile the functions of the kernel.
 
-Only ``entry``, ``array_function`` and ``allocating`` functions count references to arrays.  All others use the arrays
-that they are given: without counting, a named tuple of arrays costs no more as an argument than each array by itself,
-so what travels together is one argument, and there is less to compile.  They must not make arrays, nor return any to a
-function that counts.
+Only ``entry``, ``array_function`` and ``allocating`` functions count references to arrays.  All others just use the
+arrays that they are given.  Without counting, a named tuple of arrays is as cheap an argument as a single array; so
+related arrays are passed together, and there is less to compile.  These functions must not create arrays, nor return
+arrays to a function that counts.
 
 No fast-math: one axis and many axes give the same bits.  Division as in numpy: a test for zero would prevent SIMD.
 """
@@ -25,8 +25,8 @@ from numba.core.typed_passes import NopythonRewrites
 from numba.core.types.functions import BaseFunction
 from numba.core.untyped_passes import InlineClosureLikes
 
-# Most loops run over a few states, parameters or entries of A.  LLVM would repeat their bodies eight times for long
-# runs that never come: the code would be twice as long and no faster, and compiling would take a quarter longer.
+# Most loops run over a few states, parameters or entries of A.  LLVM would unroll them eight times for long runs, which
+# never occur: the code would be twice as long and no faster, and compilation would take a quarter longer.
 llvm.set_option("axiswatch", "-unroll-runtime=false")
 
 _P = ParamSpec("_P")
@@ -37,7 +37,7 @@ _R = TypeVar("_R")
 
 
 def _equal_flags(flags: Any, other: Any) -> bool:
-    """What is not set has its default."""
+    """Whether two sets of flags are equal; a flag that is not set has its default."""
     own, others, options = flags._values, other._values, flags.options
     return own == others or all(
         own.get(name, options[name].default) == others.get(name, options[name].default)
@@ -55,7 +55,7 @@ _signatures: dict[object, tuple[Any, object]] = {}
 
 
 def _signature(function: Any, context: Any, args: Any, kws: Any) -> Any:
-    """Signature of a function of numba, such as + or min, for arguments of these types; it is found once."""
+    """Signature of a function of numba, such as + or min, for arguments of these types; cached."""
     key = function, context, tuple(args), tuple(kws.items()), _flags()
     known = _signatures.get(key)
     if known is None:
@@ -73,19 +73,19 @@ _find_implementation: Any = BaseContext.get_function
 
 
 def _implementation(context: Any, function: Any, signature: Any, _firstcall: bool = True) -> Any:
-    """What makes LLVM's code of a function of numba for arguments of these types."""
+    """Generator of the LLVM code of a function of numba for arguments of these types; cached."""
     if function == "__array__":
         raise NotImplementedError
     return _find_implementation(context, function, signature, _firstcall)
 
 
-# At each use of an array numba looks for what turns its type into an array, which none needs, and when it finds nothing
-# reads all its registries again.
+# At each use of an array numba looks for a conversion of its type to an array, which is never needed; as it finds none,
+# it reads all its registries again.
 BaseContext.get_function = _implementation  # type: ignore[method-assign]
 
 
 class _InnerLibrary(JITCodeLibrary):
-    """LLVM's code of an inner function: optimised and made into machine code only as a part of what calls it."""
+    """LLVM code of an inner function: optimised and turned into machine code only as a part of its callers."""
 
     def _optimize_final_module(self) -> None:
         pass
@@ -98,7 +98,7 @@ class _InnerLibrary(JITCodeLibrary):
 class _InnerCompiler(Compiler):
     """Compiles an inner function as far as its callers need it.
 
-    What makes no arrays is not searched for functions in functions, nor for arithmetic of arrays as a whole.
+    A function that creates no arrays is not searched for nested functions, nor for arithmetic with whole arrays.
     """
 
     def define_pipelines(self) -> Any:
@@ -143,12 +143,12 @@ def kernel(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def outlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """As ``kernel``, for functions that are called seldom or are long: compiled once, not into every caller."""
+    """As ``kernel``, for functions that are long or rarely called: compiled once, not inlined into each caller."""
     return _inner(function, _nrt=False)
 
 
 def array_function(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """As ``outlined``, for functions that calculate with arrays as a whole: numba makes arrays for the results."""
+    """As ``outlined``, for functions that calculate with whole arrays: numba creates arrays for the results."""
     return _inner(function)
 
 
@@ -158,7 +158,7 @@ def allocating(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def part(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """As ``kernel``, and cached by itself, so that a process of its own can compile it (``compile_part``)."""
+    """As ``kernel``, and cached separately, so that another process can compile it (``compile_part``)."""
     return _compiled(function, no_cpython_wrapper=True, forceinline=True, _nrt=False, cache=True)
 
 
@@ -179,8 +179,8 @@ def entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def short_entry(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """As ``entry``, for what takes microseconds and is called for each axis in turn: keeps the GIL.
+    """As ``entry``, for functions that take microseconds and are called for each axis in turn: keeps the GIL.
 
-    Let go and taken back at once, it is never there for a thread that waits for it, as that has to wake up first.
+    A GIL that is released and taken back at once is of no use to a waiting thread, which first has to wake up.
     """
     return _compiled(function, nogil=False, cache=True)

@@ -23,7 +23,7 @@ class Events(NamedTuple):
 
 
 class TestConstants(NamedTuple):
-    """Of the Constants of an axis."""
+    """Fields of the Constants that the tests use."""
 
     theta0: Floats
     alpha1: Floats
@@ -35,7 +35,7 @@ class TestConstants(NamedTuple):
 
 
 class TestState(NamedTuple):
-    """Of the State of an axis."""
+    """Fields of the State that the tests use."""
 
     theta: Floats
     P: Floats
@@ -51,7 +51,7 @@ class TestState(NamedTuple):
 def compute_deviations(lanes: Any, con: TestConstants, st: TestState, d: Floats, nu: Floats) -> None:
     """d = theta_i - theta0_i and nu = alpha1 sqrt(lam0 P_ii) + allowance   (p, W)   (eq. 22; the allowance is ours).
 
-    theta0 follows its conditions.
+    theta0 includes the shift by the operating conditions.
     """
     theta0, alpha1, allowance, lam0 = con.theta0, con.alpha1, con.allowance, con.lam0
     theta, P, shift = st.theta, st.P, st.shift
@@ -97,11 +97,10 @@ def note_crossings(
     reset: bool,
     events: Events,
 ) -> None:
-    """Note every g > h (eq. 23).  Then g restarts from 0 if ``reset``, the paper's rule; in its Figure 6 g runs on.
+    """Note every g > h (eq. 23).  Then g restarts from 0 if ``reset``, the paper's rule; in its Figure 6 g continues.
 
-    P_ii is raised to at least ``widen`` (W,) times P(0)_ii: theta_i has changed, and so converges faster.  A larger
-    diagonal leaves P positive definite.  After ``naming_samples`` more samples there is evidence for the name of the
-    cause.
+    P_ii is raised to at least ``widen`` (W,) times P(0)_ii, so that the changed theta_i converges faster.  A larger
+    diagonal keeps P positive definite.  After ``naming_samples`` more samples the evidence for the cause is noted.
     """
     h, widen, needed = con.h, con.widen, con.naming_samples
     g, onset, P, P_nom, left, noting = st.g, st.onset, st.P, st.P_nom, st.left, st.noting

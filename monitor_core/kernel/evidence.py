@@ -1,9 +1,9 @@
 """Evidence: deviations of all parameters with their covariance, from which the cause of a change is isolated.
 
-A change has arrived in theta some memory lengths after it happened.  So the samples that are learned are counted from
-the first crossing of an axis, and theta - theta_0 and P are noted after enough of them.  They are also noted at regular
-intervals, for the long-term trend.  The deviations of the past are kept for a while, for the onset of a change.  All
-this depends on the samples only, not on how they are cut into blocks.
+Theta has converged some memory lengths after a change.  So learned samples are counted from the first crossing of an
+axis, and theta - theta_0 and P are noted after enough of them.  They are also noted at regular intervals, for the
+long-term trend.  Past deviations are kept for a while, to find the onset of a change.  All this depends on the samples
+only, not on how they are divided into blocks.
 """
 
 from typing import Any, NamedTuple
@@ -15,10 +15,10 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel, outlined
 
 COURSE, NAMING = 0, 1
-"""What evidence is for: the slow course of the parameters, or the name of what has crossed its threshold."""
+"""Purposes of evidence: the long-term trend of the parameters, or the name of a change after a crossing."""
 
 KEPT = 64
-"""Deviations that are kept of the time before: one in each quarter of a memory."""
+"""Number of past deviations that are kept: one in each quarter of a memory."""
 
 
 class EvidenceColumns(NamedTuple):
@@ -36,7 +36,7 @@ class EvidenceColumns(NamedTuple):
 
 
 class Kept(NamedTuple):
-    """Deviations that are kept of the time before, of all axes; state, too, but seldom used."""
+    """Kept past deviations of all axes: a part of the state that is rarely used."""
 
     t: Ints  # (KEPT, axes) us
     d: Floats  # (KEPT kept_numbers, axes) these deviations and P, its upper triangle
@@ -56,7 +56,7 @@ _numbers = outlined(kept_numbers)
 
 
 class EvidenceState(NamedTuple):
-    """Of the State and the Constants of an axis: what evidence is made of, and what is counted for it."""
+    """Fields of the State and the Constants that evidence is made from, and its counters."""
 
     theta: Floats
     P: Floats
@@ -71,9 +71,9 @@ class EvidenceState(NamedTuple):
 
 @kernel
 def count_until_kept(lanes: Any, span: Floats, learned: Ints, until: Ints) -> None:
-    """Number of samples (W,) to learn until values are kept: whenever ``span`` divides ``learned``.
+    """Number of samples (W,) to learn until values are kept, which is whenever ``span`` divides ``learned``.
 
-    It is counted down from here, as a remainder in each sample would take a tenth of the time of the recursion.
+    The counter is decremented from here on: a remainder in each sample would take a tenth of the recursion's time.
     """
     for a in range(len(lanes)):
         until[a] = int(span[a]) - learned[a] % int(span[a])
@@ -92,7 +92,7 @@ def gather_evidence(
     events: Ints,
     noted: EvidenceColumns,
 ) -> None:
-    """Count the learned samples, ``on`` (W,); keep theta - theta_0 at regular intervals, and note what is due."""
+    """Count the learned samples, ``on`` (W,); keep theta - theta_0 at regular intervals; note evidence that is due."""
     left, learned = st.left, st.learned
     keeps = notes = False
     for a in range(len(lanes)):

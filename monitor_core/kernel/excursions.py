@@ -8,10 +8,10 @@ from monitor_core.kernel.compile import entry
 def excursions(
     d: Floats, nu: Floats, g: Floats, top: Floats, least: Floats, largest: Floats, found: Ints
 ) -> None:
-    """Peak of each excursion from zero of  g = max(0, g +/- d - nu)  that is above ``least`` (p,).
+    """Find the peak of each excursion from zero of  g = max(0, g +/- d - nu)  that is above ``least`` (p,).
 
-    The peaks are appended to ``largest`` (2, p, capacity); ``found`` (2, p) counts them, also those for which there is
-    no room.  d and nu are (N, p, W); ``g`` and ``top`` (2, p, W) are the state between blocks.
+    The peaks are appended to ``largest`` (2, p, capacity); ``found`` (2, p) counts them, including those beyond the
+    capacity.  d and nu: (N, p, W).  ``g`` and ``top`` (2, p, W): state between blocks.
     """
     N, p, W = d.shape
     for k in range(N):
@@ -30,12 +30,12 @@ def excursions(
                         top[way, i, a] = 0.0
 
 
-# --- How high g of each hypothesis of a bank goes before it is back at zero, and when ---------------------------------
+# --- Excursions of g of each hypothesis of a bank, with their times ---------------------------------------------------
 
 
 START, PEAK, PLACE, ORIGIN = range(4)
-"""Rows of times: an excursion's first sample, that of its largest g, which part of the record that lies in, and which
-part its innovation is of."""
+"""Rows of times: first sample of an excursion; sample of its largest g; block of the record that this sample lies in;
+block of the record that its innovation comes from."""
 
 
 @entry
@@ -43,11 +43,11 @@ def excursion_peaks(
     g: Floats, clock: int, place: Ints, origin: Ints, least: Floats, top: Floats, now: Ints, largest: Floats,
     times: Ints, found: Ints
 ) -> None:  # fmt: skip
-    """Append each excursion of g (N, H) that ends, and exceeded ``least`` (H,), to ``largest`` (H, room).
+    """Append each excursion of g (N, H) that ends, and exceeded ``least`` (H,), to ``largest`` (H, capacity).
 
-    ``clock`` is the time of the first sample, in samples; ``place`` (N,) is the block of the motion of each sample and
-    ``origin`` (N,) that of its innovation.  ``top`` (H,) and ``now`` (4, H) are the state of the open excursion between
-    pieces.  ``times`` (4, H, room) and ``found`` (H,) describe the excursions; there must be room for N / 2.
+    ``clock``: time of the first sample, in samples.  ``place`` (N,): block of the motion of each sample.  ``origin``
+    (N,): block of its innovation.  ``top`` (H,) and ``now`` (4, H): state of the open excursion between pieces.
+    ``times`` (4, H, capacity) and ``found`` (H,): times and number of the excursions; the capacity must be N / 2.
     """
     N, H = g.shape
     for k in range(N):

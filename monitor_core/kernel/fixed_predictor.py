@@ -4,7 +4,7 @@
     x  = Ad x+ + Bd u,   z_i  = Ad z_i+ + dAd_i x+ + dBd_i u + Bd du_i
 
 with Ad, Bd and their derivatives computed once for each distinct interval (drive/discretization.py).  K = 0 simulates.
-Friction is that of the speed at the middle of the interval (friction.py).
+Friction is computed from the speed at the middle of the interval (friction.py).
 
 The p columns z_i are stored side by side; only the first q have derivatives of Ad, Bd, C and of inputs.
 """
@@ -20,8 +20,8 @@ from monitor_core.kernel.friction import SMALLEST, tanh
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT
 
 FROM_RECORD, FROM_STATE, FROM_OUTPUT = 0, 1, 2
-"""Where the angle or speed comes from that an input depends on: the measured output (the predicted one where that is
-missing), the state of the speed at the sensor, or the predicted output."""
+"""Sources of the angle or speed that an input depends on: the measured output (the predicted one if it is missing), the
+state that is the speed at the sensor, or the predicted output."""
 
 _DIVERGED = 1e100
 
@@ -41,7 +41,7 @@ class Course(NamedTuple):
 class FixedDrive(NamedTuple):
     """A drive at fixed theta, held over G intervals, with L outputs, and the gain of its predictor.
 
-    Where X has one input more than there are kinds, m' = m + 1, that is the torque of the sample before.
+    If X has one input more than there are kinds, m' = m + 1, the last input is the torque of the sample before.
     """
 
     X: Floats  # (G, n, n + m')
@@ -53,7 +53,7 @@ class FixedDrive(NamedTuple):
 
 
 class MotionInputs(NamedTuple):
-    """Inputs that depend on the motion, of m in all; m' = m + 1 where the last is the torque of the sample before.
+    """Inputs that depend on the motion, among m inputs; m' = m + 1 if the last is the torque of the sample before.
 
     The speed at the middle of an interval is v = v_0 + half (x, u) + sum of braked_c tanh(scale_c v).
     """
@@ -102,7 +102,7 @@ def _motion(
     source: int, state: int, measured: bool, y: float, j: int, C: Floats, dC: Floats, x: Floats, b: int, Z: Floats,
     slope: Floats,
 ) -> float:  # fmt: skip
-    """Angle or speed now that an input depends on, with its gradient into the first row of ``slope``."""
+    """Present angle or speed that an input depends on; its gradient is written to the first row of ``slope``."""
     for i in range(slope.shape[1]):
         slope[0, i] = 0.0
     if source == FROM_STATE:
@@ -132,9 +132,10 @@ def _gravity(
 def _hold_friction(
     g: int, j: int, M: MotionInputs, speed: float, x: Floats, w: Floats, b: int, Z: Floats, slope: Floats
 ) -> None:
-    """Friction of the speed at the middle of interval g, into w and its derivatives into Z, where the others are.
+    """Write the friction of interval g to w, which has the other inputs, and its derivatives to Z.
 
-    ``slope`` (3, p): the gradient of the speed now, which becomes that of w of friction.py, those of v and v_1.
+    ``slope`` (3, p): on entry, the gradient of the present speed in the first row; then the gradients of w, v and v_1
+    of friction.py.
     """
     n, m, p, q = x.size, M.kind.size, slope.shape[1], M.dscale.shape[2]
     v, divisor = speed, 1.0
@@ -181,7 +182,7 @@ def _hold_friction(
 
 @entry
 def simulate_known(u: Floats, X: Floats, dX: Floats, C: Floats, dC: Floats, psi: Floats) -> None:
-    """Gradient psi (N, q) of the simulated output from rest, all inputs u (N, m) known, one interval X, dX."""
+    """Gradient psi (N, q) of the simulated output from rest, with known inputs u (N, m) and equal intervals X, dX."""
     (n, q), wide = dC.shape, width(dC.shape[1])
     Ad, slopes = padded(X.reshape((1, *X.shape))), padded_slopes(dX.reshape((1, *dX.shape)), n, wide)
     x, w, flat = np.zeros(n), np.zeros(slopes.shape[1]), np.zeros((2, room(n) * wide))
@@ -212,7 +213,7 @@ def _corrects(K: Floats, dK: Floats) -> bool:
 
 @outlined
 def _varies(slopes: Floats) -> bool:
-    """Whether anything in ``slopes`` (L, n, q) is not zero."""
+    """Whether an element of ``slopes`` (L, n, q) is not zero."""
     for j in range(slopes.shape[0]):
         for r in range(slopes.shape[1]):
             for i in range(slopes.shape[2]):
@@ -239,11 +240,11 @@ def _moves(M: MotionInputs, measured: Ints) -> bool:
 def predict_record(
     course: Course, drive: FixedDrive, motion: MotionInputs, x0: Floats, Z0: Floats, eps: Floats, psi: Floats
 ) -> bool:
-    """Prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where they do not count.
+    """Compute prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where they do not count.
 
-    All errors of a measured y correct the state, which is x0 (n,) at first, with the derivatives Z0 (n, p).
+    All errors of a measured y correct the state, which starts as x0 (n,) with the derivatives Z0 (n, p).
 
-    Returns whether all values are finite; if not, the rest of the record is left out.
+    Returns whether all values are finite; if not, the rest of the record is not computed.
     """
     step, level, u, y, measured, counts, weights = course
     X, dX, C, dC, K, dK = drive
@@ -303,8 +304,9 @@ def predict_record(
 # --- One held interval, of the states and of many derivatives side by side, for the predictor at fixed theta ----------
 
 
-# What a short loop costs is its beginning.  Hence six addends in one, at places that are known when it is compiled, and
-# rows of zeros that make up the number.  No slices either: numba counts references to each, which takes as long.
+# The cost of a short loop is its setup.  So six addends are summed in one loop, at places that are known to the
+# compiler, and rows of zeros fill up the number.  Slices are avoided: numba counts references to each, which takes as
+# long.
 
 
 @outlined

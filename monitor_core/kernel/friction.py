@@ -1,17 +1,19 @@
-"""Coulomb friction over an interval: that of the speed at its middle, as the model predicts it.
+"""Coulomb friction over an interval, from the predicted speed at the middle of the interval.
 
-Friction of the speed at the beginning would be half an interval late.  With the acceleration of the drive at the
-beginning, b of the inputs but friction and B_c for each of those, the speed at the middle is the v of
+Friction from the speed at the beginning would be half an interval late.  The acceleration at the beginning is A x + b,
+where b comes from all inputs except friction, plus B_c tanh(s_c v) for each friction.  So the speed at the middle is
+the solution v of
 
     v = v_0 + h/2 (A x + b + sum B_c tanh(s_c v))          (row of the speed in A, B)
 
-s_c is the factor of the speed in friction c.  One step of v = w + h/2 sum B_c tanh(s_c v) that starts from the solution
-with tanh(s v) = s v is enough; that is also exact, and stable for any interval, where the axis stands still:
+s_c is the factor of the speed in friction c.  With w the part of v without friction, one step of the iteration
+v = w + h/2 sum B_c tanh(s_c v) suffices if it starts from the solution v_1 for tanh(s v) = s v.  For an axis at
+standstill this is also exact, and stable for any interval:
 
     v_1 = w / (1 - h/2 sum B_c s_c),     v = w + h/2 sum B_c tanh(s_c v_1),     u_c = tanh(s_c v)
 
-The interval is known only when it has passed.  So friction is formed with the sample that ends the interval, of what
-was known at its beginning.
+The length of the interval is known only at its end.  So friction is computed with the sample that ends the interval,
+from the values at its beginning.
 """
 
 import math
@@ -24,17 +26,17 @@ from monitor_core.kernel.recursion import add_products, predict
 from monitor_core.kernel.tables import COULOMB, TORQUE, FrictionTerms
 
 SMALLEST = 0.5
-"""Of the divisor of v_1: a friction that is negative by much, which would drive the axis, does not turn its sign."""
+"""Lower limit of the divisor of v_1, so that a strongly negative friction (which drives the axis) keeps its sign."""
 
 
 class MiddleSpeed(NamedTuple):
     """Work arrays of ``hold_friction``."""
 
-    u: Floats  # (m, W) inputs that w and v are computed from: mean torque, frictions of v_1
+    u: Floats  # (m, W) inputs from which w and v are computed: mean torque, frictions at v_1
     v: Floats  # (W,) w, and then v
     v1: Floats  # (W,)
     divisor: Floats  # (W,)
-    rate: Floats  # (W,) by what v changes with w beyond it, dv = (1 + rate) dw where B is constant
+    rate: Floats  # (W,) dv = (1 + rate) dw for constant B
     dw: Floats  # (p, W)
     dv: Floats  # (p, W)
     slope: Floats  # (p, W) d/dtheta_i of h/2 sum B_c s_c
@@ -42,10 +44,10 @@ class MiddleSpeed(NamedTuple):
 
 @kernel
 def mean_torque_share(delay: float, h: float) -> float:
-    """How much of the held torque, and not of the one before, there is in the speed at the middle of the interval.
+    """Share of the held torque in the speed at the middle of the interval; the rest is that of the torque before.
 
-    As in the mean speed of the interval: of a torque that acts from ``delay`` on, (1 - delay / h)^2.  One that acts
-    before its sample has moved the drive by then, to first order as in ``switch_torque``.
+    The share is (1 - delay / h)^2, as in the mean speed of the interval, for a torque that acts from ``delay`` on.  A
+    torque that acts before its sample has already moved the drive by then, to first order as in ``switch_torque``.
     """
     late = min(delay, h) / h if h > 0.0 else 0.0
     return 1.0 - 2.0 * late + (late * late if late > 0.0 else 0.0)
@@ -53,7 +55,7 @@ def mean_torque_share(delay: float, h: float) -> float:
 
 @outlined
 def _rub(lanes: Any, kind: Ints, u_scale: Floats, v: Floats, u: Floats) -> None:
-    """Frictions tanh(s_c v) into their rows of u (m, W)."""
+    """Write the frictions tanh(s_c v) to their rows of u (m, W)."""
     for c in range(kind.size):
         if kind[c] == COULOMB:
             for a in range(len(lanes)):
@@ -75,9 +77,9 @@ def hold_friction(
     du: Floats | None,
     work: MiddleSpeed,
 ) -> None:
-    """Friction in u (m, W) over an interval h (W,), and its derivatives du (p, m, W); None: they are not needed.
+    """Write the friction over an interval h (W,) to u (m, W), and its derivatives to du (p, m, W), unless that is None.
 
-    u contains the other inputs held, and for friction the speed v_0 where that was measured.
+    On entry u contains the other held inputs, and in the rows of friction a measured speed v_0.
     """
     v, v1, divisor, w_u, dw = work.v, work.v1, work.divisor, work.u, work.dw
     p = dw.shape[0]
@@ -141,7 +143,7 @@ def _slopes(
     u: Floats,
     work: MiddleSpeed,
 ) -> None:
-    """Derivatives dv (p, W) of v; dw contains those of the acceleration."""
+    """Derivatives dv (p, W) of v; on entry dw contains the derivatives of the acceleration."""
     v1, divisor, w_u, rate = work.v1, work.divisor, work.u, work.rate
     dw, dv, slope, p = work.dw, work.dv, work.slope, work.dw.shape[0]
     slot, src, par = F.braked.slot, F.braked.src, F.braked.par
@@ -171,10 +173,10 @@ def _slopes(
             dv[i, a] += rate[a] * (dw[i, a] + slope[i, a] * v1[a])
 
 
-# --- The hyperbolic tangent as arithmetic without branches, which the compiler can do for several lanes at a time -----
+# --- Hyperbolic tangent without branches, which the compiler can vectorise over lanes ---------------------------------
 
 
-# That of the C library is called for each lane by itself and takes a tenth of the time of a whole sample.
+# The function of the C library is called for each lane separately and takes a tenth of the time of a sample.
 # tanh x = e / (e + 2),   e = exp(2 x) - 1 = 2^k (exp(r) - 1) + 2^k - 1,   2 x = k log 2 + r,   |r| <= log(2) / 2
 
 _ONE_FROM = 20.0

@@ -4,11 +4,11 @@
     l_i = 1/2 log(lam_0 / lam_i) + e_0^2 / (2 lam_0) - e_i^2 / (2 lam_i) - allowance_i - unexplained_i
     g_i = max(0, g_i + l_i),     alarm when g_i > h_i
 
-Hypothesis 0 is the present reference.  The faults that it has leave a share of their effect unexplained
-(likelihood.py).  The mean of exp(l_i) is 1 while it holds (without allowance), so the mean time between false alarms of
-each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the usual intervals are discretised once: the
-nominal one, and those that are a microsecond shorter or longer, as times are rounded to microseconds.  Any other
-interval is propagated as in the recursion (propagate.py).
+Hypothesis 0 is the reference: the present state of the axis with its active faults, which leave a share of their effect
+unexplained (likelihood.py).  While the reference holds, the mean of exp(l_i) is 1 (without allowance), so the mean time
+between false alarms of each hypothesis is at least exp(h_i) samples (Lorden).  theta is fixed, so the usual intervals
+are discretised once: the nominal one, and those that are a microsecond shorter or longer, as times are rounded to
+microseconds.  Any other interval is propagated as in the recursion (propagate.py).
 """
 
 import math
@@ -74,8 +74,9 @@ from monitor_core.kernel.work_arrays import copy_rows, floats, ints, table
 TORQUE_BEFORE, TORQUE_HELD, LAST_OUTPUT, CREDIT = range(4)
 LAST, SETTLED, IN_A_ROW, PHASE, WAIT, CHECKS, SINCE, COUNTS = range(8)
 WATCHING, PENDING, REFINING = 0, 1, 2
-"""Phases: the first g > h stops a run; something has changed, and the WAIT-th tested sample from now stops it; so, too,
-when it is known what has changed, and only its size is to become more certain."""
+"""Phases.  WATCHING: the first g > h stops a run.  PENDING: a change was detected and its cause is not known.
+REFINING: the cause is known and its size becomes more certain.  In the last two the WAIT-th tested sample from now
+stops a run."""
 
 
 class Memory(NamedTuple):
@@ -83,7 +84,7 @@ class Memory(NamedTuple):
 
     x: Floats  # (n, H) at the last sample, after its correction
     u: Floats  # (m, H) inputs held since
-    sums: Floats  # (3, H) g; by how much its path has fallen since the last mark; evidence beside g
+    sums: Floats  # (3, H) g; decrease of its path since the last mark; evidence in addition to g
     when: NDArray[np.int64]  # (2 + MARKS, H) us: g last 0; g last below SURE; marks, the latest first
     numbers: (
         Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
@@ -101,11 +102,11 @@ class Block(NamedTuple):
     u: Floats  # (N,) N m
     y: Floats  # (N,)
     gate: NDArray[np.bool_]  # (N, 1) whether to test; (0, 1): always
-    weight: Floats  # (N,) torque of the weight, N m; NaN, or (0,): as before
+    weight: Floats  # (N,) torque of the weight, N m; NaN, or (0,): the last value
 
 
 class BankTrace(NamedTuple):
-    """Values at each sample; arrays of length 0 where no trace is wanted."""
+    """Values at each sample; arrays of length 0 if no trace is wanted."""
 
     eps: Floats  # (N, H) innovations
     llr: Floats  # (N, H) l_i; NaN: not tested
@@ -113,7 +114,7 @@ class BankTrace(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """The sample that is processed, an array (1,) each."""
+    """The present sample, an array (1,) each."""
 
     t: Ints  # us
     u: Floats  # N m
@@ -123,7 +124,7 @@ class Sample(NamedTuple):
     eps: Floats  # innovation of hypothesis 0
     S: Floats
     lam: Floats
-    lam0_running: Floats  # none here: the limit of an outlier is that of the records
+    lam0_running: Floats  # unused: the limit of an outlier comes from the records
     believed: Floats
     seed_left: Ints
 
@@ -132,7 +133,7 @@ class Work(NamedTuple):
     """Work arrays of a run."""
 
     X: Floats  # (n H,) the state, flat
-    new: Floats  # (n H,) the next one
+    new: Floats  # (n H,) the next state
     acting: Floats  # (m, H) inputs over the interval
     acting_flat: Floats  # (m H,)
     over: Floats  # (H,) interval, s
@@ -157,7 +158,7 @@ def _take(k: int, block: Block, s: Sample) -> None:
 
 @kernel
 def _inputs(lanes: Any, T: Tables, P: Predictors, M: Memory, torque: Torques, s: Sample, w: Work) -> None:
-    """What acts over the interval before the sample, and how long that is."""
+    """Set the inputs over the interval before the sample, and the length of the interval."""
     for a in range(len(lanes)):
         w.over[a] = s.h[0]
     if P.moving.size:
@@ -170,7 +171,7 @@ def _inputs(lanes: Any, T: Tables, P: Predictors, M: Memory, torque: Torques, s:
 
 @kernel
 def _end_mean(lanes: Any, T: Tables, M: Memory, w: Work) -> None:
-    """The mean speed of the interval is known; the integral of the next one begins."""
+    """Compute the mean speed of the interval, and restart the integral for the next one."""
     divide_by_interval(lanes, w.over, w.yhat, w.psi)
     for a in range(len(lanes)):
         w.doing[a] = 1
@@ -179,7 +180,7 @@ def _end_mean(lanes: Any, T: Tables, M: Memory, w: Work) -> None:
 
 @kernel
 def _forget_state(M: Memory, s: Sample, w: Work) -> None:
-    """All hypotheses have diverged: begin anew with the next sample."""
+    """Restart with the next sample, as all hypotheses have diverged."""
     M.integers[COUNTS + DIVERGED, 0] += 1
     M.integers[LAST, 0] = NEVER
     s.roles.mode[0] = SKIP
@@ -189,7 +190,7 @@ def _forget_state(M: Memory, s: Sample, w: Work) -> None:
 
 @kernel
 def _admit(lane: Any, P: Predictors, M: Memory, limits: OutlierConstants, s: Sample, w: Work) -> None:
-    """Whether the sample is an outlier, by the innovation of hypothesis 0, and whether the start was right."""
+    """Reject the sample if it is an outlier by the innovation of hypothesis 0; restart if the start was wrong."""
     roles, axis, integers = s.roles, P.axis, M.integers
     roles.moves[0], roles.learns[0], roles.tracks[0] = 1, roles.mode[0] == TRACK, roles.mode[0] == TRACK
     s.lam[0] = s.S[0] = axis[LAM, 0]
@@ -204,7 +205,7 @@ def _admit(lane: Any, P: Predictors, M: Memory, limits: OutlierConstants, s: Sam
 def _correct(
     lanes: Any, T: Tables, P: Predictors, M: Memory, usual: int, gains: bool, turns: bool, s: Sample, w: Work
 ) -> None:
-    """x = x + K eps; of the first sample after a start, as if the axis moved rigidly."""
+    """x = x + K eps; for the first samples after a start, set x as if the axis moved rigidly."""
     mode, integers = s.roles.mode, M.integers
     first = is_first(s.t[0], integers[SETTLED, 0], P.axis[SETTLES, 0], s.h[0])
     if turns and first and mode[0] == SETTLE:
@@ -219,7 +220,7 @@ def _correct(
 
 @kernel
 def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
-    """g of each hypothesis; WAIT becomes 0 where the run must stop for a decision."""
+    """Update g of each hypothesis; WAIT becomes 0 if the run must stop for a decision."""
     numbers, integers = M.numbers, M.integers
     new_torque, new_output = s.u[0] != numbers[TORQUE_HELD, 0], s.y[0] != numbers[LAST_OUTPUT, 0]
     log_likelihood_ratios(lanes, P.own, int(P.axis[BACK, 0]), new_torque, new_output, w.eps, w.llr)
@@ -230,7 +231,7 @@ def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
 
 @kernel
 def _restart(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
-    """x at the measured motion, at rest."""
+    """Restart x from the measured output, as if the axis moved rigidly with it."""
     for a in range(len(lanes)):
         w.motion[a] = (s.y[0] - P.own[OFFSET, a]) / P.own[SCALE, a]
         w.doing[a] = RESTART
@@ -241,7 +242,7 @@ def _restart(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
 
 @kernel
 def _hold(lanes: Any, T: Tables, P: Predictors, M: Memory, weight: float, s: Sample, w: Work) -> None:
-    """What acts until the next sample."""
+    """Hold the inputs until the next sample."""
     if P.moving.size:
         for a in range(len(lanes)):
             w.motion[a] = (s.y[0] - P.own[OFFSET, a]) / P.own[SCALE, a]
@@ -286,7 +287,7 @@ def run_hypotheses(
     s = Sample(ints(1), floats(1), floats(1), floats(1), roles, floats(1), floats(1), floats(1), floats(1), floats(1),
                ints(1))  # fmt: skip
     acting, yhat, psi, eps, llr, motion = table(m, H), floats(H), table(0, H), floats(H), floats(H), floats(H)
-    # These are computed later in each sample: until then they are scratch.
+    # These arrays are computed later in each sample; until then they serve as scratch.
     middle = MiddleSpeed(table(m, H), yhat, eps, llr, motion, psi, psi, psi)
     w = Work(M.x.reshape(M.x.size), floats(n * H), acting, acting.reshape(acting.size), floats(H), table(n, H), yhat,
              psi, eps, llr, floats(H), floats(H), motion, floats(H), ints(H), ints(H), middle)  # fmt: skip

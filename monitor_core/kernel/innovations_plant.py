@@ -1,4 +1,4 @@
-"""Simulated axes in innovations form, side by side: their outputs with given torque and innovations."""
+"""Simulates axes in innovations form side by side: their outputs for given torques and innovations."""
 
 import math
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from monitor_core.kernel.work_arrays import floats, table
 
 
 class PlantFriction(NamedTuple):
-    """Friction of the speed at the middle of the interval (friction.py), of W axes.
+    """Friction of W axes from the speed at the middle of the interval (friction.py).
 
     v = v_0 + half (x, u) + sum of braked_c tanh(u_scale_c v)
     """
@@ -41,7 +41,7 @@ def _hold_friction(
     plants: InnovationsPlants, x: Floats, out: Floats, torque: Floats, before: Floats, speed: Floats, first: Floats,
     v: Floats,
 ) -> None:  # fmt: skip
-    """Frictions into their rows of the inputs v (m, W), where the others are; ``speed``, ``first`` (W,) are scratch."""
+    """Write the frictions to their rows of the inputs v (m, W); ``speed`` and ``first`` (W,) are scratch."""
     kind, u_scale, friction, late = plants.kind, plants.u_scale, plants.friction, plants.late
     n, W, half, braked = x.shape[0], out.size, friction.half, friction.braked
     for a in range(W):

@@ -9,16 +9,17 @@ from monitor_core.kernel.predictors import FROZEN, LEVEL, LIMIT, PRECISION, STIL
 from monitor_core.kernel.state import NEVER
 
 SURE = math.log(2 / 0.1)
-"""A change lies where the CUSUM's path is within this of its least value, in 90 of 100 at least: that the path of the
-true hypothesis goes so far below its value at the change is, before it and after it, less likely than exp(-SURE)."""
+"""The interval of a change is where the path of the CUSUM is within this of its minimum.  It covers the change with at
+least 90 %: before the change and after it, the path of the true hypothesis falls so far below its value at the change
+with a probability below exp(-SURE)."""
 MARKS = 6
-"""Times in the past by which the path had fallen by steps of SURE / (MARKS - 1)."""
+"""Number of past times at which the path had fallen by successive steps of SURE / (MARKS - 1)."""
 _STEP = SURE / (MARKS - 1)
 _CLIP = 36.0
-"""Squared innovations over their variance count as so much at most."""
+"""Upper limit of squared innovations over their variance."""
 
 G, FALLEN, HELD_BACK = 0, 1, 2
-"""Rows of the sums: g; by how much its path has fallen since the last mark; what evidence has beside g."""
+"""Rows of the sums: g; decrease of its path since the last mark; evidence in addition to g."""
 ONSET, LATE, FIRST_MARK = 0, 1, 2
 """Rows of the times: g was last 0; g was last below SURE; marks, the latest first."""
 
@@ -27,10 +28,10 @@ ONSET, LATE, FIRST_MARK = 0, 1, 2
 def log_likelihood_ratios(
     lanes: Any, own: Floats, back: int, moved: bool, turned: bool, eps: Floats, llr: Floats
 ) -> None:
-    """l_i (H,); minus infinity where a hypothesis says that torque or output is stuck, and it changes in any digit.
+    """Compute l_i (H,); minus infinity if a hypothesis says that torque or output is stuck, and it changes at all.
 
-    ``back``: the lane of the healthy axis.  Its prediction differs from that of the reference by the effect of the
-    faults that stand, of which a share is left over as no model is the axis.  What explains that is no second fault.
+    ``back``: lane of the healthy axis.  Its prediction differs from the reference by the effect of the active faults, a
+    share of which remains as model error.  A hypothesis that explains only this remainder is no second fault.
     """
     step = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
     effect = eps[back] - eps[0]
@@ -48,8 +49,8 @@ def update_sums(
 ) -> bool:
     """g = max(0, g + l), with the times for the onset and its interval; True if any g > h.
 
-    Where something is tolerated HELD_BACK + g is the sum of l without that, since g was last 0 before the detection:
-    ``watching`` is False from then on.
+    HELD_BACK + g is the sum of l without the tolerated part of the allowance, since g was last 0 before the detection;
+    ``watching`` is False after the detection.
     """
     crossed, marked = 0, 0
     # Loops with few arrays and without branches, which the compiler turns into vectors.
@@ -74,7 +75,7 @@ def update_sums(
 
 @outlined
 def _mark(t: int, sums: Floats, when: Ints) -> None:
-    """The path of a hypothesis has fallen by a step more."""
+    """Note the time at which the path of a hypothesis has fallen by another step."""
     for j in range(when.shape[0] - 1, FIRST_MARK - 1, -1):
         for a in range(sums.shape[1]):
             if sums[FALLEN, a] >= _STEP:
@@ -86,7 +87,7 @@ def _mark(t: int, sums: Floats, when: Ints) -> None:
 
 @outlined
 def restart_paths(t: int, when: Ints) -> None:
-    """A restarted predictor has no past."""
+    """Discard the past of restarted predictors."""
     for a in range(when.shape[1]):
         for j in range(when.shape[0]):
             when[j, a] = t if when[j, a] == NEVER else when[j, a]

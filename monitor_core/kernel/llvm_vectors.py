@@ -1,9 +1,9 @@
 """Vectors of four or eight numbers as values of the kernel, where the compiler's own vectorisation is slow.
 
-The innermost loops of the kernel are so short that what a vectorised loop costs is its beginning.  Here four or eight
-numbers are loaded, multiplied, added and stored as one value that stays in a register.  Every one gets the very bits
-that it would get alone: ``+`` and ``*`` are never fused, ``fused`` always is, where the machine can.  LLVM splits them
-into what the machine has (AVX-512, AVX, SSE, NEON).
+The innermost loops of the kernel are so short that most of the time of a vectorised loop is its setup.  Here four or
+eight numbers are loaded, multiplied, added and stored as one value that stays in a register.  Each number gets the same
+bits as alone: ``+`` and ``*`` are never fused, and ``fused`` always is if the machine can do it.  LLVM splits the
+vectors into registers of the machine (AVX-512, AVX, SSE, NEON).
 """
 
 import operator
@@ -17,7 +17,7 @@ from numba.extending import intrinsic, lower_builtin, models, register_model
 
 FOUR, EIGHT = 4, 8
 
-# Of what numba is extended with here it tells no types.
+# Numba has no type hints for its extension functions.
 _typed: Any = signature
 _infer: Any = infer_global
 _lower: Any = lower_builtin
@@ -103,7 +103,7 @@ def store(_typing: Any, array: Any, _at: Any, value: Any) -> Any:
 
 @_intrinsic
 def fused(_typing: Any, a: Any, b: Any, c: Any) -> Any:
-    """A b + c of vectors, rounded once; on a machine that cannot do so fast it is rounded twice, for every width."""
+    """A b + c of vectors, rounded once; rounded twice, for every width, on a machine without a fast instruction."""
 
     def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
         kind = args[0].type
@@ -117,7 +117,7 @@ def fused(_typing: Any, a: Any, b: Any, c: Any) -> Any:
 
 @_intrinsic
 def larger(_typing: Any, a: Any, b: Any) -> Any:
-    """Of each two the larger one; b where there is none."""
+    """The larger of each pair of elements; b if neither is larger."""
 
     def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
         return builder.select(builder.fcmp_ordered(">", *args), *args)
@@ -127,7 +127,7 @@ def larger(_typing: Any, a: Any, b: Any) -> Any:
 
 @_intrinsic
 def magnitude(_typing: Any, a: Any) -> Any:
-    """Without the sign."""
+    """Absolute values."""
 
     def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
         kind = args[0].type
@@ -152,7 +152,7 @@ def where_at_least(_typing: Any, a: Any, b: Any, value: Any) -> Any:
 
 @_intrinsic
 def power_of_two(_typing: Any, _k: Any) -> Any:
-    """2^k for a whole number k of float64, |k| <= 1000; of one number, but the compiler can do several at a time."""
+    """2^k for an integer k as float64, |k| <= 1000; for a single number, but the compiler can vectorise it."""
 
     def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
         # The sum has k + 1023 in its last bits, and these are the exponent of 2^k.

@@ -1,11 +1,11 @@
-"""Innovations that noise does not explain: a few are outliers and are rejected, many are a change of the axis.
+"""Rejects outliers: innovations that noise does not explain.  A few are rejected; many are a change of the axis.
 
-A fault may put the innovations beyond every limit for seconds, and these samples are needed to detect it.  So an axis
-has a credit of outliers: each one costs one, and one is earned with many samples.  Without credit the samples are used,
-but limited to the outlier limit (bounded influence).  The state is corrected only by the third outlier in a row: then
-the state is more likely wrong than the sensor.  Such a row is a jolt, in which a torque acts that nobody measures: a
-collision, a brake that closes.  Nothing is learned until it is over for a while, as far as the credit goes.  If all
-samples since the start are outliers, the first sample was wrong, from which the state started.
+After a fault, the innovations may exceed every limit for seconds, and these samples are needed to detect the fault.  So
+an axis has a credit of outliers: each outlier costs one, and many samples earn one.  Without credit the samples are
+used, but their innovations are limited to the outlier limit (bounded influence).  The state is corrected only from the
+third outlier in a row on: then the state is more likely wrong than the sensor.  Such a row is a jolt, in which an
+unmeasured torque acts: a collision, a closing brake.  As long as there is credit, theta is not updated until a while
+after the jolt.  If all samples since the start are outliers, the first sample, from which the state started, was wrong.
 """
 
 import math
@@ -17,27 +17,27 @@ from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.state import SETTLING
 
 CREDIT = 3.0
-"""Outliers in a row that are passed over, at least."""
+"""Smallest full credit: number of outliers in a row that are rejected."""
 JOLT_S = 1.0
-"""And those of so many seconds [s]: a collision, or a brake that closes, is over by then."""
+"""The full credit is at least the outliers in this time [s]: a collision, or a closing brake, is over by then."""
 AFTER = 0.1
-"""A jolt is over after so long without an outlier, as a share of that."""
+"""A jolt is over after this share of ``JOLT_S`` without an outlier."""
 SURELY = 3
-"""So many in a row are no mistake of the sensor."""
+"""Number of outliers in a row that are not errors of the sensor."""
 COMES_BACK = 0.02
-"""Credit per sample: so large a share of the samples may be outliers."""
+"""Credit earned per sample: this share of the samples may be outliers."""
 PEAK = 1.5
-"""The limit over the largest innovation of the healthy records, at least."""
+"""Least ratio of the outlier limit to the largest innovation of the healthy records."""
 _CLIP = 3.0
 _CLIPPED_MEAN = 0.99501
 """E min(z^2, 9) of a normal z."""
 
 
 class OutlierConstants(NamedTuple):
-    """Of the Constants of an axis."""
+    """Fields of the Constants that outlier rejection uses."""
 
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
-    least: Floats  # (W,) the limit in the unit of the output, at least
+    least: Floats  # (W,) lower bound of the limit, in the unit of the output
     most: Floats  # (W,) largest credit
 
 
@@ -56,9 +56,8 @@ def reject_outliers(
 ) -> None:
     """Reject an outlier: eps beyond ``outlier`` standard deviations of its prediction; 0: there is no limit.
 
-    The limit is at least ``least``, which healthy records do not exceed: where the axis vibrates as then, that is
-    no mistake of the sensor, and what the fit has used the estimates use, too.  ``believed`` (W,) is the innovation
-    that theta learns from.
+    The limit is at least ``least``, which healthy records do not exceed: an innovation that the fit has used is used by
+    the estimates, too.  ``believed`` (W,): innovation that updates theta.
     """
     mode, moves, learns, tracks = roles.mode, roles.moves, roles.learns, roles.tracks
     for a in range(len(lanes)):
@@ -96,8 +95,8 @@ def check_start(
 ) -> None:
     """Restart with the third sample after a start if all three are outliers.
 
-    This happens once only, and keeps the settling time.  It also happens where an axis starts in a motion that is not
-    rigid: it then starts three samples later.
+    This happens only once per start, and does not extend the settling time.  It also happens if an axis starts in a
+    motion that is not rigid: then its predictor starts three samples later.
     """
     for a in range(len(lanes)):
         since = t[a] - settled[a] + settle_us[a]

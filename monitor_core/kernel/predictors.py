@@ -38,9 +38,9 @@ INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, OUTLIER_LEAST, OUTLIER_CREDIT,
 USUAL = 3
 """Intervals that are discretised in advance, a microsecond apart."""
 TERMS = 4
-"""What is added always; what a torque of 1 adds: the held one, the one before, the one at the interval's end."""
+"""Number of terms: a constant, and the effect of the held torque, of the one before, and of the next one."""
 FARTHEST = 1e9
-"""Standard deviations: a predictor of an axis that another predicts diverges, if it is off by more."""
+"""A predictor with an error of more standard deviations than this diverges, if another one predicts the axis."""
 
 
 class Predictors(NamedTuple):
@@ -94,7 +94,7 @@ def propagate_usual(
 
 @kernel
 def scale_torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) -> None:
-    """The torque that acts under each hypothesis, from the measured one."""
+    """The acting torque under each hypothesis, from the measured torque."""
     for c in range(kind.size):
         if kind[c] == TORQUE:
             for a in range(len(lanes)):
@@ -105,9 +105,9 @@ def scale_torque(lanes: Any, kind: Ints, own: Floats, torque: float, u: Floats) 
 def torques_in_turn(
     lanes: Any, kind: Ints, own: Floats, h: float, torque: Torques, first: Floats, late: Floats, u: Floats
 ) -> None:
-    """The two torques that act in an interval h one after the other: ``first`` (H,) for ``late`` (H,), then that in u.
+    """The two successive torques in an interval h: ``first`` (H,) for the time ``late`` (H,), then that in u.
 
-    A torque that acts late follows the previous one; one that acts early is followed by that of the next sample.
+    A late torque acts after the previous one; an early torque is followed by that of the next sample.
     """
     for a in range(len(lanes)):
         early = own[DELAY, a] < 0.0
@@ -122,7 +122,7 @@ def torques_in_turn(
 
 @kernel
 def _parts(lanes: Any, own: Floats, h: float, before: Floats, held: Floats, now: Floats) -> None:
-    """The interval h in parts (H,): under the previous torque, the held one, and the one of its end."""
+    """Divide the interval h into parts (H,): with the previous torque, the held torque, and the next torque."""
     for a in range(len(lanes)):
         delay = own[DELAY, a]
         before[a] = min(max(delay, 0.0), h)
@@ -166,9 +166,9 @@ def propagate_interval(
     over: Floats,
     K: Floats,
 ) -> None:
-    """Propagate X over an interval h that is not usual, in parts.
+    """Propagate X over any interval h, in parts with different torques.
 
-    K (n, H) is the gain after it; ``over`` (H,) is the interval of a mean speed.
+    K (n, H): filter gain after the interval.  ``over`` (H,): averaging interval of a mean speed.
     """
     n, H, wide = T.n, len(lanes), EIGHT
     before, held, now, cut = floats(H), floats(H), floats(H), floats(H)
@@ -195,7 +195,7 @@ def propagate_interval(
 def prediction_errors(
     lanes: Any, own: Floats, y: float, before: float, yhat: Floats, most: float, eps: Floats
 ) -> int:
-    """e_i (H,); returns how many of them are beyond ``most``, or no numbers."""
+    """Compute e_i (H,); returns how many of them exceed ``most`` or are not finite."""
     beyond = 0
     for a in range(len(lanes)):
         e = y - own[OFFSET, a] - own[SCALE, a] * yhat[a]
@@ -243,7 +243,7 @@ def correct(lanes: Any, K: Floats, eps: Floats, x: Floats) -> None:
 def correct_speed(
     lanes: Any, rest: Floats, rigid: Floats, own: Floats, h: float, eps: Floats, x: Floats
 ) -> None:
-    """The first samples after a start tell angle and speed (admission.gain_of_speed)."""
+    """Set angle and speed from the first samples after a start (admission.gain_of_speed)."""
     for r in range(x.shape[0]):
         for a in range(len(lanes)):
             x[r, a] += (rest[r, a] + rigid[r, a] / h) * eps[a] / own[SCALE, a]

@@ -6,8 +6,8 @@ With inputs held, the extended system of the paper (eq. 18-19)
     z_i' = A z_i + A_i x + B_i u + B u_i          A_i = dA/dtheta_i,  u_i = du/dtheta_i
 
 is X' = F X + G, and X(h) = X + sum_k t_k with t_1 = h (F X + G), t_k = (h/k) F t_(k-1).  The series converges at the
-rate of r = h ||D^-1 A D||, D the balancing diagonal.  D itself is not applied: its entries are powers of two, so the
-balanced series has exactly the same digits; D only gives a sharper r.  Intervals with r > 1 are split.
+rate of r = h ||D^-1 A D||, where D is the balancing diagonal.  D itself is not applied: its entries are powers of two,
+so the balanced series has exactly the same digits.  D only gives a sharper r.  Intervals with r > 1 are split.
 """
 
 import math
@@ -24,10 +24,11 @@ from monitor_core.kernel.taylor_series_lanes import advance_eight
 
 _TAIL = 1e-13
 _RATES = np.array([0.0] + [(_TAIL * math.factorial(k)) ** (1 / k) for k in range(1, 18)])
-"""Largest r for which r^k / k!, the first term of the derivative left out after k + 1 terms, is below _TAIL."""
+"""Largest r for which r^k / k!, the first omitted term of the derivative after k + 1 terms, is below _TAIL."""
 
 MOST_STEPS = 1000
-"""More substeps than any interval below the gap limit needs; a norm beyond that (or NaN) makes the lane diverge."""
+"""Largest number of substeps, more than any interval below the gap limit needs; beyond it (or for NaN) the lane
+diverges."""
 
 
 @kernel
@@ -64,7 +65,8 @@ def choose_substeps(
 ) -> None:
     """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.
 
-    ``norm`` (W,) is scratch.  ``terms`` contains those of the last interval, which mostly stay the same.
+    ``norm`` (W,) is scratch.  On entry ``terms`` contains the numbers of the last interval, which usually do not
+    change.
     """
     _norms(lanes, A_row, weight, V, norm)
     for a in range(len(lanes)):
@@ -125,7 +127,7 @@ def propagate(
 def evaluate_coefficients(
     lanes: Any, terms: LaurentTerms, V0: Floats, coef: Floats, theta: Floats, V: Floats
 ) -> None:
-    """V = V0 + sum of coef * prod theta_i^e_i, for every slot that has a monitored parameter.
+    """V = V0 + sum of coef * prod theta_i^e_i, for each slot with a monitored parameter.
 
     ``V`` (slots + 1, W) must contain V0 in all other slots.
     """

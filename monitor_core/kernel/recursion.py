@@ -1,7 +1,7 @@
 """The recursive prediction error method, one sample (paper eq. 11-20, innovations form of the predictor).
 
-Each function does its lines for all lanes; ``on`` (W,) is 1 where a lane takes part and 0 where it must stay as
-it is, which is done by selection and not by multiplication, so that a lane at rest keeps its very bits.
+Each function does its step for all lanes.  ``on`` (W,) is 1 for lanes that take part, and 0 for lanes that must not
+change.  This uses selection and not multiplication, so that such a lane keeps its exact bits.
 """
 
 import math
@@ -68,9 +68,9 @@ def update_theta(
     hit: Ints,
     moved: Floats,
 ) -> None:
-    """theta = theta + L eps, L = P psi / S (eq. 11), projected into its bounds; hit (W,) is 1 where they held it.
+    """theta = theta + L eps, L = P psi / S (eq. 11), projected into its bounds; hit (W,) is 1 if a bound was active.
 
-    What is not observed stays (supervision.py).  ``moved`` (p, W) is by how much theta was changed.
+    A parameter that is not observed stays (supervision.py).  ``moved`` (p, W): change of theta.
     """
     for a in range(len(lanes)):
         hit[a] = 0
@@ -108,7 +108,7 @@ def update_P(lanes: Any, lam: Floats, P: Floats, Ppsi: Floats, S: Floats, on: In
 
 @kernel
 def drift_P(lanes: Any, share: Floats, P_nom: Floats, P: Floats, fit: Ints) -> None:
-    """P = P + share diag(P(0)): the random walk of the parameters over the interval, where P was updated (``fit``)."""
+    """P = P + share diag(P(0)): the random walk over the interval, for lanes whose P was updated (``fit``)."""
     for i in range(P.shape[0]):
         for a in range(len(lanes)):
             P[i, i, a] += share[a] * P_nom[i, a] if fit[a] else 0.0
@@ -130,10 +130,10 @@ def correct(lanes: Any, K: Floats, X: Floats, eps: Floats, psi: Floats, on: Ints
 
 @kernel
 def propagate_joint(lanes: Any, joint: Floats, X: Floats, moved: Floats) -> None:
-    """x = x + sum z_i (change of theta_i): what x would be, had theta been known before; where ``joint`` (W,) is 1.
+    """x = x + sum z_i (change of theta_i), where ``joint`` (W,) is 1: the x that the new theta would have given.
 
-    That is all that the extended Kalman filter of state and parameters together has beside this recursion but for the
-    way in which it forgets (Friedland's separation: the cross covariance of x and theta is z P).
+    Apart from forgetting, this is the only difference between this recursion and the extended Kalman filter for state
+    and parameters (Friedland's separation: the cross covariance of x and theta is z P).
     """
     p = moved.shape[0]
     n = X.shape[0] // (p + 1)
@@ -157,9 +157,9 @@ def find_P0(
 ) -> None:
     """P(0) by the paper's recipe: run the P recursion along the nominal theta, average its steady diagonal.
 
-    The second half of the run counts as steady.  At its end P becomes the averaged diagonal, P_nom, which was the sum;
-    but an axis that stood still, so that a parameter is known to no better than its size, starts the run again; until
-    the next end that parameter is unobserved, and the others are observed.
+    The second half of the run counts as steady.  At its end P becomes the averaged diagonal P_nom (until then P_nom is
+    the sum).  If a parameter is then no better known than its size, because the axis stood still, the run starts again;
+    until its end that parameter counts as unobserved, and the others as observed.
     """
     for a in range(len(lanes)):
         if mode[a] != SEED:

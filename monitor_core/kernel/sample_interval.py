@@ -1,4 +1,4 @@
-"""The real interval of a sample: forgetting factor, filter gain, delayed torque, mean speed."""
+"""The actual interval of a sample: forgetting factor, filter gain, delayed torque, mean speed."""
 
 import math
 from typing import Any
@@ -15,9 +15,9 @@ _EQUAL_S = 1e-9
 
 @kernel
 def random_walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats) -> None:
-    """Where parameters are a random walk (W,), lambda (W,) is 1, and a ``share`` 1 - lambda of P(0) is added instead.
+    """For lanes with a random walk, set lambda (W,) to 1; a ``share`` 1 - lambda of P(0) is added to P instead.
 
-    So P_ii has the same steady value as with lambda where a parameter is alone: psi^2 = (1 - lambda) / P in both.
+    Then P_ii of a single parameter has the same steady value as with forgetting: psi^2 = (1 - lambda) / P in both.
     """
     for a in range(len(lanes)):
         walks = drift[a] > 0.0 and seed_left[a] == 0
@@ -38,8 +38,9 @@ def interval_gain(
 ) -> None:
     """lambda^(h / interval) (W,), and K (n, W) for the time ``ago`` (W,) since the last correction.
 
-    The memory is a time: a missing sample ages the information like a received one.  The gain grows as the prediction
-    becomes uncertain; it is interpolated between those after 0, 1, 2 .. whole intervals, the rows of ``K``.
+    The memory is a time: a missing sample reduces the information like a received one.  The gain grows as the
+    prediction becomes uncertain; it is interpolated between the gains after 0, 1, 2 .. whole intervals, the rows of
+    ``K``.
     """
     n, usual = K_h.shape[0], True
     for a in range(len(lanes)):
@@ -61,7 +62,7 @@ def interval_gain(
             K_h[i, a] = before + part * (K[(k + 1) * n + i, a] - before) if part > 0.0 else before
 
 
-# --- The torque acts later than its sample says: an interval in two parts, and what a later step would have changed ---
+# --- Delayed torque: the interval in two parts, and the derivative with respect to the delay --------------------------
 
 
 @kernel
@@ -75,7 +76,7 @@ def split_at_delay(
     h_first: Floats,
     u_first: Floats,
 ) -> bool:
-    """Split the interval where the torque acts late: h_first with the previous torque, then h.  True if any is."""
+    """Split the interval if the torque acts late: h_first with the previous torque, then h.  True if a lane splits."""
     late = False
     for a in range(len(lanes)):
         h_first[a] = min(max(delay[a], 0.0), h[a])
@@ -102,7 +103,7 @@ def switch_torque(
     h: Floats,
     X: Floats,
 ) -> None:
-    """The torque steps from u_first to u; where its delay is a parameter, its gradient gets the effect of a later step.
+    """Step the torque from u_first to u; if its delay is a parameter, add the effect of a later step to its gradient.
 
     dx/d(delay) = B (u_first - u), which is propagated like the other z_i from here on.  A torque that acts before its
     sample (delay < 0) has moved x by that much already, to first order.
@@ -122,22 +123,22 @@ def switch_torque(
 # --- A speed that the drive averages over its sampling interval: s' = speed, s = 0 at each sample, yhat = s / h -------
 
 
-# The drive averages over its own interval.  After lost samples that is the last one of several: s begins again where it
-# begins.  The correction by K leaves s alone, as s begins again after it.
+# The drive averages over its own interval.  After lost samples this is the last of several intervals, and s is reset at
+# its beginning.  The correction by K does not change s, as s is reset after it.
 
 LOST = 1.75
-"""Intervals: from so many on samples are missing in between, and the drive's own interval is the nominal one."""
+"""Number of intervals from which samples are missing; then the averaging interval of the drive is the nominal one."""
 
 
 @kernel
 def split_at_mean(
     lanes: Any, interval: Floats, h_first: Floats, h: Floats, h_before: Floats, over: Floats, lost: Ints
 ) -> bool:
-    """Cut the part before the averaging interval of the drive off h (W,): h_before; True if there is any.
+    """Split h (W,) where the averaging interval of the drive begins, after h_before.  True if a lane splits.
 
-    h is the rest of the interval after h_first, during which the previous torque acts.  ``over`` (W,) is the interval
-    that the drive averages over.  If the torque changes within the part that is cut off, which does not happen for
-    whole numbers of intervals, its earlier part is lost.
+    On entry h is the rest of the interval after h_first, during which the previous torque acts.  ``over`` (W,):
+    averaging interval of the drive.  If the torque changes before the averaging interval begins, which does not happen
+    for whole numbers of intervals, its earlier part is lost.
     """
     any_lost = False
     for a in range(len(lanes)):
@@ -152,7 +153,7 @@ def split_at_mean(
 
 @kernel
 def restart_integral(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
-    """s = 0 and its derivatives, in the z_i and in x of X."""
+    """Reset s and its derivatives to 0, in x and the z_i of X."""
     for r in range(s, X.shape[0], n):
         for a in range(len(lanes)):
             X[r, a] = 0.0 if on[a] else X[r, a]
@@ -160,7 +161,7 @@ def restart_integral(lanes: Any, s: int, n: int, on: Ints, X: Floats) -> None:
 
 @kernel
 def mark_sampled(lanes: Any, mode: Ints, on: Ints) -> None:
-    """Lanes (W,) in which the drive has sampled, including rejected samples."""
+    """Mark the lanes (W,) in which the drive has taken a sample, including rejected ones."""
     for a in range(len(lanes)):
         on[a] = mode[a] >= SETTLE
 

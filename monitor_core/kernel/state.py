@@ -14,7 +14,7 @@ from monitor_core.kernel.compile import kernel
 from monitor_core.kernel.tables import GAINS, Constants, Tables
 
 NEVER = np.iinfo(np.int64).min
-"""Time stamp of something that has not happened."""
+"""Time stamp of an event that has not happened."""
 
 SCHEMA = 7
 """Version of the order below; part of the key of every checkpoint."""
@@ -33,7 +33,7 @@ COUNTERS = (
     "diverged",
     "projected",
 )
-"""What became of the samples, each in one of these; ``projected`` counts updates of theta that its bounds held."""
+"""Counters of samples by their use, each sample in one; ``projected`` counts updates of theta limited by a bound."""
 (
     USED,
     SEEDING,
@@ -50,7 +50,7 @@ COUNTERS = (
 ) = range(len(COUNTERS))
 
 OBSERVED, WEAK, UNSEEN = 0, 1, 2
-"""How much is known of a parameter now, beside what was known at commissioning."""
+"""Present information on a parameter, compared with commissioning"""
 
 
 class State(NamedTuple):
@@ -61,28 +61,28 @@ class State(NamedTuple):
     theta: Floats  # (p, W)
     P: Floats  # (p, p, W)
     g: Floats  # (2, p, W) CUSUM for an increase and for a decrease
-    u: Floats  # (m, W) inputs held since the last sample; for friction the speed, where that was measured
+    u: Floats  # (m, W) inputs held since the last sample; in the rows of friction a measured speed
     torque_before: Floats  # (W,) torque of the sample before, acts during the delay
     lam0_running: Floats  # (W,) running innovation variance
-    P_nom: Floats  # (p, W) commissioned P_ii: P(0), summed up while it is found
+    P_nom: Floats  # (p, W) commissioned P_ii: P(0); the sum of P_ii while it is being found
     theta_seen: Floats  # (p, W) theta_i when it was last observed
     shift: Floats  # (p, W) theta_0(s) - theta_0, where nominal values follow signals s
-    credit: Floats  # (W,) outliers that may be passed over now
+    credit: Floats  # (W,) number of outliers that may be rejected now
     excitation: Floats  # (W,) running mean of psi' P psi over p (1 - lambda), each counting as 1 at most
     t: NDArray[np.int64]  # (W,) time of the last sample, us
     settled: NDArray[np.int64]  # (W,) time from which theta is updated, us
-    seed_left: NDArray[np.int64]  # (W,) updates left of the run that finds P(0)
+    seed_left: NDArray[np.int64]  # (W,) updates still needed to find P(0)
     onset: NDArray[np.int64]  # (2, p, W) time at which g was last zero, us
     observed: NDArray[np.int64]  # (p, W) OBSERVED, WEAK, UNSEEN
-    since: NDArray[np.int64]  # (W,) updates since the last look at P
-    unobserved: NDArray[np.int64]  # (W,) directions that are not observed
+    since: NDArray[np.int64]  # (W,) updates since the information floor was last applied to P
+    unobserved: NDArray[np.int64]  # (W,) number of directions that are not observed
     in_a_row: NDArray[
         np.int64
     ]  # (W,) outliers up to the last sample; in a jolt SURELY, and samples until it is over
     left: NDArray[np.int64]  # (W,) samples to learn until evidence is noted
-    noting: NDArray[np.int64]  # (W,) COURSE, NAMING: what for
+    noting: NDArray[np.int64]  # (W,) purpose of that evidence: COURSE, NAMING
     learned: NDArray[np.int64]  # (W,) samples learned so far
-    mode: NDArray[np.int64]  # (W,) of the last sample that was predicted: SETTLE .. TRACK of kernel.admission
+    mode: NDArray[np.int64]  # (W,) mode of the last predicted sample: SETTLE .. TRACK of kernel.admission
     tested: NDArray[np.int64]  # (p, W) samples at which the tests of a parameter ran
     counts: NDArray[np.int64]  # (len(COUNTERS), W)
 
@@ -185,4 +185,4 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
 
 
 kernel_state_views, kernel_constant_views = kernel(state_views), kernel(constant_views)
-"""The same for the kernel, where nothing counts references to arrays."""
+"""The same functions compiled for the kernel, without counting references to arrays"""

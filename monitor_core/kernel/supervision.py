@@ -2,17 +2,19 @@
 
 Forgetting without excitation lets P grow without bound.  Four measures:
 
-* An axis at standstill has nothing to learn from: where psi' P psi, whose steady mean is p (1 - lambda), nearly
-  vanishes, theta, P and g wait (``check_excitation``).
+* At standstill there is no information: while psi' P psi, whose steady mean is p (1 - lambda), nearly vanishes, theta,
+  P
+  and g are not updated (``check_excitation``).
 * Excitation may be missing in some directions only (a constant speed, a single sine).  So information is forgotten
   towards a floor:  R <- lambda R + psi psi' + (1 - lambda) rho diag(1/P(0)),  R = P^-1, which bounds P_ii by
-  P(0)_ii / rho in any case.  The floor is added once in a span of updates (``apply_information_floor``), not at each.
-* Parameters that take part in a direction of which almost nothing is known are unobserved, and stay: noise and model
-  errors carry no information there.  A projection of the steps of theta would leak, and drift within a day.
-* P_ii / P(0)_ii is how much is known of a parameter compared with commissioning.
+  P(0)_ii / rho in any case.  The floor is added once per span of updates (``apply_information_floor``), not at each.
+* Parameters with a large part in a direction of which almost nothing is known are unobserved, and their estimates stay:
+  in that direction the steps would come from noise and model errors.  A mere projection of the steps of theta would
+  leak, and theta would drift within a day.
+* P_ii / P(0)_ii measures the information on a parameter compared with commissioning.
 
-Between these the recursion is the paper's.  As P stays the true covariance, an estimate that has become uncertain
-returns with the first samples with excitation.
+Apart from these measures the recursion is that of the paper.  As P remains the true covariance, an estimate that has
+become uncertain recovers with the first samples with excitation.
 """
 
 import math
@@ -24,19 +26,20 @@ from monitor_core.kernel.compile import kernel, outlined
 from monitor_core.kernel.state import OBSERVED, UNSEEN, WEAK
 
 QUICK = 10.0
-"""The running mean of the excitation has a tenth of the memory."""
+"""Ratio of the memory of theta to that of the running mean of the excitation."""
 _WEAKER, _STRONGER = 2.5, 2.0
 LOST, _FOUND = 10.0, 6.0
-"""P_ii / P(0)_ii at which a parameter becomes weakly observed, observed again; unseen, seen again.
-The third is the limit for directions, too."""
+"""P_ii / P(0)_ii at which a parameter becomes weakly observed, and observed again; not observed, and observed again.
+LOST is also the limit for directions."""
 TAKES_PART = 0.3
-"""Of what moves most, beside its size, in a direction: who moves by so much takes part."""
+"""A parameter takes part in a direction if its component, relative to its size, is at least this share of the
+largest."""
 _CLOSER = 4
 _SWEEPS = 8
 
 
 class FloorConstants(NamedTuple):
-    """Of the Constants of an axis."""
+    """Fields of the Constants that the information floor uses."""
 
     floor: Floats
     min_excitation: Floats
@@ -47,7 +50,7 @@ class FloorConstants(NamedTuple):
 
 
 class Observation(NamedTuple):
-    """How much is known of the parameters; of the State of an axis."""
+    """Fields of the State with the information on the parameters."""
 
     P: Floats
     P_nom: Floats
@@ -68,7 +71,7 @@ def check_excitation(
     unobserved: Ints,
     observed: Ints,
 ) -> None:
-    """Running mean of min(1, psi' P psi / (p (1 - lambda))); a lane below ``least`` learns nothing now."""
+    """Update the running mean of min(1, psi' P psi / (p (1 - lambda))); a lane below ``least`` is set to IDLE."""
     p = observed.shape[0]
     for a in range(len(lanes)):
         mean = p * (1.0 - lam[a])
@@ -101,7 +104,7 @@ def apply_information_floor(
         if not on[a] or (floor[a] == 0.0 and least[a] == 0.0):
             continue
         since[a] += 1
-        # While a direction is unobserved, the spans are shorter, so that new information in it is used soon.
+        # While a direction is unobserved, the span is shorter, so that new information in it is used soon.
         if since[a] < (span[a] if unobserved[a] == 0 else span[a] // _CLOSER):
             continue
         # P stays below the bound until the next span: it grows like lambda^-t, or by (1 - lambda) P(0) t.
@@ -231,9 +234,9 @@ def select_tests(
     tests: Ints,
     count: Ints,
 ) -> None:
-    """The CUSUM of an unobserved parameter waits, and its last observed value is kept.
+    """Select the tests that run: not those of an unobserved parameter, whose last observed value is kept.
 
-    Where an axis is not ``tested`` (W,) all tests wait.  ``count`` (p, W): samples at which a test ran.
+    On an axis that is not ``tested`` (W,), no test runs.  ``count`` (p, W): number of samples at which a test ran.
     """
     for i in range(theta.shape[0]):
         for a in range(len(lanes)):

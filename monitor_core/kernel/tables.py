@@ -11,7 +11,7 @@ from monitor_core.arrays import Floats, Indices, Ints
 
 TORQUE, COULOMB, ONE, COSINE, SINE, WEIGHT = 0, 1, 2, 3, 4, 5
 """Kinds of input: the motor torque; tanh of the speed at a flange (Coulomb friction); the constant 1; cos and sin of
-the angle at a flange (gravity); a torque that comes with each sample, that of the weight in the present pose."""
+the angle at a flange (gravity); a torque that is given with each sample, that of the weight in the present pose."""
 OF_MOTION = (COULOMB, COSINE, SINE)
 """Inputs that depend on the motion."""
 
@@ -20,10 +20,10 @@ GAINS = 12
 
 
 class Product(NamedTuple):
-    """Indices of F X: A multiplies z_1 .. z_p, zeros, x, ``blocks`` of them side by side; the A_i multiply x only.
+    """Indices of the product F X: A multiplies z_1 .. z_p, zeros and x (``blocks`` of them); the A_i multiply x only.
 
-    In ``Tables`` indices count single numbers; in the recursion those into arrays of lanes are multiplied by the number
-    of lanes.
+    In ``Tables`` indices count single numbers.  In the recursion, indices into arrays of lanes are multiplied by the
+    number of lanes.
     """
 
     n: int  # states
@@ -64,8 +64,8 @@ class FrictionTerms(NamedTuple):
     """
 
     number: int  # inputs that are Coulomb friction
-    late: int  # which parameter is the delay of the torque, -1: none
-    state: int  # index in x of the speed at the sensor, up to a factor; -1: no state is, and that speed is measured
+    late: int  # index of the parameter that is the delay of the torque, -1: none
+    state: int  # index in x of the speed at the sensor, up to a factor; -1: none, the speed is measured
     filtered: int  # 1: the speed in x is used (angle or mean speed is measured), 0: the measured speed
     motion: OutputTerms  # A on z_i and x, A_i on x; src is an element of (z_1 .. z_p, x)
     driven: OutputTerms  # B and B_i on the other inputs; src is the input
@@ -84,15 +84,15 @@ class LaurentTerms(NamedTuple):
 class Tables(NamedTuple):
     """Indices that all axes of a batch share.
 
-    The extended vector (z_1 .. z_p, x) is flat, n elements each.  Every product of the recursion is a row of a list:
-    which slot times which element is added where.
+    The extended vector (z_1 .. z_p, x) is flat, with n elements each.  Each product of the recursion is a row of a
+    list: the slot, the element that it multiplies, and the element that the product is added to.
     """
 
     n: int  # states
     p: int  # monitored parameters
     m: int  # inputs
-    mean: int  # index in x of the angle since the last sample, of which a mean speed is made; -1: none is measured
-    late: int  # which parameter is the delay of the torque, -1: none
+    mean: int  # index in x of the angle since the last sample, which gives a mean speed; -1: none is measured
+    late: int  # index of the parameter that is the delay of the torque, -1: none
     slots: int  # length of V; V[slots] is an extra 0
     kind: Ints  # (m,) kinds of input
     A_row: Ints  # (entries of A,) row of each of the first slots, in order
@@ -118,30 +118,30 @@ class Constants(NamedTuple):
     lower: Floats  # (p, W) bounds of theta
     upper: Floats  # (p, W)
     h: Floats  # (p, W) thresholds of the CUSUM tests
-    P_uninformed: Floats  # (p, W) P_ii of who knows no more of a parameter than its size
+    P_uninformed: Floats  # (p, W) P_ii if only the size of a parameter is known
     scale: Floats  # (p, W) sizes of theta_i
     alpha1: Floats  # (p, W) nu = alpha1 sqrt(lambda_0 P_ii) + allowance
-    allowance: Floats  # (p, W) what healthy records differ by, in the unit of theta
-    u_scale: Floats  # (m, W) of what an input depends on: tanh(u_scale speed), cos(u_scale angle), sin(u_scale angle)
+    allowance: Floats  # (p, W) allowance for differences between healthy records, in the unit of theta
+    u_scale: Floats  # (m, W) factor in inputs: tanh(u_scale speed), cos(u_scale angle), sin(u_scale angle)
     lam: Floats  # (W,) forgetting factor
     lam0: Floats  # (W,) innovation variance that nu uses
     lam_slow: Floats  # (W,) forgetting factor of the running innovation variance
     delay: Floats  # (W,) s, by which the torque acts late
     gap_us: Floats  # (W,) a longer interval re-initialises the predictor
-    settle_us: Floats  # (W,) no update of theta for so long after that
+    settle_us: Floats  # (W,) no update of theta for this time after a restart
     seed: Floats  # (W,) updates of the run that finds P(0); its second half is averaged
-    naming_samples: Floats  # (W,) samples to learn from a crossing to the evidence, and between two of them
+    naming_samples: Floats  # (W,) samples to learn from a crossing to the evidence, and between two evidences
     floor: Floats  # (W,) least share of the commissioned information; 0: none
     min_excitation: Floats  # (W,) least share of the steady mean of psi' P psi; 0: none
-    lost_us: Floats  # (W,) no update of theta for so long after each lost sample but the first
+    lost_us: Floats  # (W,) no update of theta for this time after each lost sample except the first
     outlier: Floats  # (W,) standard deviations beyond which an innovation is an outlier; 0: never
-    outlier_least: Floats  # (W,) that limit in the unit of the output, at least
-    outlier_credit: Floats  # (W,) so many outliers in a row are passed over
-    joint: Floats  # (W,) 1: the state moves with theta
-    drift: Floats  # (W,) 1: parameters walk, instead of being forgotten
+    outlier_least: Floats  # (W,) lower bound of that limit, in the unit of the output
+    outlier_credit: Floats  # (W,) number of outliers in a row that are rejected
+    joint: Floats  # (W,) 1: the state is corrected together with theta
+    drift: Floats  # (W,) 1: parameters are random walks, instead of forgetting
     tested: Floats  # (W,) 0: no test runs
     widen: Floats  # (W,) least P_ii / P(0)_ii after an alarm; 0: P stays
-    span: Floats  # (W,) updates between two looks at P
+    span: Floats  # (W,) updates between two applications of the information floor
 
 
 def constant_rows(t: Tables) -> int:

@@ -2,14 +2,14 @@
 
     X(h) = X + h w_1,   w_K = b,   w_(k-1) = b + (h / k) F w_k,   b = F X + G
 
-In F = [A A_i; 0 A] all of z_1 .. z_p, x are multiplied by the same A.  So here X is n rows of ``blocks`` numbers,
-z_1 .. z_p, zeros that make up a multiple of four, x last: an entry of A is loaded once and multiplies them all.  One
-axis goes four of these numbers at a time, many axes eight lanes at a time (taylor_series_lanes.py).  Both add up in the
-same order, the A_i (which multiply x only) at last.
+In F = [A A_i; 0 A] all of z_1 .. z_p, x are multiplied by the same A.  So here X is n rows of ``blocks`` numbers:
+z_1 .. z_p, zeros up to a multiple of four, and x last.  An entry of A is loaded once and multiplies them all.  One axis
+is computed four of these numbers at a time, many axes eight lanes at a time (taylor_series_lanes.py).  Both sum in the
+same order, with the A_i (which multiply x only) last.
 
-Lanes that need fewer terms or substeps than others get terms that are exactly zero, so a lane's result does not depend
-on its neighbours.  Adding 0.0 to what a sum begins with makes -0.0 impossible, hence the sign of those zeros has no
-effect.
+Lanes that need fewer terms or substeps than others get terms that are exactly zero, so the result of a lane does not
+depend on its neighbours.  0.0 is added to the first addend of each sum, so that no sum is -0.0 and the sign of those
+zeros has no effect.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ MOST_TERMS = 19
 INVERSE = np.array([0.0] + [1.0 / k for k in range(1, MOST_TERMS + 1)])
 
 SECTIONS = 5
-"""X, G, b and two of w."""
+"""Number of sections of the work array: X, G, b and two for w."""
 
 _ZERO, _ONE, _TWO, _FOUR = (np.uint64(k) for k in (0, 1, 2, FOUR))
 
@@ -76,7 +76,7 @@ def advance_one(
     work: Floats,
     more: Floats,
 ) -> None:
-    """One axis: X over h, in as many substeps, with as many terms.  ``work`` and ``more`` are scratch."""
+    """Propagate X of one axis over h, in ``steps`` substeps with ``terms`` terms; ``work`` and ``more`` are scratch."""
     n, p, blocks, more_slot = F.n, F.p, F.blocks, F.more_slot
     size = n * blocks
     for e in range(more_slot.size):

@@ -1,4 +1,4 @@
-"""The polynomial of taylor_series.py for eight lanes at a time; what an entry of A multiplies stays in registers."""
+"""The polynomial of taylor_series.py for eight lanes at a time; the numbers that A multiplies stay in registers."""
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def advance_eight(
     work: Floats,
     scratch: Floats,
 ) -> None:
-    """Lanes a .. a + 7 of W."""
+    """Propagate lanes a .. a + 7 of W."""
     n, p, blocks = F.n, F.p, F.blocks
     size = n * blocks * EIGHT
     most_steps, most_terms = 0, 0

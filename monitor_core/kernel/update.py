@@ -1,4 +1,4 @@
-"""The second half of a sample: from its innovation to theta and P, and from these to the tests."""
+"""The second half of the steps for a sample: innovation, update of theta and P, tests."""
 
 from typing import Any, NamedTuple
 
@@ -42,23 +42,23 @@ from monitor_core.kernel.tables import Constants
 
 
 class Work(NamedTuple):
-    """What the steps of a sample hand on to each other."""
+    """Arrays passed between the steps for a sample."""
 
     roles: Roles
     t: Ints  # (W,) time of the sample, us
     y: Floats  # (W,) its output
     yhat: Floats  # (W,) prediction
     eps: Floats  # (W,) innovation
-    believed: Floats  # (W,) what theta learns from
+    believed: Floats  # (W,) innovation that updates theta
     S: Floats  # (W,) lambda + psi' P psi
     lam: Floats  # (W,) forgetting factor over the interval
-    share: Floats  # (W,) of P(0), that a random walk adds
+    share: Floats  # (W,) share of P(0) that a random walk adds to P
     psi: Floats  # (p, W)
     Ppsi: Floats  # (p, W)
-    moved: Floats  # (p, W) by how much theta was changed
+    moved: Floats  # (p, W) change of theta
     d: Floats  # (p, W) deviation
     nu: Floats  # (p, W)
-    hit: Ints  # (W,) whether a bound held theta
+    hit: Ints  # (W,) whether a bound limited theta
     fit: Ints  # (W,) whether P was updated
     until: Ints  # (W,) samples until deviations are kept
     tested: Ints  # (p, W) which tests run
@@ -67,7 +67,7 @@ class Work(NamedTuple):
 
 @part
 def update_estimates(lanes: Any, con: Constants, st: State, w: Work, X: Floats, drift: bool) -> None:
-    """From the prediction to theta and P (eq. 11-13), or to P(0)."""
+    """Update theta and P (eq. 11-13), or P(0), from the prediction."""
     roles, eps, S, lam, mode = w.roles, w.eps, w.S, w.lam, w.roles.mode
     # fmt: off
     check_excitation(lanes, lam, con.lam, con.min_excitation, S, st.excitation, mode, st.unobserved, st.observed)
@@ -97,7 +97,7 @@ def update_tests(
     events: Events,
     noted: EvidenceColumns,
 ) -> None:
-    """From theta and P to what is observed, the CUSUM tests (eq. 21-23) and the evidence for the cause."""
+    """Classify parameters as observed or not, run the CUSUM tests (eq. 21-23), and gather evidence for the cause."""
     tracks, d, (N, L, Y) = w.roles.tracks, w.d, w.floor
     # fmt: off
     known = Observation(st.P, st.P_nom, st.since, st.unobserved, st.observed)
@@ -118,7 +118,7 @@ def update_tests(
 
 @kernel
 def _tally(lanes: Any, mode: Ints, hit: Ints, counts: Ints, last: Ints) -> None:
-    """Count what became of the sample; ``last`` (W,) keeps it, where the predictor runs."""
+    """Count the sample by its mode; ``last`` (W,) keeps the mode of lanes whose predictor runs."""
     for a in range(len(lanes)):
         last[a] = mode[a] if mode[a] >= SETTLE else last[a]
         counts[USED, a] += mode[a] == TRACK

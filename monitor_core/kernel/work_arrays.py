@@ -1,7 +1,7 @@
-"""Work arrays of a run, and columns moved between a bank and its lanes.
+"""Work arrays of a run, and columns moved between a batch and its lanes.
 
-Written out as loops, and allocated here only: numpy's broadcasting and its constructors, compiled wherever they are
-used, would double the time to compile the whole kernel.
+All is written as loops, and arrays are allocated only here: numpy's broadcasting and constructors, compiled at each
+use, would double the time to compile the kernel.
 """
 
 from typing import Any
@@ -48,7 +48,7 @@ def strided(indices: Indices, W: int) -> Indices:
 
 @array_function
 def strided_product(F: Product, p: int, wide: int, W: int) -> Product:
-    """The product for ``p`` parameters, its indices those of arrays of lanes: ``wide`` side by side, W in a row."""
+    """The product for ``p`` parameters with indices into arrays of lanes: ``wide`` lanes side by side, W in a row."""
     at_A, more_at, part_at = strided(F.A_at, wide), strided(F.more_at, wide), strided(F.part_at, wide)
     place, slot = strided(F.part_place, wide), strided(F.part_slot, W)
     return Product(
@@ -77,7 +77,7 @@ def copy_rows(source: Floats, target: Floats) -> None:
 
 @array_function
 def take_columns(bank: Any, first: int, W: int) -> Any:
-    """A contiguous copy of W columns from ``first`` on; the last column is repeated where there are no more."""
+    """A contiguous copy of W columns from ``first`` on; the last column is repeated if there are not enough."""
     out = np.empty((bank.shape[0], W), bank.dtype)
     for r in range(bank.shape[0]):
         for a in range(W):

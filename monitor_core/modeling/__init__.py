@@ -1,11 +1,11 @@
-"""From the drawing of a drive to x' = A(theta) x + B(theta) u, y = C(theta) x (paper, section 2).
+"""Converts the drawing of a drive to x' = A(theta) x + B(theta) u, y = C(theta) x (paper, section 2).
 
     drawing in Python (drawing) or Modelica texts (modelica/), both of components/
       -> flat equations (flat)
       -> elimination/ -> minimal state space, exact, in symbols (statespace)
       -> Drive: the Laurent terms that the kernel takes (numbers)
 
-Which parameters can be identified at all: identifiability/.  Drives of the library: standard_drives.
+Structural identifiability of the parameters: identifiability/.  Drives of the library: standard_drives.
 Simulation: simulated_axis.
 """
 

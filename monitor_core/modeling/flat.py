@@ -26,7 +26,7 @@ class Origin:
 
 
 class ModelError(Exception):
-    """A drive that is no valid model; the text names file, line and component, and what would be right."""
+    """The drive is not a valid model; the text names file, line and component, and says what would be right."""
 
     def __init__(self, problem: str, origin: Origin | None = None) -> None:
         self.problem, self.origin = problem, origin or Origin()
@@ -38,8 +38,8 @@ class ModelError(Exception):
 class FlatParameter:
     """A parameter that the user named or drew.
 
-    ``unit`` in the form of units.py ("kg m^2"); "" is unknown.  ``value`` is the nominal value where the drawing gives
-    one. ``positive``: zero or less makes no sense. ``nonnegative``: less than zero makes none.
+    ``unit``: in the form of units.py ("kg m^2"); "": unknown.  ``value``: nominal value, if the drawing gives one.
+    ``positive``: the value must be above zero.  ``nonnegative``: the value must not be negative.
     """
 
     name: str
@@ -69,8 +69,8 @@ class FlatVariable:
 class FlatInput:
     """A known signal.
 
-    ``kind`` as in monitor_core.kernel.tables.  ``angle`` is the variable that an input of the motion depends on
-    (Coulomb friction: on its derivative; gravity: on itself), otherwise "".
+    ``kind``: as in monitor_core.kernel.tables.  ``angle``: variable that an input of the motion depends on (Coulomb
+    friction depends on its derivative, gravity on the angle itself), otherwise "".
     """
 
     name: str
@@ -103,7 +103,7 @@ class FlatEquation:
 
 @dataclass(frozen=True, slots=True)
 class FlatComponent:
-    """A component as it was drawn, for a picture of the drive: its equations are those of the model.
+    """A component as it was drawn, for a picture of the drive; its equations are part of the model.
 
     ``nodes``: where its flanges are; components at one node are connected there.  ``parameters`` by role.
     """

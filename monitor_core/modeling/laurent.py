@@ -1,7 +1,8 @@
 """Exact Laurent polynomials in named parameters: the entries of A, B and C.
 
-A sum of terms  c * theta_1^e1 * theta_2^e2 ...  with rational c and integer exponents, which may be negative.  Sums,
-differences and products of such sums are such sums; so is the quotient by a single term (a unit of the ring).
+A Laurent polynomial is a sum of terms  c * theta_1^e1 * theta_2^e2 ...  with rational c and integer exponents, which
+may be negative.  Sums, differences and products of Laurent polynomials are Laurent polynomials, and so are quotients by
+a single term (a unit of the ring).
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Laurent:
 
     @property
     def is_number(self) -> bool:
-        """Whether it contains no parameter."""
+        """Whether the sum contains no parameter."""
         return all(monomial == () for monomial in self.terms)
 
     @cached_property

@@ -110,7 +110,7 @@ def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
     """Rows (rank, n) that span  [start, A start, A^2 start, ...]: the controllable space of the columns (n, m)."""
     newest = start.T % prime
     basis, before = echelon(newest, prime)[0], 0
-    while len(basis) > before:  # the space has stopped growing
+    while len(basis) > before:  # until the space stops growing
         newest, before = product(newest, A.T, prime), len(basis)
         basis = echelon(np.vstack([basis, newest]), prime)[0]
     return basis

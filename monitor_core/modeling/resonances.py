@@ -14,9 +14,9 @@ from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.statespace import Entries, StateSpace, nominal_of
 
 _ROUNDING = 1e-12
-"""Relative size below which a root is zero, and an element that stands for a direct effect, too."""
+"""Relative size below which a root counts as zero, and so does an element that stands for a direct effect."""
 _REAL = 1e-6
-"""A double real root comes out as a pair with an imaginary part of about the root of the rounding error."""
+"""Relative imaginary part below which a root is real; for a double root it is about the root of the rounding error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ def _reflection(c: Floats) -> Floats:
 
 
 def _balanced(A: Floats, b: Floats, c: Floats) -> tuple[Floats, Floats, Floats]:
-    """The same drive in other units of states and input, in which rows and columns of [A b; c 0] are of similar size.
+    """The drive in units of states and input with which rows and columns of [A b; c 0] have similar sizes.
 
     Balancing A alone would not suffice: an angle that only the sensor depends on could have any unit.
     """

@@ -50,17 +50,17 @@ class SimulatedAxis:
 
     @property
     def values(self) -> dict[str, float]:
-        """The parameter values now, as they were given (a copy)."""
+        """The present parameter values, as they were given (a copy)."""
         return dict(self._values)
 
     @property
     def angle(self) -> float:
-        """Angle at the sensor now, rad; 0 for a drive with the speed as output, where it is unknown."""
+        """Present angle at the sensor, rad; 0 for a drive with the speed as output, which has no angle."""
         return float(self._C.dot(self._x)) if self._drive.output == "angle" else 0.0
 
     @property
     def speed(self) -> float:
-        """Speed at the sensor now, rad/s."""
+        """Present speed at the sensor, rad/s."""
         return float(self._speed.dot(self._x))
 
     def set(self, values: Mapping[str, float]) -> None:
@@ -103,7 +103,7 @@ class SimulatedAxis:
         return self.angle, self.speed
 
     def inputs(self, torque: float) -> Floats:
-        """All inputs of the drive now (m,), with that torque [N m]."""
+        """All present inputs of the drive (m,), with this torque [N m]."""
         u = self._constant.copy()
         for i in self._of_torque:
             u[i] = torque
@@ -111,7 +111,7 @@ class SimulatedAxis:
         return u
 
     def _follow(self, u: Floats) -> None:
-        """Friction and gravity of the motion now."""
+        """Write friction and gravity of the present motion to u (m,)."""
         if self._friction:
             speed = self.speed / self._speed_scale  # in units of that of Coulomb friction
             for i, _, ratio in self._friction:
@@ -123,7 +123,7 @@ class SimulatedAxis:
 
 
 BLOCK = 64
-"""Steps of a linear drive at once: as exact as one by one, and fifty times as fast."""
+"""Number of steps of a linear drive that are computed at once: as exact as one by one, and fifty times as fast."""
 
 
 def simulate_linear(
@@ -131,7 +131,7 @@ def simulate_linear(
 ) -> tuple[Floats, Floats]:
     """Output y (N, W) for the torque u (N, W) held from sample to sample, and the states (n, W) at the end.
 
-    y[k] is what is measured when u[k] starts to act: y[0] belongs to the state ``start`` (n, W), default 0.  A mean
+    y[k] is measured when u[k] starts to act: y[0] belongs to the state ``start`` (n, W), default 0.  A mean
     speed is that over the interval before.
 
     Raises:
@@ -175,5 +175,5 @@ def _lifted(Ad: Floats, b: Floats, c: Floats, C: Floats, n: int) -> tuple[Floats
 
 
 def _depends_on_motion(drive: Drive, B: Floats) -> NDArray[np.bool_]:
-    """Which inputs act and depend on the motion (m,)."""
+    """Mask (m,) of the inputs that act and depend on the motion."""
     return np.isin(drive.inputs, OF_MOTION) & B.any(axis=0)

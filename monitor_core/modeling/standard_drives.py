@@ -62,7 +62,7 @@ def _drawings() -> Iterator[Drawing]:
     for name, behind in links.items():
         drive = _chain(name, behind)
         yield drive
-        # It turns with r times the angle of the motor: what the springs give way changes it little.
+        # The weight turns with r times the angle of the motor; the deflection of the springs changes it little.
         heavy = [*drive.components, _weight(behind[-1].name)]
         yield Drawing(f"{name}-weight", heavy, {**drive.meanings, **_WEIGHT})
 

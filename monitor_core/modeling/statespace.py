@@ -1,4 +1,4 @@
-"""The minimal state-space form of a drive: exact and in symbols, and as the Laurent terms that the kernel takes."""
+"""The minimal state space of a drive: exact and in symbols, and as Laurent terms for the kernel."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -95,7 +95,7 @@ def drive_of(ss: StateSpace) -> Drive:
 
 
 def nominal_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> dict[str, float]:
-    """Nominal values of the drive's parameters, as far as they are known; ``values`` take precedence over drawn ones.
+    """The known nominal values of the drive's parameters; ``values`` take precedence over drawn ones.
 
     Values may be given for the user's own parameters and for merged ones.
     """

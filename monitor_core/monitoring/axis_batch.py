@@ -32,7 +32,7 @@ cache."""
 
 
 class MoreColumns(TypedDict, total=False):
-    """Optional data of the samples of a batch beside times, torque and motion; None is the same as leaving it out."""
+    """Optional data of the samples of a batch in addition to times, torque and motion; None: left out."""
 
     count: Ints | None
     """(W,) number of samples of each axis; default: all N"""

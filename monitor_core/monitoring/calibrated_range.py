@@ -43,7 +43,7 @@ class ConditionTracker:
     """The conditions of an axis, from sample to sample; blocks may be split anywhere.
 
     Args:
-        output: what is measured beside the torque.
+        output: the measured output.
         settings: memory, interval and longest gap.
         signals: names of the auxiliary signals.
     """

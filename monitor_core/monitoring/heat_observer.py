@@ -96,7 +96,7 @@ class WarmUp:
         """Number of samples until the next observation of the heat, or until a pause."""
         if self._last_us is None or abs(int(block.t_us[0]) - self._last_us) > GAP_S * 1e6:
             return 1
-        n, now_us = self._operating.alike(block.t_us), int(block.t_us[0])
+        n, now_us = self._operating.samples_before_pause(block.t_us), int(block.t_us[0])
         due_us = (now_us // self._widen_us + 1) * self._widen_us
         if not self._thermal.known:
             due_us = min(due_us, self._next_look(now_us))

@@ -34,7 +34,7 @@ class NotTested(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Remedy:
-    """What would make an axis testable for which P(0) has not been found; times in seconds.
+    """Ways to make an axis testable for which P(0) has not been found; times in seconds.
 
     ``seeding_s``: time of motion that finds P(0); ``left_s``: the part of it still needed.  ``record_s``: time of
     motion that suffices to find P(0) and to test.  ``memory_s``: a memory with which the motion received so far would
@@ -51,7 +51,7 @@ class Remedy:
 
 
 def remedy(slowest_s: float, settings: Settings, seed_left: int, moved_samples: int) -> Remedy:
-    """What would help an axis for which P(0) has not been found.
+    """Find the remedy for an axis for which P(0) has not been found.
 
     Args:
         slowest_s: slowest time constant of its predictor [s].

@@ -3,9 +3,9 @@
 * ``entries``: readings of a monitor, and means of them over hours of operation.
 * ``slow_history``: a year of entries in bounded memory.
 * ``learning_window``: new nominal values of a repaired axis.
-* ``trend_models``: the trends that are compared, and how the entries scatter around them.
+* ``trend_models``: the trends that are compared, and models of the scatter of the entries around them.
 * ``trend``: the probabilities of the trends, level and slope.
-* ``limit_forecast``: when a limit is reached, with its interval.
+* ``limit_forecast``: forecast of the time at which a limit is reached, with its interval.
 """
 
 from monitor_core.trend.entries import Reading, thinned

@@ -7,8 +7,8 @@ variance
     sigma^2 / n (1 + 2 sum_k (1 - k / n) rho^k)
         = sigma^2 / n ((1 + rho) / (1 - rho) - 2 rho (1 - rho^n) / n / (1 - rho)^2),    k from 1 to n - 1
 
-(for any stationary series; the sum is geometric).  This is a lower bound: temperature, load and other effects that the
-model lacks add to it, and only the history shows how much.
+(for any stationary series; the sum is geometric).  This is a lower bound: temperature, load and other effects that are
+not in the model increase it, and only the history shows by how much.
 """
 
 import itertools
@@ -25,17 +25,17 @@ class Reading(NamedTuple):
 
     time_us: int
     value: tuple[float, ...]
-    """theta - theta_0(s) + theta_0: where nominal values follow conditions, what it would be at theirs of reference"""
+    """theta - theta_0(s) + theta_0: the estimate, converted to the reference conditions of the nominal values"""
     variance: tuple[float, ...]
     """lambda_0 P_ii / (1 + lambda)"""
     known: tuple[bool, ...]
-    """It is observed, and the model holds"""
+    """Whether the parameter is observed and the model holds"""
     span_s: float
-    """Time in operation since the last one"""
+    """Time in operation since the last reading [s]"""
     correlation: float
     """Correlation of the estimates of two successive readings"""
     holds: bool = True
-    """The model explains the measurements"""
+    """Whether the model explains the measurements"""
 
 
 class Entry(NamedTuple):
@@ -44,21 +44,21 @@ class Entry(NamedTuple):
     start_us: int
     end_us: int
     middle_us: int
-    """Mean of the times of what is in it"""
+    """Mean of the times of its readings"""
     mean: float
     variance: float
-    """Least variance of the mean, from P"""
+    """Lower bound of the variance of the mean, from P"""
     operating_s: float
-    """Time in operation, observed"""
+    """Time in operation during which the parameter was observed [s]"""
 
 
 def inflation(n: int, rho: float) -> float:
-    """Variance of the mean of n values, correlated like rho^k, over that of independent ones."""
+    """Ratio of the variance of the mean of n values, correlated like rho^k, to that of independent values."""
     return (1 + rho) / (1 - rho) - 2 * rho * (1 - rho**n) / (n * (1 - rho) ** 2)
 
 
 def merged(entries: Sequence[Entry]) -> Entry:
-    """One entry for several in a row, weighted by their information."""
+    """Merge consecutive entries into one, weighted by their information."""
     w = np.array([1 / e.variance for e in entries])
     first, total = entries[0].middle_us, float(w.sum())  # differences of times keep their digits
     later = float(w @ [e.middle_us - first for e in entries]) / total
@@ -68,7 +68,7 @@ def merged(entries: Sequence[Entry]) -> Entry:
 
 
 def thinned(entries: Sequence[Entry], most: int) -> list[Entry]:
-    """At most ``most`` entries; neighbours are merged."""
+    """Merge neighbours so that at most ``most`` entries remain."""
     group = -(-len(entries) // most)
     if group <= 1:
         return list(entries)
@@ -87,7 +87,7 @@ def from_rows(rows: Floats) -> list[Entry]:
     """Entries from the array of ``as_rows``.
 
     Raises:
-        ValueError: these are no entries.
+        ValueError: the rows are not valid entries.
     """
     if rows.ndim != 2 or rows.shape[1] != len(Entry._fields) or not np.isfinite(rows).all():
         raise ValueError(f"no entries of a history: numbers of shape {rows.shape}, or not finite")

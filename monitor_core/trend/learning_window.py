@@ -1,12 +1,12 @@
 """A learning window: new nominal values of a repaired axis, from its own estimates over hours of normal work.
 
-The window is cut into equal parts of operating time.  Within a part the readings of a parameter are averaged with the
-weights 1 / variance (the variance is that of P), where it was observed; the parts are averaged in the same way.  How
-much the means of the parts scatter, beyond what P says, widens the standard deviation of the result (Birge's ratio).
+The window is divided into equal parts of operating time.  Within a part, the readings in which a parameter was observed
+are averaged with the weights 1 / variance (from P); the parts are averaged in the same way.  If the means of the parts
+scatter more than P says, the standard deviation of the result is increased (Birge's ratio).
 
-This moves theta_0 only.  The structure of the drive, the values that are not monitored, the filter gain and the
-relative thresholds stay, so a window is refused where they cannot hold any more: then the axis has to be identified and
-calibrated anew.
+This changes theta_0 only.  The structure of the drive, the values that are not monitored, the filter gain and the
+relative thresholds stay.  So a window is refused if these cannot be right any more: then the axis has to be identified
+and calibrated again.
 """
 
 import math
@@ -23,11 +23,11 @@ from monitor_core.trend.entries import Reading, inflation
 
 PARTS = 12
 SKIPPED = 2
-"""Readings at the beginning that are left out: they still remember the axis before (a reading is three memories)."""
+"""Readings left out at the beginning: they still depend on the axis before (a reading spans three memories)."""
 FEWEST_PARTS = 4
-"""Parts in which a parameter has to be observed."""
+"""Least number of parts in which a parameter must be observed."""
 HARMLESS = 0.03
-"""Share of its size by which the mean of a part may be off, beside chance and what the thresholds allow for."""
+"""Deviation of the mean of a part, as a share of the size, that is accepted beyond chance and the allowance."""
 DEVIATIONS = 4.0
 MOST_UNCERTAIN = 0.05
 """Largest standard deviation of a new nominal value, in sizes; a test tolerates about three of them."""
@@ -36,7 +36,7 @@ MOST_MOVED = 0.5
 
 
 class WindowDoubt(StrEnum):
-    """Why a window gives no nominal values."""
+    """Reason why a window gives no nominal values."""
 
     NOT_OBSERVED = "no parameter was observed for long enough"
     MODEL = "the model did not explain the measurements in most of the window"
@@ -45,7 +45,7 @@ class WindowDoubt(StrEnum):
 
 
 class Kept(StrEnum):
-    """Why a parameter keeps its former nominal value."""
+    """Reason why a parameter keeps its former nominal value."""
 
     NOT_OBSERVED = "not observed for long enough in the window"
     UNCERTAIN = "too uncertain in the window"
@@ -53,7 +53,7 @@ class Kept(StrEnum):
 
 
 class WindowError(ValueError):
-    """A window that gives no nominal values: the reason, and the parameters that it is about."""
+    """The window gives no nominal values; ``doubt`` is the reason, ``parameters`` are the affected ones."""
 
     def __init__(self, doubt: WindowDoubt, parameters: tuple[str, ...] = ()) -> None:
         super().__init__(f"{doubt}{': ' if parameters else ''}{', '.join(parameters)}")
@@ -64,19 +64,19 @@ class Learned(NamedTuple):
     """New nominal values."""
 
     theta: Floats
-    """(p,) the former ones where they are kept"""
+    """(p,) nominal values; the former value for a parameter that keeps it"""
     standard_deviation: Floats
-    """(p,) NaN where the former value is kept"""
+    """(p,) NaN for a parameter that keeps its former value"""
     kept: Mapping[str, Kept]
-    """Why, by name"""
+    """Reasons of the parameters that keep their former values, by name"""
 
 
 class LearningWindow:
-    """The readings of an axis, in bounded memory.
+    """Collects the readings of an axis, in bounded memory.
 
     Args:
-        model: of the axis, with its former nominal values.
-        length_s: operating time [s].
+        model: model of the axis, with its former nominal values.
+        length_s: length of the window, as operating time [s].
     """
 
     def __init__(self, model: AxisModel, length_s: float) -> None:
@@ -86,7 +86,7 @@ class LearningWindow:
         """Number of readings, sum of 1/variance, and sum of (value - theta_0)/variance, of each part and parameter"""
         self._rho: Floats = np.zeros(p)
         self._counts: Floats = np.zeros(4)
-        """Operating time [s]; readings: left out, taken, and those in which the model did not hold"""
+        """Operating time [s]; numbers of readings: left out, taken, and taken without a valid model"""
 
     @property
     def done_s(self) -> float:
@@ -95,11 +95,11 @@ class LearningWindow:
 
     @property
     def complete(self) -> bool:
-        """Whether its operating time is over."""
+        """Whether the window has reached its length."""
         return self.done_s >= self.length_s * (1 - 1e-9)
 
     def take(self, reading: Reading) -> None:
-        """Take a reading; those after the end of the window are left out."""
+        """Add a reading; readings after the end of the window are ignored."""
         if self.complete:
             return
         if self._counts[1] < SKIPPED:
@@ -117,10 +117,10 @@ class LearningWindow:
         """The new nominal values.
 
         Args:
-            allowance: (p,) what the thresholds allow for beside chance, in theta's units.
+            allowance: (p,) allowance of the thresholds beyond chance, in theta's units.
 
         Raises:
-            WindowError: there are none; which reason.
+            WindowError: the window gives no nominal values, with the reason.
         """
         m, names = self._model, self._model.monitored
         _, _, taken, bad = self._counts
@@ -143,13 +143,13 @@ class LearningWindow:
         return Learned(m.theta0 + np.where(new, d, 0.0), np.where(new, sd, math.nan), kept)
 
     def _parts(self, i: int) -> tuple[Floats, Floats]:
-        """Mean deviation and its variance by P, of each part in which parameter i was observed."""
+        """Mean deviation, and its variance from P, in each part in which parameter i was observed."""
         n, w, wd = self._sums[:, self._sums[0, :, i] > 0, i]
         variance = [inflation(int(k), float(self._rho[i])) / total for k, total in zip(n, w, strict=True)]
         return wd / w, np.array(variance)
 
     def _mean(self, i: int) -> tuple[float, float, Kept | None]:
-        """Deviation from theta_0 and its standard deviation; or why the former value is kept."""
+        """Deviation from theta_0, its standard deviation, and the reason why the former value is kept, or None."""
         if self._model.monitored[i] in (DELAY, LOAD):
             return 0.0, math.nan, Kept.BY_DEFINITION
         means, variances = self._parts(i)
@@ -170,11 +170,11 @@ class LearningWindow:
         return {"sums": self._sums.copy(), "rho": self._rho.copy(), "counts": self._counts.copy()}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[np.generic]]) -> None:
-        """Continue from a saved state.
+        """Restore a saved state.
 
         Raises:
             KeyError: an array is missing.
-            ValueError: it does not belong to such a window, or is damaged.
+            ValueError: an array does not belong to such a window, or is damaged.
         """
         own = {"sums": self._sums, "rho": self._rho, "counts": self._counts}
         found = {name: np.asarray(arrays[name], float) for name in own}

@@ -1,8 +1,9 @@
-"""Forecast: when a parameter reaches a limit, with an interval; or since when it has been beyond.
+"""Forecast of the time at which a parameter reaches a limit, with an interval; or since when it is beyond the limit.
 
-The trends that fit the history are extrapolated: the limit has been passed by a time t with the probability F(t), the
-sum over all trends of that of a Gaussian (for each single trend this is Fieller's interval).  The interval ends where F
-is 5 and 95 %; where F does not reach these values the interval is open, or no time is in sight.
+The trends that fit the history are extrapolated.  F(t) is the probability that the limit has been passed by the time t:
+the weighted sum over all trends of a Gaussian probability (for a single trend this is Fieller's interval).  The ends of
+the interval are the times at which F is 5 and 95 %.  If F does not reach these values, the interval is open, or no time
+can be given.
 """
 
 from typing import Literal, NamedTuple
@@ -17,17 +18,17 @@ COVERED = 0.9
 """Probability of every interval."""
 
 FARTHEST = 10.0
-"""Times the span of the history: no forecast reaches farther."""
+"""Longest forecast, as a multiple of the span of the history."""
 
 _STEPS = 400
 
 State = Literal["ahead", "open", "far", "beyond"]
-"""ahead: it will be reached in the interval; open: not before its lower end, perhaps never; far: not in sight, and not
-before that end; beyond: it has been reached, in the interval."""
+"""ahead: the limit will be reached within the interval; open: it will not be reached before ``low_us``, perhaps never;
+far: it will not be reached before ``low_us``, the end of the forecast; beyond: it was reached within the interval."""
 
 
 class Forecast(NamedTuple):
-    """When a limit is reached, with probability COVERED; microseconds since 1970."""
+    """Interval in which a limit is reached, with probability COVERED; microseconds since 1970."""
 
     state: State
     low_us: int
@@ -35,7 +36,7 @@ class Forecast(NamedTuple):
 
 
 def forecast(trend: Trend, limit: float, upper: bool) -> Forecast:
-    """When the trend of a parameter reaches a limit, in its unit; ``upper``: it must stay below."""
+    """Forecast for a limit in the unit of the parameter; ``upper``: the parameter must stay below the limit."""
     m, sign = trend.mixture, 1.0 if upper else -1.0
     beyond = float(_passed(m, np.array([m.end]), limit, sign)[0])
     if beyond >= (1 + COVERED) / 2:
@@ -68,7 +69,7 @@ def _reached(t: Floats, F: Floats, p: float) -> float | None:
 
 
 def _since(m: Mixture, limit: float, sign: float) -> tuple[float, float]:
-    """The last times at which it was not beyond, with 95 and with 5 %, looking back."""
+    """Interval of the time since which the parameter is beyond the limit: where F was last below 5 and below 95 %."""
     t = np.linspace(m.end, m.begin, _STEPS)
     F = np.minimum.accumulate(_passed(m, t, limit, sign))
     ends = []

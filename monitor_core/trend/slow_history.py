@@ -1,8 +1,7 @@
-"""History of a parameter over a year in bounded memory: hours of operation, later days.
+"""History of a parameter over a year in bounded memory: an entry for each hour of operation, later for each day.
 
-An hour is one of operation in which the parameter was observed, however long that takes, up to a day: then the entry is
-closed with what is known, so that no entry is a mean over more than a day.  After a month the hours of a day are
-merged.
+An entry is the mean over an hour of operation in which the parameter was observed.  It is closed after a day at the
+latest, so that no entry is a mean over more than a day.  After a month the hours of a day are merged.
 """
 
 from collections.abc import Sequence
@@ -15,17 +14,17 @@ from monitor_core.trend.entries import Entry, as_rows, from_rows, inflation, mer
 
 HOUR_S = 3600.0
 DAY = 24
-"""Hours of time that an entry may span."""
+"""Longest time that an entry may span, in hours."""
 
 HOURS, DAYS = 31 * DAY, 366
-"""Entries that are kept: of an hour, and older ones of a day."""
+"""Numbers of kept entries: entries of an hour, and older entries of a day."""
 
 YEAR = 400 * DAY
-"""Hours after which an entry is forgotten."""
+"""Age of an entry, in hours, after which it is deleted."""
 
 
 class _Open(NamedTuple):
-    """The open entry: sums of 1/variance, and of value and time, relative to the first ones, weighted with it."""
+    """The open entry: sums of 1/variance (w), and with these weights of value and time since the first reading."""
 
     start_us: int
     end_us: int
@@ -40,7 +39,7 @@ class _Open(NamedTuple):
 class SlowHistory:
     """The slow history of one parameter.
 
-    ``hour_s``: time in operation [s] of an entry; days, a month and a year are that many times longer.
+    ``hour_s``: time in operation [s] per entry; day, month and year are the usual multiples of it.
     """
 
     def __init__(self, hour_s: float = HOUR_S) -> None:
@@ -120,10 +119,10 @@ class SlowHistory:
         return np.array(self._open or (), float)
 
     def restore(self, closed: Floats, opened: Floats) -> None:
-        """Continue from saved arrays; an open entry that is older than the closed ones is left out.
+        """Restore saved arrays; an open entry that is older than the closed ones is left out.
 
         Raises:
-            ValueError: it is no history, or one of other hours.
+            ValueError: the arrays are not a history, or its entries have another ``hour_s``.
         """
         if closed.ndim != 2 or len(closed) < 1 or closed.shape[1] != 6 or not np.isfinite(closed).all():
             raise ValueError("no history")

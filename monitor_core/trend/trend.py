@@ -1,7 +1,8 @@
 """Trend of a parameter from its slow history: steady, drift or step, with probabilities.
 
-All trend models with all noise models (trend_models.py) are weighted by their evidence.  The result is a mixture of
-Gaussians of level and slope, which gives the probabilities of the kinds, the slope, and when a limit is reached.
+All combinations of trend models and noise models (trend_models.py) are weighted by their evidence.  The result is a
+mixture of Gaussians for level and slope.  It gives the probabilities of the kinds, the slope, and the time at which a
+limit is reached.
 """
 
 from collections.abc import Sequence
@@ -28,22 +29,22 @@ FEWEST = 24
 """Least number of entries for a trend."""
 
 SPAN = 120
-"""Hours (of time, in lengths of an entry's operation) that they must span: days differ from nights."""
+"""Least time that the entries must span, in hours (``hour_s``): several days, as days differ from nights."""
 
 MOST = 160
-"""Most entries that are used; more are merged."""
+"""Largest number of entries that are used; more are merged."""
 
 COARSE = 12
-"""Times of a change that are tried first, with every noise."""
+"""Number of times of a change that are tried first, with every noise model."""
 
 LIKELY, MOST_LIKELY = 1e-3, 24
-"""Noises that are kept for all times: those not less likely than this beside the best, and at most so many."""
+"""Noise models that are kept for all times of a change: least likelihood relative to the best, and largest number."""
 
 CHANGE = 0.3
-"""A priori a change is about so large, beside the size of the parameter."""
+"""Prior standard deviation of a change, as a share of the size of the parameter."""
 
 KEPT = 1e-6
-"""Probability below which a course is left out."""
+"""Trends below this probability are left out."""
 
 
 class Mixture(NamedTuple):
@@ -77,7 +78,7 @@ class Trend(NamedTuple):
     time_us: int
     """Time of the last entry, at which the trend ends"""
     since_us: int
-    """Begin of the first entry"""
+    """Start of the first entry"""
     probability: dict[str, float]
     """Probabilities of steady, drift, step, both (a step, and a drift since)"""
     level: float
@@ -85,19 +86,20 @@ class Trend(NamedTuple):
     slope: float
     slope_sd: float
     change_us: int
-    """When the likeliest kind of change began; of a steady one the begin"""
+    """Time at which the likeliest kind of change began; the start of the history for a steady parameter"""
     change: float
-    """By how much it has changed since then, mean and standard deviation"""
+    """Mean of the change since then"""
     change_sd: float
+    """Standard deviation of the change"""
     scatter: float
-    """Standard deviation of an hour's mean about the course"""
+    """Standard deviation of the mean of an hour around the trend"""
     mixture: Mixture
 
 
 def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | None:
-    """Trend of the entries of a parameter; None: they are too few, or cover too little time.
+    """Trend of the entries of a parameter; None: there are too few entries, or they cover too little time.
 
-    ``size`` of the parameter, in its unit: |nominal| or its scale.  ``hour_s``: time in operation of a whole entry [s].
+    ``size``: size of the parameter, in its unit: |nominal| or its scale.  ``hour_s``: time in operation per entry [s].
     """
     zero_us = entries[-1].middle_us if entries else 0
     if len(entries) < FEWEST or zero_us - entries[0].middle_us < SPAN * hour_s * 1e6 / 1.001:
@@ -120,7 +122,7 @@ def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | No
 def _weighed(
     t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: float
 ) -> tuple[Weighed, Noises, Floats]:
-    """Evidence first of every noise with a few change times, then of the likely noises with all."""
+    """Evidence of the trends: first all noise models with a few times of a change, then the likely ones with all."""
     N = len(t)
     every = np.concatenate([[0], np.arange(BEFORE, N - AFTER + 1)])
     few = every[np.unique(np.linspace(0, len(every) - 1, COARSE).round().astype(int))]
@@ -156,7 +158,7 @@ def _spread(t: Floats, y: Floats, variance: Floats) -> float:
 
 
 def _by_noise(w: Weighed, G: int, M: int) -> Floats:
-    """Log evidence of each noise (G,), summed over all trends."""
+    """Log evidence of each noise model (G,), summed over all trends."""
     parts = [w.log_weight[:G, None], *(x.reshape(G, M) for x in np.split(w.log_weight[G:], 3))]
     return np.asarray(np.logaddexp.reduce(np.concatenate(parts, axis=1), axis=1))
 

@@ -12,14 +12,14 @@ import numpy as np
 from monitor_core.arrays import Floats
 
 BEFORE, AFTER = 2, 4
-"""Entries that are needed before a change, and after it."""
+"""Numbers of entries needed before and after a change."""
 
 PRIOR = {"steady": 0.4, "drift": 0.3, "step": 0.2, "both": 0.1}
 KINDS = tuple(PRIOR)
 
 
 class Shapes(NamedTuple):
-    """The M changes that are considered, as columns (N, M)."""
+    """The M possible changes, as columns (N, M)."""
 
     at: Floats  # (M,) times
     step: Floats  # (N, M) 0 before, 1 after
@@ -34,13 +34,13 @@ class Weighed(NamedTuple):
     log_weight: Floats
     level: Floats  # before the change, given the changes ``mean``
     level_variance: Floats  # given the changes
-    pull: Floats  # (K, 2) by how much the level falls for a change of one
+    pull: Floats  # (K, 2) decrease of the level for a change of one
     mean: Floats  # (K, 2) of step and ramp
     covariance: Floats  # (K, 2, 2)
 
 
 def shapes(t: Floats, first: Floats) -> Shapes:
-    """Changes before the entries ``first`` (M,); 0: from the beginning."""
+    """Changes just before the entries ``first`` (M,); 0: a change from the start of the history."""
     at = np.where(first > 0, (t[np.maximum(first - 1, 0)] + t[first]) / 2, t[0])
     step = (np.arange(len(t))[:, None] >= first).astype(float)
     ramp = np.maximum(t[:, None] - at, 0.0) / (t[-1] - at)
@@ -48,26 +48,29 @@ def shapes(t: Floats, first: Floats) -> Shapes:
 
 
 def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> Weighed:
-    """Evidence and estimates of every model in every noise.
+    """Evidence and estimates of each trend model with each noise model.
 
-    ``W`` (N, G, 2 + 2 M): values, ones, steps and ramps, whitened; ``log_det`` (G,).  The first of the M changes begins
-    with the history, and has no step; ``prior`` (M - 1,) is that of the times of the others, ``size`` the standard
-    deviation of a change.
+    Args:
+        W: whitened values, ones, steps and ramps (N, G, 2 + 2 M).
+        log_det: log determinant of the covariance of each noise model (G,).
+        s: the M changes; the first begins with the history, and has no step.
+        size: prior standard deviation of a change.
+        prior: prior probabilities of the times of the other changes (M - 1,).
     """
     M, (_, G, _) = len(s.at), W.shape
     y, ones, F = W[:, :, 0], W[:, :, 1], W[:, :, 2:].reshape(len(W), G, 2, M)
     a, b, c = (ones**2).sum(0), (ones * y).sum(0), (y**2).sum(0)
     af, bf = np.einsum("ng,ngfm->gfm", ones, F), np.einsum("ng,ngfm->gfm", y, F)
     aff = np.einsum("ngfm,nghm->gfhm", F, F)
-    # Integrate out the level: subtract its part of everything.
+    # Integrate out the level: project it out of all products.
     R = aff - np.einsum("gfm,ghm->gfhm", af, af) / a[:, None, None, None]
     r = bf - af * (b / a)[:, None, None]
     base = -0.5 * (log_det + np.log(a) + c - b**2 / a)
-    found = [_steady(base, b / a, 1 / a)]
+    models = [_steady(base, b / a, 1 / a)]
     for kind, used in (("drift", (1,)), ("step", (0,)), ("both", (0, 1))):
         p = np.concatenate([[0.5 if kind == "drift" else 0.0], prior * (0.5 if kind == "drift" else 1.0)])
-        found.append(_changed(kind, used, base, (a, b, af), (R, r), s.at, size, p))
-    return Weighed(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+        models.append(_changed(kind, used, base, (a, b, af), (R, r), s.at, size, p))
+    return Weighed(*(np.concatenate(parts) for parts in zip(*models, strict=True)))
 
 
 def _steady(base: Floats, level: Floats, variance: Floats) -> Weighed:
@@ -87,7 +90,7 @@ def _changed(
     size: float,
     prior: Floats,
 ) -> Weighed:
-    """One kind of change at all times, in all noises (G M,)."""
+    """One kind of change at all times, with all noise models (G M,)."""
     a, b, af = level
     R, r = (np.moveaxis(x, -1, 1) for x in rest)  # (G, M, 2, 2), (G, M, 2)
     G, M = r.shape[:2]
@@ -115,38 +118,38 @@ def _changed(
     )
 
 
-# --- How a series scatters about its course: by P, by itself, and with a memory ---------------------------------------
+# --- Noise models: the scatter of a series around its trend -----------------------------------------------------------
 
 
-# Beside the errors of estimation, of variance s_k^2, each mean is off by what differs from hour to hour (white, the
-# less the longer the mean), and by what stays for a while, temperature, load, a shift, exponentially correlated in
-# time.  How large these are and how long they last is not known: a grid of possibilities, each with its likelihood,
-# says how sure anything is.  The noise is made white by a Kalman filter of its one state, for all possibilities side
-# by side.
+# Each mean has three errors: the error of estimation, with variance s_k^2; white noise from hour to hour, which is the
+# smaller the longer the mean; and persistent noise (temperature, load, a shift), with an exponential correlation in
+# time.  The sizes of the noises and the correlation time are not known.  So a grid of noise models is used, each
+# weighted by its likelihood, which determines the uncertainty of all results.  A Kalman filter with one state whitens
+# the noise, for all models side by side.
 
 LEVELS = (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1.1, 1.3, 1.6, 2.0, 3.0)
-"""Standard deviations of the whole scatter, beside that of what is left when a course is taken out."""
+"""Standard deviations of the total scatter, relative to the residuals of a simple trend."""
 
 SHARES = (0.1, 0.3, 0.6, 0.85, 1.0)
-"""Shares of the variance that persist for a while."""
+"""Shares of the persistent noise in the variance."""
 
 LASTING = 7
-"""Possible times that it stays, from the distance of two entries to half of the whole history, at least LONG."""
+"""Number of correlation times, from the distance of two entries to half of the history (or to LONG, if longer)."""
 
 LONG = 48.0
-"""Hours that load and weather may stay; a short history does not show it."""
+"""Correlation time of load and weather in hours, which a short history cannot show."""
 
 FAVOUR = 0.5
-"""Power of its time with which lasting scatter is held to be likelier than short one: what lasts harms, and is hardly
-seen in a short history."""
+"""Exponent of the correlation time in the prior, which favours long ones: persistent noise does more harm, and a short
+history hardly shows it."""
 
 
 class Noises(NamedTuple):
-    """The G noise models, besides the errors of estimation."""
+    """The G noise models, without the errors of estimation."""
 
-    white: Floats  # variance
-    lasting: Floats  # variance
-    rate: Floats  # 1 / time that it lasts
+    white: Floats  # variance of the white noise
+    lasting: Floats  # variance of the persistent noise
+    rate: Floats  # 1 / correlation time
     log_prior: Floats
 
 
@@ -167,8 +170,12 @@ def whitened(
 ) -> tuple[Floats, Floats]:
     """Columns (N, G, C) with the noise whitened to variance one, and log det of its covariance (G,).
 
-    ``columns`` (N, C) are measured values, and their explanatory columns, at the increasing times t (N,); ``variance``
-    (N,) is that of the errors of estimation, ``share`` (N,) that of the white noise that the mean of an entry has.
+    Args:
+        t: increasing times (N,).
+        columns: measured values and their explanatory columns (N, C).
+        variance: variance of the errors of estimation (N,).
+        share: share of the variance of the white noise that remains in the mean of an entry (N,).
+        noises: the noise models.
     """
     G, (N, C) = len(noises.white), columns.shape
     m, P = np.zeros((G, C)), noises.lasting.copy()

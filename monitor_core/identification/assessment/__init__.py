@@ -1,1 +1,1 @@
-"""What a fit is worth: the verdict on it, what can be watched with it, the drive beside black boxes."""
+"""Assessment of a fit: the verdict, the parameters that can be monitored, comparison with black-box models."""

@@ -29,7 +29,7 @@ from monitor_core.identification.records.uniform_grid import grid_interval, resa
 
 _POINTS = 300
 _PERIODS = 4.0
-"""Periods of the lowest frequency in the longest record, at least."""
+"""Least number of periods of the lowest frequency in the longest record."""
 _EXCITED = 3e-3
 """Share of the largest spectral density of the torque below which a frequency counts as not excited: there the torque
 is a controller's answer to noise."""
@@ -37,18 +37,18 @@ _NYQUIST = 0.95
 _EVEN = 0.01
 """Relative scatter of the intervals below which samples count as evenly spaced."""
 _FASTER = 5.0
-"""Samples in a period of the highest frequency, at least."""
+"""Least number of samples in a period of the highest frequency."""
 _LARGEST = 100
 """Largest order of the black box."""
 _FEWEST = 400
-"""Samples of the shortest record that are left when it is thinned out: the filter takes 18 of them at each end."""
+"""Least number of samples that remain of the shortest record after decimation: the filter takes 18 at each end."""
 _LONGEST = 60_000
-"""Most samples for the black box and the spectra: more only take longer."""
+"""Largest number of samples for the black box and the spectra: more only take longer."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bode:
-    """``drive`` has the estimates, ``before`` the nominal values, if known; the others may be None."""
+    """Frequency responses: ``drive`` with the estimates, ``before`` with the nominal values; None: not known."""
 
     drive: FrequencyResponse
     before: FrequencyResponse | None
@@ -62,7 +62,7 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
 
     Args:
         estimate: the identified drive.
-        start: the problem with the values before; None: there were none.
+        start: the problem with the nominal values before the fit; None: there were none.
         records: the records that were fitted.
     """
     f, h = band(records), estimate.interval_s
@@ -95,7 +95,7 @@ def band(records: Sequence[Record]) -> Floats:
 
 
 def _regular(records: Sequence[Record], interval_s: float) -> tuple[list[Record], tuple[str, ...]]:
-    """The records on a uniform grid, and a sentence where they had to be resampled."""
+    """The records on a uniform grid, and a sentence if they had to be resampled."""
     cut = [record.select(slice(0, _LONGEST)) for record in records]
     scatter = max(record.jitter_s / record.interval_s for record in cut)
     if scatter < _EVEN:
@@ -130,7 +130,7 @@ def _as_speed(response: FrequencyResponse) -> FrequencyResponse:
     return replace(response, G=response.G * 2j * np.pi * response.frequency_hz)
 
 
-# --- The response of a drive at estimated parameters, with the band that their covariance leaves ----------------------
+# --- Response of a drive with estimated parameters, and its uncertainty band ------------------------------------------
 
 
 def held_response(
@@ -140,8 +140,8 @@ def held_response(
 
         G(z) = C (zI - Ad)^-1 (Bd + Bd' / z),      z = e^{jwh}
 
-    Ad, Bd belong to the torque held over the interval, Bd' to the part of it that acts late, as the samples of a record
-    see it: this is what spectra and discrete models estimate, not C (jw - A)^-1 B.
+    Ad and Bd belong to the torque held over the interval, Bd' to the part of it that acts late.  This is the response
+    that spectra and discrete models of sampled records estimate, and not C (jw - A)^-1 B.
 
     ``torque`` (m,) says which inputs are the motor torque, which acts late by ``delay_s``, at most one interval.
 
@@ -174,7 +174,7 @@ def drive_response(
     delay_s: float = 0.0,
     name: str = "grey box",
 ) -> FrequencyResponse:
-    """The response of a drive to its torque; friction and gravity, being known inputs, are not in it.
+    """The response of a drive to its torque; friction and gravity are known inputs and do not contribute.
 
     Args:
         drive: its structure.

@@ -1,11 +1,12 @@
-"""How much of the torque a drive with given values explains: what the measured motion takes, in smooth means.
+"""Share of the measured torque that a drive with given values explains, from the measured motion in smooth means.
 
-A weight is held by far more torque than friction and inertia take.  A simulation then runs away with the smallest error
-of that torque, and its speed says little of the values.  The other way round nothing is integrated:
+The torque that holds a weight is far larger than those of friction and inertia.  Then a simulation runs away with the
+smallest error of that torque, and its speed says little about the values.  In the other direction nothing is
+integrated:
 
     u = J w' + f w + fc tanh(w / scale) - (tau0 + weight of the pose) / kT + ..
 
-with the values that the drive has while it moves slowly, as one rigid mass.
+with the values of the drive in slow motion, as one rigid mass.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,13 +24,13 @@ from monitor_core.identification.torque_balance.torque_windows import SIGNAL, To
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
 _MOST = 0.5
-"""Of the mean square of the torque."""
+"""Coulomb friction takes most of the torque above this share of the mean square of the torque."""
 _SLOW = 0.05
-"""rad/s: what is so slow moves rigidly."""
+"""Frequency [rad/s] of a motion that is slow enough to be rigid."""
 
 
 def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> float:
-    """Per cent of the torque, 100 (1 - |errors| / |torque - mean|), of records with the values of each problem.
+    """Explained torque in per cent, 100 (1 - |errors| / |torque - mean|), of the records of each problem.
 
     Scheduled parameters follow their signals where they are a constant torque.  -inf: nothing, or the records are too
     short.
@@ -44,14 +45,14 @@ def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> fl
 
 
 def holds_weight(problem: Problem) -> bool:
-    """Whether a weight acts on the drive: gravity of its angle, or a constant torque that follows the pose."""
+    """Whether a weight acts on the drive: gravity at its own angle, or a constant torque that follows the pose."""
     gravity = [kind in (COSINE, SINE) for kind in problem.drive.inputs]
     acts = bool(problem.drive.matrix("B", problem.nominal)[:, gravity].any()) if any(gravity) else False
     return acts or follows_pose(problem)
 
 
 def lifts(problem: Problem) -> bool:
-    """Whether a constant torque acts that Coulomb friction does not hold, as on a vertical linear axis."""
+    """Whether a constant torque acts that exceeds Coulomb friction, as on a vertical linear axis."""
     kinds = np.array(problem.drive.inputs)
     if not ((kinds == ONE).any() and (kinds == COULOMB).any()):
         return False
@@ -62,8 +63,8 @@ def lifts(problem: Problem) -> bool:
 def rubs(problem: Problem, records: Iterable[Record]) -> bool:
     """Whether Coulomb friction takes most of the torque.
 
-    What is left for acceleration and speed is then the small difference of two large torques: a friction that is off
-    by a tenth, as by the warmth of the gear, changes a simulated speed by as much as there is of it.
+    Then the torque for acceleration and speed is the small difference of two large torques.  A friction with an error
+    of a tenth, as by the temperature of the gear, may change a simulated speed by its whole value.
     """
     friction = np.array(problem.drive.inputs) == COULOMB
     if not friction.any():
@@ -79,12 +80,12 @@ def follows_pose(problem: Problem) -> bool:
 
 
 def with_torque_of_pose(problem: Problem, records: Sequence[Record]) -> list[Record]:
-    """The records with the torque that gravity and signals take as their signal SIGNAL."""
+    """The records, with the torque for gravity and signals added as the signal SIGNAL."""
     return _balanced(problem, records)[0]
 
 
 def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record], Balance, float]:
-    """Records with the torque of pose and signals as a signal, the balance of all else, and its speed scale."""
+    """Records with the torque of pose and signals as a signal, the torque balance of the rest, and its speed scale."""
     drive, rigid = problem.drive, _Rigid(problem)
     kinds, ratio = np.array(drive.inputs), drive.matrix("ratio", problem.nominal)[:, 0]
     takes, scale = rigid.takes(problem.nominal), problem.speed_scale
@@ -112,7 +113,7 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
 
 
 class _Rigid:
-    """A drive that moves so slowly that it is rigid: the torque that its motion and its inputs take."""
+    """A drive in slow, rigid motion: the torque that its motion and its inputs need."""
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
@@ -125,12 +126,12 @@ class _Rigid:
         self.inertia, self.viscous = -float(impedance.real) / _SLOW**2, float(impedance.imag) / _SLOW
 
     def takes(self, values: Mapping[str, float]) -> Floats:
-        """Torque that each input takes (m,), per unit of it."""
+        """Motor torque (m,) that one unit of each input needs."""
         takes: Floats = -np.real(self._left @ self._problem.drive.matrix("B", values) / self._of_torque)
         return takes
 
     def takes_per(self, name: str) -> float:
-        """Torque that all inputs take, per unit of a parameter."""
+        """Motor torque that all inputs need per unit of a parameter."""
         nominal = self._problem.nominal
         more = self.takes({**nominal, name: nominal[name] + 1.0}) - self.takes(nominal)
         return float(more.sum())

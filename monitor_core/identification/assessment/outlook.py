@@ -1,4 +1,4 @@
-"""Which of the monitored parameters can be watched with these nominal values, and from which change on."""
+"""Finds which monitored parameters can be watched with the nominal values, and the smallest change that shows."""
 
 from collections.abc import Mapping, Sequence
 from enum import Enum
@@ -12,31 +12,31 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.wording import rounded_down
 
 _SHOWS = 3.0
-"""Standard deviations of an estimate that a change must reach, as nu of the paper's tests (alpha_1)."""
+"""A change shows from this number of standard deviations of the estimate, as with alpha_1 of the paper's tests."""
 _ZERO = 2.0
-"""Standard deviations: a value of either sign that is smaller is not distinguished from zero."""
+"""A value below this number of its standard deviations is not distinguished from zero."""
 _LARGEST = 1.0
-"""A change of 100 %: what would show only beyond that is not watched."""
+"""A parameter that shows only changes beyond 100 % is not watched."""
 
 
 _SMALL = 0.2
-"""A change of 20 % is what robots are watched for."""
+"""Robots are monitored for changes of 20 %."""
 _OF_LOAD = 0.3
-"""Of the weight: a change of the payload that is to be detected."""
+"""Change of the payload that must be detected, as a share of the weight."""
 _HARDLY_LESS = 1.1
 _NEEDED = 33
-"""Memories that a record must hold: ten to find P(0), twenty to calibrate, the rest for what cannot be used."""
+"""Memories that a record must contain: ten to find P(0), twenty to calibrate, the rest for unusable samples."""
 
 
 class Obstacle(Enum):
     """Why a parameter cannot be watched."""
 
     NO_SIZE = "no-size"
-    """Its nominal value is zero, or not distinguished from zero: what a change is compared with is not given."""
+    """Its nominal value is zero, or not distinguished from zero, so that relative changes have no meaning."""
     NOT_SHOWN = "not-shown"
     """The motion of the records shows it too little within the memory of the monitor."""
     TOGETHER = "together"
-    """Only beside all the others: with one parameter fewer, those that are left show."""
+    """It cannot be watched together with all the others; with one parameter fewer, the remaining ones show."""
 
 
 class Watched(NamedTuple):
@@ -44,14 +44,14 @@ class Watched(NamedTuple):
 
     name: str
     change: float
-    """smallest change that shows within one memory, as part of the given size, else of the value"""
+    """Smallest change that shows within one memory, as a share of the given size, or else of the value"""
     obstacle: Obstacle | None
 
 
 class Outlook:
-    """What can be watched with these nominal values in the motion of records.
+    """Finds the parameters that can be watched with these nominal values and the motion of the records.
 
-    ``sizes``: of parameters as given by the user, by name; of the others the value is the size.
+    ``sizes``: sizes given by the user, by name of the parameter; for the others the size is the value.
     """
 
     def __init__(
@@ -63,12 +63,12 @@ class Outlook:
     def watched(
         self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float] = {}
     ) -> tuple[Watched, ...]:
-        """What can be watched, in the order of ``monitored``.
+        """Whether each parameter can be watched, in the order of ``monitored``.
 
         Args:
             monitored: names of parameters, "1/Ja" for a reciprocal.
-            memory_s: of the monitor, s.
-            weight: what LOAD scales, if it is among them, as in ``monitored_information``.
+            memory_s: memory of the monitor [s].
+            weight: the weight that LOAD scales, if it is monitored, as in ``monitored_information``.
         """
         found = dict[str, Watched]()
         names = list(monitored)
@@ -90,10 +90,9 @@ class Outlook:
         return tuple(found[name] for name in monitored)
 
     def sufficient_memory(self, monitored: Sequence[str], memories_s: Sequence[float]) -> float:
-        """The shortest of these memories [s], in ascending order, with which all that shows shows small changes.
+        """The shortest of these memories [s], in ascending order, with which all watched parameters show small changes.
 
-        Else the longest; if the records are too short to calibrate with that, the longest with which they are not, but
-        at least the first.
+        If there is none, the longest one for which the records are long enough to calibrate, but at least the first.
         """
         most_s = max(memories_s[0], min(rounded_down(self._duration_s / _NEEDED), memories_s[-1]))
         for memory_s in memories_s:
@@ -107,10 +106,10 @@ class Outlook:
     def with_load(
         self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float]
     ) -> tuple[Watched, ...] | None:
-        """What can be watched, and the load at the end; None: the records hardly determine it, or are too short.
+        """As ``watched``, with the load at the end; None: the records hardly determine the load, or are too short.
 
-        Another load differs from another torque constant in friction and inertia alone, so both show less together:
-        none of the others may show much less than without it, unless it still shows small changes.
+        A change of the load differs from one of the torque constant only by friction and inertia, so both show less
+        together.  Each other parameter must still show small changes, or hardly larger ones than without the load.
         """
         if self._duration_s < _NEEDED * memory_s:  # to calibrate it
             return None
@@ -125,7 +124,7 @@ class Outlook:
     def _changes(
         self, names: Sequence[str], memory_s: float, weight: Mapping[str, float]
     ) -> Mapping[str, float]:
-        """Smallest change of each that shows within the memory, the others being monitored, too."""
+        """Smallest change of each parameter that shows within the memory if the others are monitored, too."""
         if not names:
             return {}
         own = [name for name in names if name != LOAD or not weight]

@@ -1,9 +1,9 @@
-"""The verdict on a fit: how much of the motion or of the torque the drive explains, and which effect it lacks.
+"""The verdict on a fit: how much of the motion or of the torque the drive explains, and which effect is missing in it.
 
-One step ahead every drive predicts well.  What decides is the simulation of records that were not fitted; where there
-are none, each half of the records is simulated with values from the other half.  Where a weight acts, or Coulomb
-friction takes most of the torque, the simulation may run away, and the torque of the measured motion is compared
-instead (explained_torque.py); so it is where slow motion is left out, which a simulation has to go through.
+Every drive predicts well one step ahead, so the simulation of records that were not fitted decides.  If there are none,
+each half of the records is simulated with values from the other half.  If a weight acts, or Coulomb friction takes most
+of the torque, the simulation may run away; then the torque that the measured motion needs is compared instead
+(explained_torque.py).  The same is done if slow motion is left out, as a simulation cannot leave it out.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -43,21 +43,21 @@ GOOD_TORQUE, FAIR_TORQUE = 85.0, 70.0
 """Per cent of the torque under a weight.  A robot's shoulder and elbow with the weight of all links reach 77 to 94,
 with that of their own link only 25 to 54: most of the torque is the weight."""
 _ITERATIONS = 30
-"""Of the fit to a half, which starts at the estimates."""
+"""Iterations of the fit to a half, which starts at the estimates."""
 _FEWEST = 200
-"""Samples of a half."""
+"""Least number of samples in a half."""
 _LESS = 0.5
-"""A further effect leaves less than this part of the torque that was not explained: it is missing in the drive."""
+"""An effect is missing in the drive if it reduces the unexplained torque to less than this share."""
 _MATTERS = 0.003
-"""Part of the torque of slow motions that an effect takes; with less of it springs come first, which look like it."""
+"""Least share of an effect in the torque of slow motions; a smaller one is more likely due to springs."""
 _MOSTLY = 0.5
-"""Of the time in motion: if so much of it is slow, its friction outweighs all else."""
+"""If the motion is slow for this share of the time in motion, its friction outweighs everything else."""
 _RIGID = 0.9
-"""Part of the torque of slow motions; if so much is explained, what is missing is faster."""
+"""If this share of the torque of slow motions is explained, the missing effect is a fast one."""
 
 
 class Quality(Enum):
-    """Of a fit."""
+    """Quality of a fit."""
 
     GOOD = "good"
     FAIR = "fair"
@@ -65,58 +65,58 @@ class Quality(Enum):
 
 
 class Basis(Enum):
-    """What the verdict is based on."""
+    """Data on which the verdict is based."""
 
     RECORDS = "records"
-    """Records that were kept aside."""
+    """Validation records."""
     HALVES = "halves"
     """Each half of the records, with values from the other."""
     NONE = "none"
-    """The fitted records themselves: they cannot be divided."""
+    """The fitted records themselves, as they cannot be divided."""
 
 
 class Measure(Enum):
-    """What is compared."""
+    """Quantities that are compared."""
 
     MOTION = "motion"
-    """The speed of a simulation with the measured speed."""
+    """The speed of a simulation and the measured speed."""
     TORQUE = "torque"
-    """The torque that the measured motion takes with the measured torque."""
+    """The torque that the measured motion needs and the measured torque."""
 
 
 class Effect(Enum):
-    """What a drive may lack."""
+    """Effects that may be missing in a drive."""
 
     POSE = "pose"
     """Torque that depends on the angle: a weight, a balancing spring."""
     COULOMB = "coulomb"
     OFFSET = "offset"
     FRICTION_CURVE = "friction-curve"
-    """Friction that is not proportional to the speed, beside Coulomb's."""
+    """Friction that is neither proportional to the speed nor Coulomb friction."""
     FAST = "fast"
-    """Slow motions are explained: elasticity, or a delay."""
+    """Elasticity, or a delay: only slow motions are explained."""
     SLOW = "slow"
-    """Mostly the motion is slow, with a friction that sticks and slips; faster motion is explained."""
+    """Stick-slip friction: most of the motion is slow; faster motion is explained."""
     FOREIGN = "foreign"
-    """Nothing of its own motion explains the torque: other axes, a load that changes, contact."""
+    """The motion of the axis does not explain the torque: other axes, a load that changes, contact."""
 
 
 _PARTS = {Effect.POSE, Effect.COULOMB, Effect.OFFSET}
-"""Effects that a further component of the drive describes."""
+"""Effects that another component in the drive would describe"""
 
 
 class Verdict(NamedTuple):
-    """How much of the motion or torque is explained, and what is missing where that is not enough."""
+    """Explained share of the motion or torque, and the missing effects if that is not enough."""
 
     own: float
-    """per cent of the fitted records"""
+    """Per cent in the fitted records"""
     validation: float
-    """per cent of what was not fitted; with Basis.NONE of the fitted records"""
+    """Per cent in the data that were not fitted; with Basis.NONE in the fitted records"""
     basis: Basis
     missing: tuple[Effect, ...]
     measure: Measure = Measure.MOTION
     slow: float = 0.0
-    """With Effect.SLOW the speed below which it is [rad/s]"""
+    """With Effect.SLOW: speed below which the motion is slow [rad/s]"""
 
     @property
     def per_cent(self) -> float:
@@ -125,7 +125,7 @@ class Verdict(NamedTuple):
 
     @property
     def quality(self) -> Quality:
-        """By the worse of the two; poor where the drive lacks a part that the records show."""
+        """Quality by the worse of both figures; poor if the records show a part that is missing in the drive."""
         good, fair = (GOOD, FAIR) if self.measure is Measure.MOTION else (GOOD_TORQUE, FAIR_TORQUE)
         if self.per_cent >= good:
             return Quality.GOOD
@@ -149,11 +149,11 @@ def verdict_of(
     """The verdict on estimates from these records.
 
     Args:
-        estimate: of the drive.
-        records: that were fitted.
-        validation: records that were kept aside; none: the fitted ones are divided.
-        traces: of the fitted records with the estimates.
-        validated: of those that were kept aside.
+        estimate: estimates of the drive.
+        records: the fitted records.
+        validation: validation records; if there are none, the fitted ones are divided.
+        traces: traces of the fitted records with the estimates.
+        validated: traces of the validation records.
     """
     own = [_Tried(estimate.problem, records)]
     basis, others = Basis.RECORDS, [_Tried(estimate.problem, validation)]
@@ -181,17 +181,17 @@ def verdict_of(
 
 
 def _bears(problem: Problem, records: Sequence[Record]) -> bool:
-    """Whether a weight acts that the drive has: one that is the same everywhere is a constant torque."""
+    """Whether the drive has a weight that acts; a weight that is the same in all poses is just a constant torque."""
     if holds_weight(problem):
         return True
     return lifts(problem) and not _PARTS & set(missing_effects(problem, records))
 
 
 def _crosswise(estimate: Estimate, records: Sequence[Record]) -> list[_Tried]:
-    """Each half with the values of the other one; none where a half is too short or cannot be fitted.
+    """Each half with the values from the other; empty if a half is too short or cannot be fitted.
 
-    Several records are divided into the first and the last ones, unless that leaves a half which does not determine all
-    that they determine together, as one without the planned motion: then each record is divided.
+    Several records are divided into the first and the last ones.  If such a half does not determine all parameters that
+    the records determine together (as one without the planned motion), each record is divided instead.
     """
     found = list[_Tried]()
     for halves in _divisions(records):
@@ -231,7 +231,7 @@ def _divisions(records: Sequence[Record]) -> Iterator[Halves]:
     yield first, second
 
 
-# --- What is missing --------------------------------------------------------------------------------------------------
+# --- Missing effects --------------------------------------------------------------------------------------------------
 
 
 _TERMS: Mapping[Effect, tuple[TorqueTerm, ...]] = MappingProxyType(
@@ -245,7 +245,7 @@ _TERMS: Mapping[Effect, tuple[TorqueTerm, ...]] = MappingProxyType(
 
 
 def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect, ...]:
-    """What the torque of slow motions shows and the drive does not have, what is likeliest first."""
+    """Effects that the torque of slow motions shows and the drive does not have, the likeliest first."""
     present = _present(problem.drive)
     base: tuple[TorqueTerm, ...] = ("viscous", *(term for effect in present for term in _TERMS[effect]))
     if follows_pose(problem):

@@ -1,1 +1,1 @@
-"""Models without physics to compare a drive with, and to start from: ARX, and frequency responses."""
+"""Models without physics, for comparison and for starting values: ARX models and frequency responses."""

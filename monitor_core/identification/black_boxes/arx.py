@@ -1,4 +1,4 @@
-"""ARX models of high order: the reference for the grey box (paper, section 4), and where starting values come from.
+"""ARX models of high order: the reference for the grey box (paper, section 4), and a source of starting values.
 
     y(t) + a_1 y(t-1) + .. + a_n y(t-n) = b_1 u(t-1) + .. + b_n u(t-n) + c + e(t)
 
@@ -23,7 +23,7 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, stretches
 
 _LARGEST = 200
-"""Order up to which AIC is compared, unless given."""
+"""Default of the largest order that is compared by AIC."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,9 +94,9 @@ def fit_arx(
 
 
 _HIDDEN = 1e-12
-"""Of the largest singular value: a direction in which the columns, scaled to length one, do not extend."""
+"""Singular values below this share of the largest count as zero (columns are scaled to length one)."""
 _AT_ONCE = 4096
-"""Rows in memory."""
+"""Number of rows that are processed at once."""
 
 
 def _factor(series: Sequence[Regular], n: int) -> tuple[Floats, int]:

@@ -1,8 +1,8 @@
-"""Frequency responses with their uncertainty: one type for all methods and plots, and what spectra of records show.
+"""Frequency responses with their uncertainty: one type for all methods and plots; estimates from spectra of records.
 
-G is the response from the held torque to the samples of the output, G(e^{jwh}) for the interval h: what a discrete
-model has, what spectra of samples estimate, and what a continuous model has after its zero-order hold.  Only these
-can be compared: at a quarter of the sampling frequency the hold alone turns the phase by 45 degrees.
+G is the response from the held torque to the samples of the output, G(e^{jwh}) for the interval h.  This is the
+response of a discrete model, of spectra of samples, and of a continuous model with zero-order hold.  Without the hold,
+responses could not be compared: at a quarter of the sampling frequency the hold alone turns the phase by 45 degrees.
 """
 
 from collections.abc import Sequence
@@ -100,11 +100,11 @@ def on_circle(frequency_hz: ArrayLike, interval_s: float) -> tuple[Floats, Compl
 _LINES, _DEGREE = 21, 2
 """Lines of the longest stretch in the band around each frequency, and degree of the polynomials there."""
 _HIDDEN = 1e-10
-"""Of the strongest line: polynomials that differ by less are not determined at all."""
+"""Polynomials that differ by less than this share of the strongest line are not determined."""
 
 
 class Spectrum(NamedTuple):
-    """Of N samples without a missing one, at the lines 1 .. N/2 - 1."""
+    """Spectrum of N samples, none of which is missing, at the lines 1 .. N/2 - 1."""
 
     frequency_hz: Floats  # (F,)
     y: Complexes  # (F,)
@@ -142,7 +142,7 @@ def local_response(
 
 
 def _spectrum(record: Regular, a: int, b: int) -> Spectrum:
-    """Of its samples a .. b-1."""
+    """Spectrum of the samples a .. b-1 of a record."""
     N = b - a
     z = np.array([record.y[a:b], record.u[a:b]])
     # A spectrum without window: its noise has the same size for stretches of all lengths.

@@ -1,6 +1,6 @@
-"""How well a drive predicts records one step ahead, and simulates them: NRMSE, 100 (1 - |y - yhat| / |y - mean y|).
+"""Fit of one-step predictions and simulations of records: NRMSE, 100 (1 - |y - yhat| / |y - mean y|).
 
-One step ahead an angle is predicted by any drive: it hardly moves within an interval.  And in a simulation two
+Any drive predicts an angle one step ahead, as the angle hardly moves within an interval.  And in a simulation two
 integrators let the smallest constant error of the torque grow beyond all
 else.  So a simulated angle is compared by its speed, y being the differences over 20 ms, and gravity acts at the
 measured angle: an arm that stands upright would fall in a simulation of its own.
@@ -22,9 +22,9 @@ from monitor_core.identification.problem import Motion, Problem
 from monitor_core.identification.records.measured_record import Record
 
 _SPEED_S = 0.02
-"""An angle is differenced over that time: over less its resolution would dominate."""
+"""Time over which an angle is differenced; over a shorter time its resolution would dominate."""
 _CLOSE = 0.5
-"""Of that time: samples that are closer give no speed."""
+"""Samples that are closer than this share of that time give no speed."""
 _THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 
 
@@ -46,7 +46,7 @@ class Trace:
 
     @property
     def fit_simulation(self) -> float:
-        """The same of the simulation, an angle by its speed."""
+        """NRMSE of the simulation, per cent; an angle is compared by its speed."""
         speed, errors = self.motion
         return _nrmse(speed, errors)
 
@@ -90,7 +90,7 @@ def fits(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
 
 
 def _with_values_held(problem: Problem) -> Problem:
-    """The derivatives by the parameters are most of the work, and only initial states are fitted, to all samples."""
+    """The problem with all parameters held and all samples counted, as only initial states are fitted."""
     return replace(problem, free=tuple(problem.varying), free_delay=False, min_speed=0.0)
 
 
@@ -153,11 +153,11 @@ def _nrmse(y: Floats, eps: Floats) -> float:
     return 100 * (1 - left / around) if around > 0 and np.isfinite(left) else -np.inf
 
 
-# --- How much more recursive estimates scatter than they would with white prediction errors ---------------------------
+# --- Increase of the scatter of recursive estimates by correlated prediction errors -----------------------------------
 
 
-# Where the noise model is not right, neighbouring errors are correlated, and a sum of N of them is larger than
-# sqrt(N) of one.  The standard deviations of the daemon come from lambda_0 P, so lambda_0 must be larger by this
+# If the noise model is not right, neighbouring errors are correlated, and the sum of N errors is larger than sqrt(N)
+# times one error.  The standard deviations of the monitor come from lambda_0 P, so lambda_0 must be increased by this
 # factor.
 
 
@@ -186,7 +186,7 @@ def monitored_information(
     records: Sequence[Record],
     weight: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[list[str], Information]:
-    """Names of the monitored parameters, and how well the records determine them where everything else is held.
+    """Names of the monitored parameters, and how well the records determine them if everything else is held.
 
     As in the daemon: values, K and delay are the estimates, and schedules are followed.  ``weight``: the reference of
     what the constant torque follows as a weight, by the name of the slope; if there is any, LOAD comes last, which

@@ -1,4 +1,4 @@
-"""The prediction-error criterion of a problem on records, and its minimum, with or without gross errors."""
+"""The prediction-error criterion of a problem on records, and its minimum, with or without outliers."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -23,21 +23,22 @@ from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records.measured_record import Record
 
 HUBER = 1.345
-"""Errors beyond so many standard deviations count linearly: 95 % efficient for normal ones."""
+"""Errors beyond this number of standard deviations count linearly; 95 % efficient for normal errors."""
 _ROUNDS = 3
 _START_STEPS = 10
 _JITTER = 1e-3
 _NEAR = 1e-3
 _BEYOND = 0.01
 _LEVEL_STEP = 1.5
-"""Where a noise level hardly shows, it may go anywhere; the other entries then need not wait for it."""
+"""Longest step of a noise level, so that a level that hardly matters does not shorten the steps of other entries."""
 _LEVELS = (1e-2, 1e-1, 1.0, 1e1, 1e2)
-"""Of torque noise over output noise, tried in units of the signals' own ratio."""
+"""Candidates of the ratio of torque noise to output noise, in units of the ratio of the signals"""
 _MOST_LEVELS = 11
-"""With those beyond, where the first or the last predicts best: an angle that travels far is large beside its noise."""
+"""Largest number of candidates, with further ones if the first or the last predicts best: an angle that travels far is
+large compared with its noise."""
 
 Progress = Callable[[int, float], None]
-"""Called with the number of evaluations and the cost whenever that has fallen."""
+"""Called with the number of evaluations and the cost whenever the cost has fallen."""
 
 
 class Fitted(NamedTuple):
@@ -89,7 +90,7 @@ def _across_intervals(
 
 
 def _held_at(predictor: Predictor, end: End) -> int:
-    """-1 or 1: the limit of its interval that holds the delay; 0: none, or the user's own bound."""
+    """-1 or 1 if the delay is at the lower or upper limit of its interval; 0: neither, or at a bound of the user."""
     layout = predictor.layout
     if not layout.free_delay:
         return 0
@@ -125,10 +126,10 @@ def settled(predictor: Predictor, xi: Floats) -> Problem:
 
 
 def fit_starts(predictor: Predictor) -> Floats:
-    """The vector with the initial states that fit best, all else as at the start.
+    """The vector with the initial states that fit best; all other entries are those of the start.
 
-    Without friction and gravity of the simulated motion the errors are linear in them: one step.  With these the
-    cost is rough, and the search ends after some steps, at little more than its least.
+    Without friction and gravity of the simulated motion the errors are linear in the initial states: one step suffices.
+    Otherwise the cost is rough, and the search ends after some steps close to the minimum.
     """
     xi, shared = predictor.start(), predictor.layout.shared
     if xi.size == shared:
@@ -213,7 +214,7 @@ def _ratio(records: Sequence[Record]) -> float:
 
 
 def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> float:
-    """At the start: without derivatives by fixed entries, which are most of the work."""
+    """Cost at the start, without derivatives by fixed entries, which are most of the work."""
     held = replace(problem, free=tuple(problem.varying), free_delay=False, initial="first")
     predictor = Predictor(held, records, noise)
     return criterion(predictor, predictor.start(), np.inf).cost
@@ -242,21 +243,21 @@ def _loss(eps: Floats, limit: float) -> float:
     return float(np.sum(np.where(size <= limit, size**2, 2 * limit * size - limit**2)))
 
 
-# --- Outliers: in the innovations form K carries each of them on in the state, whatever the loss ----------------------
+# --- Outliers: in the innovations form K carries each outlier on in the state, whatever the loss ----------------------
 
 
 GROSS = 5.0
-"""Standard deviations: of normal errors one in 1.7 million is beyond."""
+"""Limit of gross errors in standard deviations; one normal error in 1.7 million is beyond it."""
 
 _CARRIED = 20
-"""Samples that an outlier may disturb: gross errors this close behind one are computed again without it."""
+"""Number of samples that an outlier may disturb: gross errors this close after it are computed again without it."""
 
 _LOOKS = 20
-"""At the last of them all that is gross counts: a stretch in which nothing fits is not taken apart any further."""
+"""Number of passes.  In the last one all gross errors count: a stretch in which nothing fits is not split further."""
 
 
 def without_gross(fitted: Fitted, most: int, progress: Progress | None) -> Fitted:
-    """Repeat a fit with Huber's loss without the outputs whose errors are gross.
+    """Repeat a fit with Huber's loss without outliers, the outputs with gross errors.
 
     Only with a gain: in a simulation an outlier affects only its own error, which is clipped.
     """
@@ -275,9 +276,9 @@ def without_gross(fitted: Fitted, most: int, progress: Progress | None) -> Fitte
 
 
 def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
-    """Outputs (N,) of each record that are beyond the limit themselves, not because K carried other errors on.
+    """Masks (N,), by record, of outputs whose errors exceed the limit by themselves, not because K carried others on.
 
-    Of gross errors in close succession the first counts, then the errors are computed without it.
+    Of gross errors in close succession only the first counts; then the errors are computed again without it.
     """
     found = [np.zeros(len(s.record), dtype=np.bool_) for s in predictor.series]
     looking = predictor
@@ -292,7 +293,7 @@ def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
 
 
 def _first(gross: Bools) -> Bools:
-    """Those with no other shortly before."""
+    """The gross errors without another one shortly before."""
     before = np.cumsum(np.concatenate([np.zeros(_CARRIED + 1, dtype=np.int64), gross]))
     return np.asarray(gross & (before[_CARRIED:-1] == before[: -_CARRIED - 1]))
 

@@ -1,4 +1,4 @@
-"""The result of a fit, and the doubts about it, in sentences."""
+"""The result of a fit, and sentences on the doubts about it."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ from monitor_core.wording import listed
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Estimates, how sure they are, and how well they predict.
+    """Estimates with their uncertainty and the quality of their predictions.
 
     Attributes:
         drive: the problem's, with the state of the disturbance if there is one: what K and ``values`` belong to.
-        problem: the problem with the estimates in place of what it started from; see ``compare``.
+        problem: the problem with the estimates in place of its start values.
         names: (p,) free parameters, "Td" if it is free, "fm per temperature" of varying ones, "delay" if it is free.
         theta: (p,) estimates, SI.
         covariance: (p, p); infinite variance where a direction cannot be determined, NaN beside it.
@@ -33,21 +33,21 @@ class Estimate:
         K: (n,) filter gain in the drive's states; zeros for output error.
         interval_s: that K belongs to.
         lam0: innovation variance lambda_0, the output's unit squared.
-        largest_error: one in ten thousand prediction errors is larger, the output's unit.
+        largest_error: limit that one in ten thousand prediction errors exceeds, the output's unit.
         noise: standard deviations "torque", "slow" (N m), "output", and "time_constant" (s), where K follows from
             them.
         cost: sum of squared prediction errors, or of their Huber losses.
         whiteness: autocorrelation of the prediction errors.
         independence: their correlation with past torque.
         accuracy: how well the records determine the parameters, in relative units and words.
-        coloured: order of the autoregressive model of the errors that the covariance reckons with; 0: they are white.
+        coloured: order of the autoregressive model of the errors in the covariance; 0: the errors are white.
         fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
         simulate: gives ``fit_simulation``; None: the prediction is a simulation.
         iterations: evaluations of the predictor and its gradient.
-        converged: no parameter would still move.
-        moving: where it has not converged, what would still move by more than a tenth of its standard deviation, the
-            largest move first.
-        outliers: outputs of each record that count as not measured since their errors are gross; empty: none.
+        converged: whether no parameter would still move.
+        moving: if not converged, the parameters that would still move by more than a tenth of their standard deviation,
+            the largest move first.
+        outliers: outputs of each record that count as not measured because of gross errors; empty: none.
         words: doubts about the estimates, in sentences.
         started_from: where the fit started, in a sentence; empty: at the values of the problem.
     """
@@ -80,7 +80,7 @@ class Estimate:
 
     @cached_property
     def fit_simulation(self) -> tuple[float, ...]:
-        """As ``fit``, simulated from the initial state that fits best without looking at the output again.
+        """As ``fit``, for a simulation from the best initial state, without correction by the output.
 
         Computed when it is first read: it takes as long as some steps of the fit, and of most fits it is not needed.
         """
@@ -110,7 +110,7 @@ class Estimate:
 
 
 _USUAL = ("kT", "r")
-"""What one would rather hold than others: a data sheet has it."""
+"""Parameters that are better held than others, as data sheets give them"""
 _SMALL = 0.01
 
 
@@ -163,7 +163,7 @@ def _levels(found: Estimate, layout: Layout) -> Iterator[str]:
 
 
 def _level(found: Estimate, name: str) -> str:
-    """There is hardly any torque noise, or so much that the noise of the output is invisible."""
+    """Sentence on torque noise that is negligible, or so large that the noise of the output cannot be seen."""
     output = found.noise["output"]
     if name == "torque" and output**2 < _SMALL * found.lam0:
         return f"Noise on the output cannot be distinguished from none: {output:.2g}; torque noise explains all errors."

@@ -19,13 +19,13 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.kernel.tables import OF_MOTION
 
 _SLACK = 20.0
-"""A parameter that may be zero is compared with so many of its standard deviations, were all others known."""
+"""The size of a parameter that may be zero is at least this number of its standard deviations with all others known."""
 _MOVES = 0.1
-"""Standard deviations."""
+"""A parameter counts as still moving if the remaining step exceeds this number of its standard deviations."""
 _CLIPPED_VARIANCE = 0.7101645
-"""Of a standard normal variable clipped at HUBER."""
+"""Variance of a standard normal variable clipped at HUBER"""
 _RARE = 1e-4
-"""Share of the errors that are larger than what is called the largest one: records may hold outliers."""
+"""Share of the errors above the reported largest error, as records may contain outliers."""
 
 
 def fit(
@@ -39,7 +39,7 @@ def fit(
 
     With Huber's loss and a gain, outputs with gross errors then count as not measured, so that the state does not
     follow them, and the search continues.  ``progress`` is called with the number of evaluations and the cost whenever
-    that has fallen.
+    the cost has fallen.
 
     Raises:
         ValueError: no record, another output than the drive's, no sample measured; the predictor is unstable at the
@@ -64,7 +64,7 @@ def _estimate(fitted: Fitted) -> Estimate:
     if DISTURBANCE_TIME in point.values:
         noise["time_constant"] = point.values[DISTURBANCE_TIME]
     eps = [e.eps for e in errors]
-    # A step that is left and adds up over many parameters, noise levels and initial states may yet move none of them.
+    # A remaining step that is long because it has many entries may still move no parameter significantly.
     moving = () if end.converged else _moving(predictor, end, information.covariance)
     found = Estimate(
         drive=predictor.drive,
@@ -97,14 +97,14 @@ def _estimate(fitted: Fitted) -> Estimate:
 
 
 def _largest(eps: Sequence[Floats]) -> float:
-    """The error that one in ten thousand exceeds, of those that count: the others are zero; 0: there is none."""
+    """The magnitude that one in ten thousand of the counted errors exceeds; 0: there are none (others are zero)."""
     errors = np.abs(np.concatenate(eps))
     counted = errors[errors > 0]
     return float(np.quantile(counted, 1 - _RARE)) if counted.size else 0.0
 
 
 def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ...]:
-    """Parameters that the remaining step would move; by an infinite amount where nothing determines them."""
+    """Parameters that the remaining step would move, including those that nothing determines."""
     layout = predictor.layout
     p = len(layout.names)
     step = np.abs(end.left * layout.rates(end.xi))[:p]
@@ -114,7 +114,7 @@ def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ..
 
 
 def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
-    """Whether the predictor uses no output: not for K, nor for friction and gravity, nor for its start."""
+    """Whether the predictor uses no measured output: neither for K, nor for friction and gravity, nor for its start."""
     problem, drive = predictor.problem, predictor.drive
     looks = np.isin(drive.inputs, OF_MOTION) & drive.matrix("B", values).any(axis=0)
     blind = problem.motion == "simulated" or not looks.any()

@@ -9,26 +9,27 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 
 _HIDDEN = 1e-13
-"""An eigenvalue of the scaled J'J so much below the largest is rounding: no step goes there."""
+"""Eigenvalues of the scaled J'J below this share of the largest are rounding errors: no step goes in that direction."""
 _SETTLED = 1e-8
-"""The square of the step that is left, in standard deviations of the estimate.  With 1e-6 a fit takes a fifth fewer
-evaluations, but one of six axes of ten minutes stopped in a bent valley, at half of the simulated fit."""
+"""The search ends when the square of the remaining step, in standard deviations of the estimate, is below this.  With
+1e-6 a fit takes a fifth fewer evaluations, but one of six axes of ten minutes stopped in a curved valley, at half of
+the simulated fit."""
 NEARLY = 1e-3
-"""The same, where rounding or the number of evaluations lets the search get no further: with a model that is not the
-axis Gauss and Newton's steps fall off by a factor only, and a thirtieth of a standard deviation is nothing."""
+"""The same limit if rounding or the number of evaluations stops the search.  With an inexact model, Gauss-Newton steps
+decrease only by a constant factor, and a thirtieth of a standard deviation does not matter."""
 _FLAT = 1e-13
-"""A part of the cost that no more is to be gained than this ends the search, too (data without noise)."""
+"""The search also ends if the cost can fall only by less than this share (data without noise)."""
 _NOTHING = 1e-6
-"""What an entry's longest step adds to the sum of squares, in variances, where it no longer matters: a noise level that
-has all but vanished is not to be followed for ever, nor an initial state that no error shows."""
+"""An entry no longer matters if its longest step changes the sum of squares by less than this, in variances: a noise
+level that has almost vanished, or an initial state that affects no error."""
 _DAMPING = 1.0
 UNDAMPED = 1e-12
 _LEAST_DAMPING = 1e-3
-"""After a step that was worse: with less the next step would hardly be another one."""
+"""Least damping after a step that was worse; with less the next step would hardly differ."""
 _MOST_DAMPING = 1e12
 STEP = 0.3
-"""Longest step of a logarithm.  With these two, 25 of 25 fits of the reference drive from values wrong by 30 % ended
-at the optimum, in 11 evaluations; hardly damped at first and with steps of 1.5 it was 21 of them, in 15."""
+"""Longest step of a logarithm.  With this and the initial damping, 25 of 25 fits of the reference drive from values
+wrong by 30 % ended at the optimum, in 11 evaluations; with little damping and steps of 1.5, 21 did, in 15."""
 
 
 class Normal(NamedTuple):
@@ -41,14 +42,14 @@ class Normal(NamedTuple):
 
 
 class Region(NamedTuple):
-    """Where a search may go (P,): numbers that hold for all entries, or one for each; infinite: no limit."""
+    """Limits of a search: one number for all entries, or (P,); infinite: no limit."""
 
     lower: Floats | float = -np.inf
     upper: Floats | float = np.inf
     longest: Floats | float = np.inf
-    """By how much entries may move in one step, which is shortened as a whole"""
+    """Largest change of an entry in one step; a longer step is shortened as a whole"""
     clipped: Floats | float = np.inf
-    """The same, but of the entry alone"""
+    """Largest change of an entry in one step; only this entry is clipped"""
 
 
 class End(NamedTuple):
@@ -73,13 +74,13 @@ def minimise(
     """Minimise from xi.  A cost that is not finite only rejects the step.
 
     Args:
-        evaluate: the model at a vector.
+        evaluate: gives the model at a vector.
         xi: start (P,), inside the bounds.
         region: bounds and longest steps.
-        most: evaluations.
-        progress: called with the number of evaluations and the cost whenever that has fallen.
-        damping: of the first step, in units of the curvature; UNDAMPED where the problem is nearly linear.
-        settled: the square of the step that may be left, in standard deviations of the estimate.
+        most: largest number of evaluations.
+        progress: called with the number of evaluations and the cost whenever the cost has fallen.
+        damping: damping of the first step, in units of the curvature; UNDAMPED if the problem is nearly linear.
+        settled: limit of the square of the remaining step, in standard deviations of the estimate.
 
     Raises:
         ValueError: the cost at the start is not finite.
@@ -117,12 +118,12 @@ def minimise(
 
 
 def _settled(at: Normal, left: Floats, limit: float) -> bool:
-    """Whether the remaining step is negligible beside the standard deviation, which cost / samples scales."""
+    """Whether the remaining step is negligible compared with the standard deviation, which cost / samples scales."""
     return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
 
 class _Eigen(NamedTuple):
-    """What H determines of the free entries: g along its eigenvectors, in entries of unit curvature."""
+    """Eigenvalues and eigenvectors of H for the free entries, scaled to unit curvature, and g along them."""
 
     size: Floats
     values: Floats
@@ -140,7 +141,7 @@ class _Steps:
         self._eigen: dict[bytes, _Eigen] = {}
 
     def damped(self, mu: float) -> Floats:
-        """(H + mu diag H)^-1 g; entries that would leave their bounds at once, or no longer matter, do not move."""
+        """(H + mu diag H)^-1 g; entries that would immediately leave their bounds, or do not matter, do not move."""
         free = self._matter.copy()
         while True:
             step = self._unbounded(free, mu)

@@ -1,4 +1,4 @@
-"""Prediction errors: are they white and independent of the input (Ljung, 16.6)?  The covariance that follows."""
+"""Tests whether prediction errors are white and independent of the input (Ljung, 16.6); covariance of the estimates."""
 
 import math
 from collections.abc import Sequence
@@ -14,9 +14,9 @@ from monitor_core.excitation.accuracy import Accuracy
 
 _LAGS = 25
 LEVEL = 0.99
-"""Of confidence limits."""
+"""Level of confidence limits"""
 _WITHIN = float(ndtri((1 + LEVEL) / 2))
-"""Standard deviations within which so many values of a normal distribution lie."""
+"""Standard deviations within which this share of a normal distribution lies"""
 _SEEN = 1e-8
 
 
@@ -26,11 +26,11 @@ class Correlation(NamedTuple):
     lags: Floats  # (L,)
     values: Floats  # (L,)
     limit: float  # 99 % of single values stay within +- this
-    p_value: float  # of a sum of squares as large as this one or larger, were the hypothesis true
+    p_value: float  # probability of at least this sum of squares if the hypothesis is true
 
 
 def whiteness(eps: Sequence[Floats]) -> Correlation:
-    """Autocorrelation of the errors of records at lags 1 .. L; Ljung and Box's test.  Missing ones are zero."""
+    """Autocorrelation of the errors of records at lags 1 .. L; Ljung and Box's test.  Missing errors are zero."""
     N, r, lags = _count(eps), _correlation(eps, eps), np.arange(1.0, _LAGS + 1)
     if r[_LAGS] == 0:  # a signal that repeats itself is explained in every digit
         return Correlation(lags, 0 * r[_LAGS + 1 :], 0.0, 1.0)
@@ -87,7 +87,7 @@ def _correlation(left: Sequence[Floats], right: Sequence[Floats]) -> Floats:
     return total
 
 
-# --- The spectrum of prediction errors that are not white, by an autoregressive model ---------------------------------
+# --- Spectrum of coloured prediction errors, by an autoregressive model -----------------------------------------------
 
 
 # eps(t) + a_1 eps(t-1) + .. + a_k eps(t-k) = e(t),       Phi(omega) = var e / |1 + a_1 z^-1 + ..|^2
@@ -144,11 +144,11 @@ _EXPLAINED = 1e-12
 
 
 class Information(NamedTuple):
-    """Information in the records."""
+    """Information on the parameters in the records."""
 
-    accuracy: Accuracy  # the same, relative to the sizes, with what is not determined
+    accuracy: Accuracy  # relative to the sizes, with the directions that are not determined
     covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be determined
-    white: Floats  # (p, p) what it would be with white errors of the same variance
+    white: Floats  # (p, p) covariance for white errors of the same variance
     order: int  # of the errors' autoregressive model; 0: white
 
 
@@ -193,7 +193,7 @@ def information(
 
 
 def _consistent(accuracy: Accuracy, covariance: Floats) -> Accuracy:
-    """The information of white errors that gives this covariance; unchanged where some variance is infinite."""
+    """The accuracy with this covariance, as if the errors were white; unchanged if a variance is infinite."""
     if not np.isfinite(covariance).all():
         return accuracy
     sd = np.sqrt(np.diag(covariance))

@@ -1,1 +1,1 @@
-"""Prediction errors of a drive on records, and their gradient: what is free, the held drive, its gain."""
+"""Prediction errors of a drive on records, and their gradient: parameter vector, discretized drive, filter gain."""

@@ -47,7 +47,7 @@ def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, de
         to[..., : n + m] = all_
         to[..., columns] = last[..., columns]
         to[..., n + m] = (all_[..., columns] - last[..., columns]).sum(axis=-1)
-    # d/dtau of what acts over the rest: the integrand at its end, exp(A (h - tau)) B.
+    # Derivative with respect to tau of the effect over the rest of the interval: its integrand, exp(A (h - tau)) B.
     edge = (rest.X[:, :, :n] @ system.B[:, torque]) * (delay_s <= intervals_s)[:, None, None]
     dX[:, p][..., columns] = -edge
     dX[:, p, :, n + m] = edge.sum(axis=-1)
@@ -146,7 +146,7 @@ class Structure:
         ]
 
 
-# --- A mean speed where theta is fixed: the way since the last sample over the interval -------------------------------
+# --- Mean speed for a fixed theta: the angle since the last sample over the interval ----------------------------------
 
 
 # The state s of Drive.with_mean_speed, s' = speed, is zero after a sample: no column of [Ad Bd] needs it.  Its row
@@ -184,7 +184,7 @@ def hold_mean(
 
 
 def _after(own: HeldDrive, before: HeldDrive) -> tuple[Floats, Floats]:
-    """The last interval after the part before it; the previous torque has long ceased to act in it."""
+    """The last interval, after the part before it; in the last interval the delayed torque no longer acts."""
     n, k = own.X.shape[1:]
     A, B, X = own.X[0, :, :n], own.X[0, :, n:], before.X[0]
     out, slopes = A @ X, A @ before.dX[0]
@@ -239,7 +239,10 @@ def middle_speed(
 def _late(
     half: Floats, dhalf: Floats, torque: Ints, intervals_s: Floats, late_s: float
 ) -> tuple[Floats, Floats]:
-    """A share (1 - late / h)^2 of the held torque, the rest of the one before (mean_torque_share of the kernel)."""
+    """Split the effect of the torque: a share (1 - late / h)^2 of the held torque, the rest of the torque before.
+
+    See ``mean_torque_share`` of the kernel.
+    """
     rest = (1 - np.minimum(late_s, intervals_s) / intervals_s)[:, np.newaxis]
     out = np.concatenate([half, (1 - rest**2) * half[:, torque]], axis=1)
     out[:, torque] *= rest**2

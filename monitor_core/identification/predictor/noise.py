@@ -75,7 +75,7 @@ def gain(
 
 
 def _noise_inputs(system: Linear, torque: NDArray[np.bool_], at: Levels) -> Linear:
-    """What noise enters by: the torque's inputs, and the last state, d, if there is one."""
+    """The drive with the inputs by which noise enters: those of the torque, and the last state d, if there is one."""
     n, p = len(system.A), system.dA.shape[2]
     ends = np.eye(n)[:, n - 1 :] / at.unit if math.isfinite(at.time_constant_s) else np.zeros((n, 0))
     slopes = np.zeros((n, ends.shape[1], p))
@@ -118,5 +118,5 @@ def _differentiated(Ad: Floats, C: Floats, P: Floats, dAd: Floats, dC: Floats, d
 
 
 def _plus_transposed(M: Floats) -> Floats:
-    """Of each matrix."""
+    """M + M' for each matrix."""
     return np.asarray(M + np.swapaxes(M, -1, -2))

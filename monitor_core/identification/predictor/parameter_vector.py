@@ -19,10 +19,10 @@ from monitor_core.identification.problem import Disturbance, Problem
 _FARTHEST = 1e3
 """A positive parameter stays within this factor of its start, unless it has bounds."""
 _LEVELS = 1e4
-"""The same for a noise level, downwards.  Upwards:"""
+"""A noise level stays above its start divided by this factor."""
 _LOUDEST = 100.0
-"""Torque noise moves the output within one interval by no more than so many standard deviations of the output's own:
-K then hardly depends on it any more, and the Riccati equation loses its digits."""
+"""Upper bound of torque noise: it moves the output within one interval by this number of standard deviations of the
+output noise.  Beyond it K hardly depends on the level, and the Riccati equation becomes inexact."""
 
 
 LEVEL = "noise "
@@ -53,7 +53,7 @@ class Layout:
     """Order of the vector: ``names`` first (p, those reported), then noise levels, then initial states.
 
     Args:
-        problem: what is free.
+        problem: the problem, with its free parameters.
         drive: with the state of the disturbance, if there is one.
         disturbance: None: K does not follow from noise.
         interval_s: the delay stays in the interval that it starts in.
@@ -90,7 +90,7 @@ class Layout:
             usual = (min(value, self._interval_s), value * _FARTHEST)
         lower, upper = problem.bounds.get(name, usual)
         if name not in problem.bounds:
-            value = max(value, lower)  # values of before may be of a fit without bounds
+            value = max(value, lower)  # the start may come from a fit without bounds
         if not lower <= value <= upper:
             raise ValueError(f"{name} starts at {value}, outside its bounds {lower}, {upper}")
         if positive and lower <= 0:
@@ -140,7 +140,7 @@ class Layout:
         return self._inward(np.array([entry.start for entry in self.entries]))
 
     def bounds(self) -> tuple[Floats, Floats]:
-        """Of the vector (shared,)."""
+        """Lower and upper bounds of the vector, (shared,) each."""
         lower, upper = ([entry[k] for entry in self.entries] for k in (2, 3))
         return self._inward(np.array(lower)), self._inward(np.array(upper))
 
@@ -185,7 +185,7 @@ class Layout:
 
 
 def whole_intervals(delay_s: float, interval_s: float) -> int:
-    """Number of samples to shift the torque so that its delay stays within one interval, from 0 to its end."""
+    """Number of samples by which to shift the torque so that the remaining delay is from 0 to one interval."""
     return 0 if 0 <= delay_s <= interval_s else math.floor(delay_s / interval_s)
 
 

@@ -36,7 +36,7 @@ from monitor_core.kernel.fixed_predictor import (
 from monitor_core.kernel.tables import COULOMB, TORQUE, WEIGHT
 
 _FAR = 1e4
-"""Times the largest output."""
+"""Limit of an initial state, as a multiple of the largest output."""
 
 
 class Errors(NamedTuple):
@@ -125,7 +125,7 @@ class Predictor:
         return np.concatenate([lower, -endless]), np.concatenate([upper, endless])
 
     def farthest_starts(self) -> Floats:
-        """Far more than an initial state can be (len(xi) - shared,)."""
+        """Limits (len(xi) - shared,) that no initial state exceeds."""
         return np.repeat([_FAR * float(np.abs(s.y).max(initial=0.0)) or 1.0 for s in self.series], self.own)
 
     def gain(self, xi: Floats) -> Gain:
@@ -179,7 +179,7 @@ class Predictor:
             return [self._record_errors(xi, i, K, starts) for i in range(len(self.series))]
 
     def _kept_gain(self, xi: Floats) -> Gain:
-        """Of the last vector, where only initial states have changed since."""
+        """The gain, cached if only initial states have changed since the last vector."""
         shared = xi[: self.layout.shared]
         if self._last_gain is None or not np.array_equal(self._last_gain[0], shared):
             self._last_gain = (shared.copy(), self.gain(xi))
@@ -286,7 +286,7 @@ class Predictor:
         if self.drive.speed_state < 0:  # no acceleration is known: friction is that of the measured speed
             middle = MiddleSpeed(*(0 * part for part in middle))
         scale, dscale = self._scales(levels, kinds, q)
-        # Contiguous: the kernel would be compiled anew for slices.
+        # Contiguous, as the kernel would be compiled again for slices.
         dhalf, dbraked = (np.ascontiguousarray(part[..., :q]) for part in (middle.dhalf, middle.dbraked))
         return MotionInputs(
             kinds, source, self.drive.speed_state, scale, dscale, middle.half, dhalf, middle.braked, dbraked

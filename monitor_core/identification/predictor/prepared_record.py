@@ -18,7 +18,7 @@ _REGULAR = 0.01
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A record with its distinct (interval, level) pairs."""
+    """A record with its distinct pairs of interval and level."""
 
     record: Record
     u: Floats  # (N,)
@@ -110,7 +110,7 @@ def _filled(signals: Sequence[Floats], N: int) -> Floats:
 
 
 def _part(column: Floats) -> Ints:
-    """Index of its distinct value, or of the part of its range if there are too many values."""
+    """Index (N,) of the distinct value, or of the part of the range if there are too many values."""
     found, which = np.unique(column, return_inverse=True)
     if found.size <= MOST_LEVELS:
         return np.asarray(which, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""What may be wrong with a record."""
+"""Findings about a record."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -12,7 +12,7 @@ Kind = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """``sentence`` says it to the user; ``number`` is what shows it, in the unit that the sentence names."""
+    """A fault found in a record: ``sentence`` for the user, ``number`` that shows it, in the unit of the sentence."""
 
     kind: Kind
     severity: Severity

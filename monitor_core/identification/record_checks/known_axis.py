@@ -1,4 +1,4 @@
-"""What is known of an axis beside its record: its inertia as one rigid mass, its slowest motion, its antiresonance."""
+"""Known properties of an axis for the checks: inertia as one rigid mass, slowest time constant, antiresonance."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -11,17 +11,17 @@ from monitor_core.drive.structure import Drive
 from monitor_core.modeling.resonances import resonances
 
 _PLACEHOLDERS, _SAME = (0.1, 1.0), 0.01
-"""What does not depend on an unknown value comes out the same with each of these."""
+"""Trial values of unknown parameters: a property that is equal for both does not depend on them."""
 _NOUGHT = 1e-9
-"""Of the fastest pole: poles so slow are those of the free rigid motion, which has no time constant."""
+"""Poles below this share of the fastest belong to the free rigid motion, which has no time constant."""
 
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """What is known of the axis beside the record; what is not known is not checked.
+    """Known properties of the axis; unknown ones are not checked.
 
     Args:
-        parameters: how many are to be found.
+        parameters: number of parameters to estimate.
         slowest_s: slowest time constant of the drive, s.
         inertia: nominal inertia of the whole drive as the motor feels it, kg m^2: ``rigid_inertia``.
         antiresonance_s: period of its lowest antiresonance, s; faster motions do not show that inertia.
@@ -74,7 +74,7 @@ def known_of(
     speed_scale: float = 1.0,
     unknown: Collection[str] = (),
 ) -> Known:
-    """What is known of an axis with these nominal values; arguments as of ``Known``.
+    """Known properties of an axis with these nominal values; arguments as in ``Known``.
 
     ``unknown``: parameters whose values are placeholders.  What depends on them is not known; the inertia does not
     depend on frictions and springs.

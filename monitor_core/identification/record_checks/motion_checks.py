@@ -1,4 +1,4 @@
-"""All that is suspicious about a record; last, whether torque and motion fit: signs, and units."""
+"""All checks of a record, and the comparison of torque and motion: signs and units."""
 
 import math
 from collections.abc import Iterator
@@ -17,25 +17,25 @@ from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_f
 from monitor_core.identification.torque_balance.torque_windows import POSE, USUAL
 
 _BACK = 3.0
-"""The work of the torque falls by so many times what it ever rises.  Of a drive that is only driven by it the work
-cannot fall by more than the energy stored before; with the sign reversed it cannot rise by more."""
+"""The sign is wrong if the work of the torque falls by this multiple of its largest rise.  In a driven axis the work
+can fall only by the energy stored before; with the wrong sign it can rise only by that energy."""
 _EXPLAINS = 0.5
-"""Part of the torque's variance that one rigid mass explains; below that its inertia is not to be compared."""
+"""Least share of the torque's variance that one rigid mass must explain before its inertia is compared."""
 _SLOW = 3.0
-"""Periods of the antiresonance in a window: motions as fast as that do not get through, which would show less."""
+"""Length of a window in periods of the antiresonance, which suppresses faster motions, as these show less inertia."""
 _SURE = 4.0
-"""Standard deviations."""
+"""Least number of standard deviations of an inertia that is compared."""
 _AS_NOMINAL = 5.0
-"""An inertia that far from the nominal one is no wrong guess any more: a guess is wrong by 3."""
+"""An inertia that differs from the nominal one by more than this factor is a mistake; a guess may be off by 3."""
 _NEAR = 3.0
-"""To a suspected factor: as far as a guess may be wrong."""
+"""Largest factor between an inertia and that of a suspected mistake: the error of a guess."""
 _NOTHING_KNOWN = Known()
 _WEIGHT = 0.5
-"""Of the torque that one mass leaves unexplained: where terms of the pose take away so much, a weight acts."""
+"""A weight acts if terms of the pose reduce the torque that one mass leaves unexplained to less than this share."""
 
 
 class Slip(NamedTuple):
-    """A mistake of units: by how much the inertia comes out too large, and what puts it right."""
+    """A mistake of units: factor by which the inertia comes out too large, and the correction."""
 
     factor: float
     mistake: str
@@ -52,7 +52,7 @@ _SLIPS = (
 
 
 def suspicions(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, ...]:
-    """What is wrong with a record, those findings first that refuse it.
+    """Findings about a record; those that refuse it come first.
 
     Torque and motion are compared only where each of them is sound by itself.
     """
@@ -64,7 +64,7 @@ def suspicions(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, 
 
 
 def _work(record: Record) -> Floats:
-    """What the torque has done to the axis by each sample (N,), J.
+    """Work of the torque on the axis up to each sample (N,), J.
 
     With the angle it is exact, since the torque is held.  Of the speed the one at the end of the interval is taken:
     its noise cannot yet have acted on the torque through a controller.
@@ -75,9 +75,9 @@ def _work(record: Record) -> Floats:
 
 
 def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None:
-    """The record as one mass, under a weight if there is one; None: that does not explain its torque."""
+    """The record explained by one mass, with a weight if there is one; None: this does not explain its torque."""
     shortest_s = _SLOW * (known.antiresonance_s or 0.0)
-    # Beside one of another order than the speed, friction would be viscous only: an angle of the arm is slow.
+    # With a speed scale of another order than the speed, friction would be viscous only: an angle of the arm is slow.
     scales = speed_scales([record])
     scale = known.speed_scale if scales[0] <= known.speed_scale <= scales[-1] else scales[1]
     weighed, mass = rigid_fits([record], [POSE, USUAL], scale, shortest_s, moving=True)
@@ -89,9 +89,10 @@ def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None
 
 
 def has_wrong_sign(record: Record) -> bool:
-    """Whether torque or motion has the wrong sign, whatever their units.
+    """Whether torque or motion has the wrong sign, for any units.
 
-    Inertia and friction of one mass decide, where they agree, otherwise the work: a weight gives back what it took.
+    If the signs of inertia and friction of one mass agree, they decide; otherwise the work of the torque does, as a
+    weight gives back its energy.
     """
     mass = shown_inertia(record)
     if mass is not None and mass.inertia * mass.torques["coulomb"] > 0:
@@ -103,7 +104,7 @@ def has_wrong_sign(record: Record) -> bool:
 
 
 def _given_and_taken(record: Record) -> tuple[float, float]:
-    """By how much the work of the torque ever falls and rises, J."""
+    """Largest fall and largest rise of the work of the torque, J."""
     done = _work(record)
     falls, rises = np.maximum.accumulate(done) - done, done - np.minimum.accumulate(done)
     return float(falls.max()), float(rises.max())
@@ -113,7 +114,7 @@ def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
     falls, rises = _given_and_taken(record)
     mass = shown_inertia(record, replace(known, antiresonance_s=None))
     negative = mass is not None and mass.inertia < 0
-    # A weight gives back what it took; that an axis has an inertia and a friction below zero no weight can do.
+    # A weight gives back its energy, but it cannot make both inertia and friction negative.
     pushes = negative and mass is not None and mass.torques["coulomb"] < 0 and rises <= _BACK * falls
     if falls <= _BACK * rises and not pushes:
         return
@@ -151,5 +152,5 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
 
 
 def is_about_nominal(factor: float) -> bool:
-    """Whether an inertia so many times the nominal one may be that, and the nominal one a rough guess."""
+    """Whether an inertia that is ``factor`` times the nominal one is plausible, the nominal one being a rough guess."""
     return 1 / _AS_NOMINAL < factor < _AS_NOMINAL

@@ -1,4 +1,4 @@
-"""Checks of samples: values that cannot be or are missing, times, and length."""
+"""Checks of samples: impossible or missing values, times, and length."""
 
 from collections.abc import Iterator
 
@@ -13,15 +13,16 @@ from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import how_often
 
 _HALF = 2
-"""Samples on either side of the running median: a peak of one or two samples stands out."""
+"""Number of samples on either side of the running median, so that a peak of one or two samples stands out"""
 _STANDS_OUT = 10.0
-"""Times what 90 % of the samples stay below: for Gaussian noise that is 16 standard deviations."""
+"""An outlier exceeds the deviation that 90 % of the samples stay below by this factor (16 Gaussian sd)."""
 _VISIBLE = 0.2
-"""As part of the range in which 90 % of the values lie: less than that does little harm."""
+"""An outlier also exceeds this share of the range of 90 % of the values; a smaller one does little harm."""
 _PEAK = 2.0
-"""Times the difference of what comes before and after: a peak comes back, a jump of the torque does not."""
+"""An outlier also exceeds the difference between the samples before and after it by this factor: a peak comes back, a
+jump of the torque does not."""
 _REFUSE = 0.01
-"""Part of all samples: where there are so many, those that do not stand out will not be right either."""
+"""A record with a larger share of outliers is refused, as its other samples cannot be trusted either."""
 
 
 def strange(record: Record) -> Iterator[Finding]:
@@ -55,7 +56,7 @@ def outliers(values: Floats) -> Bools:
 
 
 def _median(values: Floats, before: int, after: int) -> Floats:
-    """Of each value and so many before and after it (N,)."""
+    """Median of each value and the given numbers of values before and after it (N,)."""
     padded = np.pad(values, (before, after), mode="edge")
     return np.asarray(np.median(sliding_window_view(padded, before + after + 1), axis=1))
 
@@ -100,21 +101,21 @@ def _quantities(record: Record) -> Iterator[tuple[str, str, Floats]]:
 
 _FEWEST = 50
 _PER_PARAMETER = 10
-"""Residuals of fewer samples for each parameter determine the noise no better than within a quarter, so nothing tested
-against it can be trusted."""
+"""Least number of samples per parameter; with fewer, the error of the noise level exceeds a quarter, and no test that
+uses it can be trusted."""
 _TAUS_LEAST, _TAUS_ENOUGH = 1.0, 5.0
-"""Within one time constant of the slowest motion it looks like a straight line; after five the unknown initial state
-has decayed to less than 1 %."""
+"""Length of a record in time constants: within one, the slowest motion looks like a straight line; after five, the
+unknown initial state has decayed to less than 1 %."""
 _GAP = 10.0
-"""Typical intervals; the daemon, too, starts its predictor afresh there unless configured otherwise."""
+"""Length of a gap in typical intervals; by default the daemon restarts its predictor after such a gap."""
 _LOST = 0.02
-"""Part of all samples: 2 % lost cost 13 % of a damper when they go unnoticed; here they are noticed, but the torque
-between is still not known."""
+"""Share of lost samples that is reported: 2 % cause an error of 13 % in a damper if they are not noticed; here they
+are, but the torque during the loss is still unknown."""
 _JITTER, _JITTER_S = 0.02, 2e-4
-"""Scatter of the intervals, as part of them and in s: stamps late by 0.3 ms give 2 % spread in the friction."""
+"""Scatter of the intervals, as a share and in s: time stamps late by 0.3 ms give 2 % scatter of the friction."""
 _STAMPS = -0.35
-"""Correlation of neighbouring intervals: -0.5 for errors of the stamps about a regular clock; 0 where the sampling
-itself is irregular, which costs nothing."""
+"""Correlation of neighbouring intervals: -0.5 for errors of the time stamps of a regular clock; 0 if the sampling
+itself is irregular, which does no harm."""
 
 
 def times(record: Record, known: Known) -> Iterator[Finding]:

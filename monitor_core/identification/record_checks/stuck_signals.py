@@ -1,4 +1,4 @@
-"""Torque that does not move or is cut off, and a sensor that does not move although the axis does."""
+"""Checks for a constant or saturated torque, and for a stuck sensor although the axis moves."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -11,36 +11,37 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.wording import how_often
 
 _SAME = 1e-9
-"""Of the range: differences below that are rounding."""
+"""Differences below this share of the range are rounding errors."""
 _HELD = 0.95
-"""Part of the samples whose torque is that of the sample before: a controller of a quarter of the sampling rate has
-0.75, and a staircase of long steps excites little but standstill and constant speed."""
+"""A torque is constant if more than this share of samples equal the one before.  With a controller at a quarter of the
+sampling rate the share is 0.75; a staircase of long steps excites little but standstill and constant speed."""
 _AT_END = 0.01
-"""Part of the samples at the largest or at the smallest torque."""
+"""Share of the samples at the largest or at the smallest torque from which saturation is suspected."""
 _PILE = 4.0
-"""Times as many there as at the next value: of a sine in steps it is 2.4, of a sine cut off there is no limit."""
+"""A saturated torque has this many times more samples at its end than at the next value: a sine in steps has 2.4."""
 _LEVELS = 10
-"""A torque of so few values was meant to be a staircase or a random binary signal."""
+"""A torque with at most this number of values is an intended staircase or random binary signal."""
 _STUCK = 20
-"""Samples in a row."""
+"""Least number of equal samples in a row of a stuck signal"""
 _UNUSUAL = 10.0
-"""Times the mean run of equal values while the axis moves: a coarse encoder has runs, but of similar length."""
+"""Least ratio of a stuck run to the mean run of equal values during motion; runs of a coarse encoder are alike."""
 _JUMP = 3.0
-"""Times the speed that is exceeded in a tenth of the steps."""
+"""A jump is this many times the speed that is exceeded in a tenth of the steps."""
 _DIGITS = 3.0
-"""A step of so few last digits may be the beginning of a motion, or the end of a constant speed."""
+"""A step of at most this number of last digits may be the beginning of a motion, or the end of a constant speed."""
 _MOSTLY = 0.5
-"""Part of the samples."""
+"""Share of the samples from which a signal counts as mostly stuck."""
 _MOVING = 0.5
-"""Of the typical speed: below that the axis may well come to a standstill, held by friction."""
+"""Below this share of the typical speed the axis may come to a standstill, held by friction."""
 _STANDS = 0.1
-"""The same of a measured speed: what does not change while the torque does is a standstill only if it is next to 0."""
+"""The same limit for a measured speed: a constant speed under a varying torque is a standstill only near 0."""
 _ABRUPT = 0.6
-"""Of the speed one step further from the standstill: with a constant acceleration it is a third."""
+"""A stop or start is abrupt if its speed exceeds this share of the speed one step further from the standstill; with a
+constant acceleration it is a third."""
 
 
 class Runs(NamedTuple):
-    """Stretches of equal values: index of the first of each, and how many."""
+    """Runs of equal values: index of the first value of each run, and its length."""
 
     start: Ints
     length: Ints
@@ -62,7 +63,7 @@ def signals(record: Record) -> Iterator[Finding]:
 
 
 def runs(values: Floats) -> Runs:
-    """Of equal values."""
+    """All runs of equal values."""
     start = np.flatnonzero(np.concatenate(([True], np.diff(values) != 0)))
     return Runs(start, np.diff(np.append(start, len(values))))
 

@@ -1,4 +1,4 @@
-"""What the values of a signal show by themselves: counts, an angle that wraps, values that are held, a stuck signal."""
+"""Patterns in the values of a signal: counts, an angle that wraps, held values, a stuck signal."""
 
 from typing import Literal, NamedTuple
 
@@ -10,42 +10,44 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import rigid_fit, speed_scales
 
 _WHOLE = 1e-6
-"""Away from a whole number: a value that went through a table or a factor is rounded."""
+"""Tolerance for a whole number, as a value that went through a table or a factor is rounded."""
 _MANY = 50
-"""Different values: fewer may be whole by chance, as those of a staircase."""
+"""Least number of different values; fewer may be whole by chance, as in a staircase."""
 _LARGE = 100.0
-"""A smaller largest value in whole units is a coarse signal, not one of counts."""
+"""Least maximum of counts; a signal of smaller whole numbers is a coarse one."""
 _JUMPS = 0.5
-"""Of the range: a step as large is the wrap of an angle, or none is."""
+"""Only steps above this share of the range may be wraps of an angle."""
 _SAME = 0.02
-"""Relative; wraps differ by what the axis moves from one sample to the next."""
+"""Relative tolerance of wraps, which differ by the motion from one sample to the next."""
 _TURN = (360.0, 2 * np.pi, 1.0)
 _HARDLY = 0.1
-"""Of the period: what an angle that wraps moves in a sample; or, where that is more, by what it changes, .."""
+"""An angle that wraps moves by less than this share of the period in a sample; or its step changes by less .."""
 _MOSTLY = 0.95
-""".. in this part of the samples: beside a missing row an angle moves twice as far."""
+""".. in this share of the samples, as next to a missing row an angle moves twice as far."""
 _HELD = 0.9
-"""Part of the values that are held for the same number of samples, or for a multiple of it."""
+"""Least share of values that are held for the same number of samples, or for a multiple of it."""
 _HELD_AT_LEAST = 50
-"""Values."""
+"""Least number of values."""
 _FINE = 1.5
-"""Steps of the resolution: an encoder that is too coarse for the sampling goes by single steps."""
+"""Least typical step in units of the smallest one: an encoder that is too coarse for the sampling moves by single
+steps."""
 _MOST_HELD = 20
 _STUCK_S, _STUCK_RUN = 0.2, 10.0
-"""A torque that stays as it was: s, and times its mean run."""
+"""Least length of a run of a stuck torque: in s, and in mean runs."""
 _WORKS_S, _WORKS_RUN = 1.0, 20.0
-"""A motion that stays as it was: s, and times its median run."""
+"""Least length of a run of a stuck motion: in s, and in median runs."""
 _WORKS = 0.5
-"""Of the range of the torque beside such stretches: an axis that stands needs less than one that moves.  A weight may
-change while it stands; so that is asked only of a motion that never comes back."""
+"""Least range of the torque in a stuck motion, as a share of the range elsewhere: an axis needs less torque at
+standstill than in motion.  A weight may change at standstill, so this is used only for a motion that never comes
+back."""
 _FAR = 3.0
-"""Times the step that is exceeded in a tenth of the samples."""
+"""Abrupt stops and starts exceed the step that is exceeded in a tenth of the samples by this factor."""
 _SURE, _EXPLAINS = 4.0, 0.5
-"""Standard deviations of an inertia, and the part of the torque that one mass explains, to say that the axis moves."""
+"""The axis moves if one mass explains this share of the torque, and its inertia is this number of sd above zero."""
 _MOST_CHANGES = 2
-"""Under a constant torque a speed may rise and fall once, as with a weight; not rise, fall and rise."""
+"""Under a constant torque a speed may rise and fall once, as with a weight, but not rise, fall and rise."""
 _SPEED = 0.5
-"""Of the root mean square of the speed: smaller changes are ignored."""
+"""Changes of the speed below this share of its root mean square are ignored."""
 
 
 class Span(NamedTuple):
@@ -56,7 +58,7 @@ class Span(NamedTuple):
 
 
 def whole_numbers(values: Floats) -> bool:
-    """Whether all values (N,) are whole, and so many and so large that it is no chance: counts, or per mille."""
+    """Whether all values (N,) are whole numbers, too many and too large for chance: counts, or per mille."""
     finite = values[np.isfinite(values)]
     if not finite.size or float(abs(finite).max()) < _LARGE:
         return False
@@ -67,7 +69,7 @@ def whole_numbers(values: Floats) -> bool:
 
 
 def wrap_of(angle: Floats) -> float | None:
-    """Period after which an angle (N,) starts again, in its own unit; None: it does not.
+    """Period after which an angle (N,) wraps, in its own unit; None: it does not wrap.
 
     A turn (360, 2 pi, 1), or a power of two.
     """
@@ -92,7 +94,7 @@ def wrap_of(angle: Floats) -> float | None:
 
 
 def held_for(values: Floats) -> int:
-    """For how many samples each of the values (N,) is held: 1, or more where they come from a slower source.
+    """Number of samples for which each of the values (N,) is held: above 1 if they come from a slower source.
 
     A coarse encoder holds its values, too, but for as long as each step takes.
     """
@@ -109,7 +111,7 @@ def held_for(values: Floats) -> int:
 
 
 def stuck_spans(record: Record, signal: Literal["torque", "motion"]) -> list[Span]:
-    """Where a signal stays the same to the last digit although the axis shows that it cannot have."""
+    """Spans in which a signal stays the same to the last digit although the axis must have changed it."""
     if signal == "motion":
         k = np.flatnonzero(record.measured)
         found, t = _stuck_motion(record, record.u[k]), record.t[k] if k.size else record.t
@@ -121,7 +123,7 @@ def stuck_spans(record: Record, signal: Literal["torque", "motion"]) -> list[Spa
 
 
 def _stuck_motion(record: Record, u: Floats) -> Runs:
-    """A motion that stays as it was while the axis moves, or while the torque works as it does when it moves."""
+    """Runs of a constant motion signal while the axis moves, or while the torque varies as it does during motion."""
     found = stuck_runs(record)
     y = record.y[record.measured]
     if y.size < 2 or np.ptp(y) == 0:
@@ -166,7 +168,7 @@ def _extent(values: Floats) -> float:
 
 
 def _stuck_torque(record: Record) -> Runs:
-    """A torque that stays as it was while the motion goes on as if it did not."""
+    """Runs of a constant torque signal while the motion shows that the torque varies."""
     found = runs(record.u)
     if found.start.size == 1:
         return found
@@ -178,7 +180,7 @@ def _stuck_torque(record: Record) -> Runs:
 
 
 def _changes(record: Record, found: Runs, k: int) -> int:
-    """How often the speed turns from rising to falling or back within a run."""
+    """Number of changes between rising and falling speed within a run."""
     t, y = record.t[record.measured], record.y[record.measured]
     if t.size < 2:
         return 0

@@ -1,4 +1,4 @@
-"""A record of one axis: torque in, angle or speed out, at times that need not be regular."""
+"""A measured record of one axis: torque, and angle or speed, at times that need not be regular."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from monitor_core.drive.structure import Output
 from monitor_core.samples import SampleBlock
 
 _LOST = 1.5
-"""Median intervals: a longer one holds a gap or lost samples."""
+"""An interval longer than this number of median intervals contains a gap or lost samples."""
 UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}
 
 
@@ -21,8 +21,8 @@ class Record:
     """A record of N samples, two at least.
 
     The torque is held: ``u[k]`` acts from ``t[k]`` to ``t[k+1]``, and ``y[k]`` was measured at ``t[k]``, before
-    ``u[k]`` could act.  The intervals are what they are: a model that is discretised with each interval of its own
-    loses nothing by jitter or lost samples, so there is no need to resample.
+    ``u[k]`` could act.  The intervals may differ: a model that is discretised with the actual intervals loses nothing
+    by jitter or lost samples, so there is no need to resample.
 
     ``y`` is NaN exactly where it was not measured, so that it is not used there by mistake.
 
@@ -126,11 +126,11 @@ class Record:
 
     @property
     def unit(self) -> str:
-        """Of y."""
+        """Unit of y."""
         return UNITS[self.quantity]
 
     def select(self, samples: slice | Bools | Ints) -> Record:
-        """The record of these samples only; the torque is held over what was between them.
+        """The record with only these samples; the torque is held over the samples between them.
 
         Raises:
             ValueError: fewer than two are left, or they are not in the order of time.
@@ -140,7 +140,7 @@ class Record:
         return Record(t, u, y, self.quantity, self.name, self.measured[samples], signals)
 
     def without(self, samples: slice | Bools | Ints) -> Record:
-        """The same record, with y at these samples taken for not measured: an outlier, a fault of the sensor."""
+        """The record with y at these samples marked as not measured, as for an outlier or a fault of the sensor."""
         valid = self.measured.copy()
         valid[samples] = False
         return replace(self, valid=valid)
@@ -197,7 +197,7 @@ def between(record: Record, start_s: float, end_s: float) -> Record:
 
 
 def segments(record: Record, gap_s: float) -> list[Record]:
-    """The record cut wherever an interval is longer than ``gap_s``; what is left of one sample is dropped."""
+    """The record cut at intervals longer than ``gap_s``; segments of a single sample are dropped."""
     ends = np.append(np.flatnonzero(record.intervals > gap_s) + 1, len(record))
     starts = np.concatenate(([0], ends[:-1]))
     return [
@@ -208,11 +208,11 @@ def segments(record: Record, gap_s: float) -> list[Record]:
 
 
 _ENOUGH = 40_000
-"""Samples to find starting values, the speed scale of friction, and whether a drive is right at all."""
+"""Number of samples that suffices to find starting values and the speed scale of friction, and to judge a drive."""
 
 
 def lively_parts(records: Sequence[Record], most: int = _ENOUGH) -> Sequence[Record]:
-    """Of long records the stretch with most motion, so that no more than ``most`` samples are left.
+    """The stretches with most motion of long records, so that at most ``most`` samples remain.
 
     Short records stay as they are: all are cut to the same length, if they are longer.
     """
@@ -221,7 +221,7 @@ def lively_parts(records: Sequence[Record], most: int = _ENOUGH) -> Sequence[Rec
 
 
 def _length(counts: Sequence[int], most: int) -> int:
-    """To which records of so many samples are cut, so that ``most`` are left."""
+    """Length to which records with these numbers of samples are cut, so that ``most`` samples remain."""
     left, longer = most, sorted(counts)
     while longer and longer[0] * len(longer) <= left:
         left -= longer.pop(0)
@@ -229,7 +229,7 @@ def _length(counts: Sequence[int], most: int) -> int:
 
 
 def _liveliest(record: Record, length: int) -> Record:
-    """The stretch of so many samples over which the motion changes most from sample to sample."""
+    """The stretch of ``length`` samples in which the motion changes most from sample to sample."""
     y = np.where(record.measured, record.y, np.nan)
     steps = np.nan_to_num(abs(np.diff(y)))
     travelled = np.concatenate([[0.0], np.cumsum(steps)])

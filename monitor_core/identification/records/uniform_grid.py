@@ -1,4 +1,4 @@
-"""Records on a regular grid, for what only knows one interval: ARX models, spectra.
+"""Records on a regular grid, for methods that need a constant interval: ARX models, spectra.
 
 Where a sample was lost the grid has a place at which nothing is known.  A record that is not on a grid, or sampled far
 faster than the axis moves, is resampled, which costs: the torque within the new intervals is forgotten but for its
@@ -16,7 +16,7 @@ from monitor_core.arrays import Bools, Floats
 from monitor_core.identification.records.measured_record import Record
 
 _TOLERANCE = 0.05
-"""Of an interval: what a sample may be away from its place.  A tenth of one biases an inertia by 3 %."""
+"""Largest deviation of a sample from its grid point, in intervals.  A tenth biases an inertia by 3 %."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +30,7 @@ class Regular:
 
 
 def on_grid(records: Sequence[Record] | Sequence[Regular]) -> tuple[Regular, ...]:
-    """The records on a common grid; those that are on one already stay as they are.
+    """The records on a common grid; those that already are on a grid stay as they are.
 
     Raises:
         ValueError: no record, intervals that differ, samples that are not on a grid (the text says how far off).
@@ -95,7 +95,7 @@ def _on_grid(record: Record, h: float) -> Regular:
 # * Samples that are not on a regular grid are first put on one by a cubic spline.
 
 PASS = 0.8
-"""Of the new Nyquist frequency: flat up to here."""
+"""The filter is flat up to this share of the new Nyquist frequency."""
 _RIPPLE_DB = 60.0
 _REGULAR = 1e-3
 """A grid is regular when no time is further from it than this part of an interval."""
@@ -109,7 +109,7 @@ def resample(record: Record, interval_s: float) -> Record:
 
     Args:
         record: regular or not, with or without missing samples.
-        interval_s: of the new grid; not shorter than that of the record.
+        interval_s: interval of the new grid, not shorter than that of the record.
 
     Raises:
         ValueError: a shorter interval; a record too short for two new samples.
@@ -180,7 +180,7 @@ def _taps(parts: int) -> Floats:
 
 
 def _covered(known: Floats, t: Floats, most: float, around: float) -> Bools:
-    """Where no two successive known samples around t (M,) are too far apart."""
+    """Mask (M,) of the times t around which no two successive known samples are too far apart."""
     valid = (t >= known[0] - 1e-9) & (t <= known[-1] + 1e-9)
     for k in np.flatnonzero(np.diff(known) > most * (1 + _REGULAR)):
         valid &= (t <= known[k] - around + 1e-9) | (t >= known[k + 1] + around - 1e-9)

@@ -19,7 +19,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 
 FRICTION = ("fm", "fc", "tau0")
-"""Of the motor: viscous, Coulomb's, and a torque offset."""
+"""Friction parameters of the motor: viscous, Coulomb friction, torque offset"""
 
 
 @cache
@@ -47,7 +47,7 @@ def chain(masses: int, output: Output) -> Drive:
 
 
 def names(masses: int) -> tuple[str, ...]:
-    """Of inertias, springs and dampers, outwards."""
+    """Names of the inertias, springs and dampers of a chain, from the motor outwards."""
     J = [f"J{i}" for i in range(1, masses + 1)]
     return (*J, *(f"{letter}{i}" for letter in "kd" for i in range(1, masses)))
 
@@ -102,7 +102,7 @@ def _motor(row: int) -> list[Term]:
     ]
 
 
-# --- Masses and springs of a chain from what is seen at its end: an inverse eigenvalue problem with a closed solution -
+# --- Masses and springs of a chain from the response at its end: an inverse eigenvalue problem in closed form ---------
 
 
 # Speed over torque at the first of n masses that springs join in a row, without losses, is
@@ -161,12 +161,12 @@ def modes_of_chain(chain: Chain) -> tuple[Floats, Floats]:
 # with which one mass or one spring of that chain grows in proportion is that mass or spring.
 
 _LITTLE = 0.1
-"""Of the damping that the springs have on average: what each damper has at least."""
+"""Least damping of each damper, as a share of the average damping of the springs."""
 _SLOWEST = 1e-3
-"""Decay, 1/s: what is slower looks like this."""
+"""Least decay [1/s] that is distinguished."""
 _GROWN = 1.25
 _TOLERANCES = (1e-5, 1e-3)
-"""The second where nominal values are so far apart that rounding hides what belongs together."""
+"""Relative tolerances; the second is used if very different nominal values cause large rounding errors."""
 
 
 class Slots:
@@ -225,11 +225,11 @@ class Slots:
         return A, W[chosen], V[:, chosen]
 
     def chain(self, values: Mapping[str, float]) -> Chain:
-        """What the motor sees of the drive without its dampers."""
+        """The chain that the motor sees of the drive without its dampers."""
         return _taken_apart(*_lossless(self._drive, values))
 
     def _place(self, name: str, tolerance: float) -> tuple[int, float] | None:
-        """Which number of the chain is this parameter times a constant, and the constant; None: no single one."""
+        """Index of the number of the chain that is proportional to this parameter, and the factor; None: not one."""
         before = np.concatenate(self.chain(self._nominal))
         grown = {**self._nominal, name: self._nominal[name] * _GROWN}
         change = np.concatenate(self.chain(grown)) / before
@@ -240,7 +240,7 @@ class Slots:
 
 
 def masses_of(problem: Problem) -> int | None:
-    """How many masses in a row the motor sees; None: they are not in a row, or not all of them are free."""
+    """Number of masses in a row that the motor sees; None: they are not in a row, or not all of them are free."""
     try:
         return Slots(problem).masses
     except (ValueError, np.linalg.LinAlgError):

@@ -17,7 +17,7 @@ from monitor_core.identification.starting.response import Measured, Response, Ta
 from monitor_core.identification.starting.search import Found, distinct, errors, settle
 
 _BEAM = 3
-"""Chains of each length that go on."""
+"""Number of chains of each length that are continued."""
 
 
 class Modal(NamedTuple):
@@ -37,7 +37,7 @@ class Stem(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Of the end."""
+        """Cost at the end of the search."""
         return self.end.cost
 
     @property
@@ -100,7 +100,7 @@ def _settled(problem: Problem, slots: Slots, modal: Modal, measured: Measured) -
 # makes sense.
 
 _BEYOND = 1.3
-"""Of the highest frequency measured: resonances a little above it are felt."""
+"""Candidates reach up to this multiple of the highest measured frequency, as resonances slightly above it matter."""
 _GRID = 200
 _RATIOS = (0.01, 0.03, 0.1)
 """Decay over frequency."""
@@ -110,7 +110,7 @@ _MOST = 4
 
 
 class Mode(NamedTuple):
-    """Frequency, rad/s; weight, 1/(kg m^2); decay, 1/s; and by how much the cost would fall."""
+    """Frequency, rad/s; weight, 1/(kg m^2); decay, 1/s; and the expected decrease of the cost."""
 
     p: float
     a: float
@@ -146,7 +146,7 @@ def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ..
 
 
 def joined(known: Modal, mode: Mode) -> Modal:
-    """With one more."""
+    """The known modes with one more."""
     low, high = (factor * known.a.max() for factor in _WEIGHTS)
     p, a = np.append(known.p, mode.p), np.append(known.a, np.clip(mode.a, low, high))
     order = np.argsort(p)
@@ -161,7 +161,7 @@ def shape(target: Target, p: float, decay: float, output: Output) -> Complexes:
     G = ((z - 1) / s / s.size / (target.z[:, None] - z)).sum(axis=1)
     if output == "speed":
         return np.asarray(G)
-    # The angle: each mode's integral, s^-1, and the integrator with what is left.
+    # For the angle: the integral (1/s) of each mode, and an integrator for the rest.
     G = ((z - 1) / s**2 / s.size / (target.z[:, None] - z)).sum(axis=1)
     return np.asarray(G - (1 / s).sum() / s.size * h / (target.z - 1))
 

@@ -33,7 +33,7 @@ def grow(
 
     Args:
         records: to fit.
-        upto: masses at most.
+        upto: largest number of masses.
         like: a problem whose predictor, disturbance, loss, delay, speed scale and so on are used; its drive, values,
             free parameters and bounds are not.  None: output error, friction from the simulated speed.
         friction: which of fm, fc and tau0 are free; the others are zero.
@@ -98,11 +98,11 @@ def _fitted(
 # kept aside the longer chain must predict better, too.
 
 _LIGHTEST = 1e-3
-"""Part of the whole inertia below which a mass is none, but a place for what friction and disturbances leave."""
+"""A mass below this share of the total inertia is not real: it only absorbs errors of friction and disturbances."""
 _WHITE = 0.01
 """A p-value below which errors are not white."""
 _PLAIN = 0.25
-"""Part of the squared error of the smaller chain: a larger one that leaves less has one more mass, odd or not."""
+"""If the larger chain leaves less than this share of the squared error, its additional mass counts even if doubtful."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""The frequency responses of records, at a hundred points, and of a drive, on the unit circle and outside of it.
+"""Frequency responses of records (at a hundred points) and of a drive, on the unit circle and outside of it.
 
 A simulation of the whole record takes a hundred times as long as the response of a model at a hundred frequencies.  So
 starting values are found from the response of an ARX model of high order, with its uncertainty.
@@ -26,16 +26,16 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample, stretches
 
 _ORDER = 100
-"""Of the ARX model: half a second of memory at 5 ms."""
+"""Order of the ARX model: half a second of memory at 5 ms."""
 _ROWS = 20
-"""Samples for each of its orders, at least."""
+"""Least number of samples per order of the ARX model."""
 _POINTS = 100
 _SURE = 0.5
 """Relative standard deviation from which on the response counts as unknown."""
 _WEAK = 1e-4
-"""Spectral density of the torque, as part of the largest, below which it excites nothing."""
+"""A frequency is not excited if the spectral density of the torque is below this share of the largest."""
 _OWN = 0.3
-"""Part of the torque's power that must come from elsewhere than from the noise of the record itself."""
+"""Least share of the torque's power that is not caused by the noise of the record through a controller."""
 _SEGMENT = 512
 _SHORTEST_S = 0.004
 """Records that were sampled faster are resampled: drives have no resonance beyond 100 Hz that a motor would feel."""
@@ -153,7 +153,9 @@ def _relative(arx: Arx, f: Floats) -> Floats:
 
 
 class Response:
-    """Of a problem's drive as a function of x = log theta, for those free parameters that the response depends on.
+    """Frequency response of a problem's drive as a function of x = log theta.
+
+    theta are the free parameters that the response depends on.
 
     Friction that depends on the direction and offsets have no frequency response; they stay at their start, and so do
     parameters that start at zero or below.

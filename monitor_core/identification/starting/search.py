@@ -1,4 +1,4 @@
-"""From values that are wrong by factors to those that give the measured frequency response.
+"""Searches from values that are wrong by factors for values that give the measured frequency response.
 
 The sum of squares of the relative errors of G has many minima: a resonance of the model that matches the wrong one of
 the record stays there.  Three measures guide the search:
@@ -27,9 +27,9 @@ Kind = Literal["linear", "log", "both"]
 KINDS: tuple[Kind, ...] = ("linear", "log", "both")
 """Relative errors of G; their logarithm; those of G and of 1/G, which see resonances and anti-resonances alike."""
 MOST = 80
-"""Searches, if none of them explains the response."""
+"""Largest number of searches, if none of them explains the response."""
 _EXPLAINED, _AGAIN = 2, 15
-"""Ends at the same best values that end the search, where these explain the response, and where they do not."""
+"""Number of ends at the same best values after which the search stops: if they explain the response, and if not."""
 _STAGES = (
     (30.0, 100.0),
     (20.0, 100.0),
@@ -42,27 +42,27 @@ _STAGES = (
 )
 """Distance from the unit circle, 1/s, and weight of the prior."""
 _SUREST = 0.1
-"""Relative error that no point counts as surer than before the last stage."""
+"""Lower limit of the relative error of each point before the last stage."""
 _FARTHEST = 6.0
-"""A logarithm stays so near to its start."""
+"""Largest distance of a logarithm from its start."""
 _LONGEST_STEP = 1.5
-"""Of a logarithm, in one step."""
+"""Largest change of a logarithm in one step."""
 _STEPS = 30
 _LAST_STEPS = 60
 _SPREADS = (0.4, 0.6, 0.8, 1.0)
-"""Standard deviations of the logarithms of further starts around the values given, in turns."""
+"""Standard deviations of the logarithms of further starts around the given values, used in turn."""
 _NUDGES = (0.4, 0.7, 0.4, 1.0, 0.4, 0.7)
-"""The same for hops from an end, before the next start."""
+"""The same for hops from the end of a search, before the next start."""
 _HELD = 1e4
-"""Weight of the prior of what is held."""
+"""Weight of the prior of held parameters."""
 _SLACK = 4.0
-"""Standard deviations of a chi-square by which the right model may exceed what is expected."""
+"""The right model may exceed its expected cost by this number of standard deviations of a chi-square."""
 _SAME = 1.02
 """Costs within this factor are of the same minimum."""
 
 
 class Ended(Protocol):
-    """What came out at some cost."""
+    """A result with its cost."""
 
     @property
     def cost(self) -> float:
@@ -104,7 +104,7 @@ def search(
 
 
 def _ends(response: Response, measured: Measured) -> Iterator[Found]:
-    """Without end: a search from the values given or around them, then hops from where it came to; always the same."""
+    """Endless, reproducible sequence: a search from or around the given values, then hops from its end; and so on."""
     rng, first = np.random.default_rng(0), response.start
     for count in itertools.count():
         spread = _SPREADS[(count - 1) % len(_SPREADS)] if count else 0.0
@@ -118,7 +118,7 @@ def _ends(response: Response, measured: Measured) -> Iterator[Found]:
 
 
 def distinct(ends: Iterable[_End]) -> Iterator[_End]:
-    """Those that are finite, sorted by cost, each minimum once."""
+    """The finite ends, sorted by cost, each minimum once."""
     last = 0.0
     for end in sorted(ends, key=lambda e: e.cost):
         if _SAME * last < end.cost < np.inf:
@@ -127,7 +127,7 @@ def distinct(ends: Iterable[_End]) -> Iterator[_End]:
 
 
 def hop(response: Response, measured: Measured, x: Floats) -> Found:
-    """From x with the dampers made alike and held at first."""
+    """A search from x with equal damping of all springs, which is held at first."""
     held = np.zeros(x.size)
     pairs = response.dampers
     if len(pairs):
@@ -210,7 +210,7 @@ def errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Com
     return np.concatenate([e, inverse]), np.concatenate([J, slopes])
 
 
-# --- How far a search has come ----------------------------------------------------------------------------------------
+# --- Progress of a search ---------------------------------------------------------------------------------------------
 
 
 Progress = Callable[[int, int], None]

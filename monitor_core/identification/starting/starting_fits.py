@@ -25,25 +25,25 @@ from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.torque_windows import POSE
 
 _FEWER = 20
-"""Searches around a chain that does not explain the response."""
+"""Largest number of searches around a chain that does not explain the response."""
 _RIVALS = 2
-"""Candidates from which the records themselves are fitted."""
+"""Number of candidates from which the records themselves are fitted."""
 _DOUBTFUL = 10.0
-"""A rival whose cost is so many times that of the best is not tried."""
+"""A rival is not tried if its cost exceeds that of the best by this factor."""
 _ALIKE = 1.0
-"""Per cent of the simulated fit: less is chance."""
+"""Simulated fits that differ by less than this (per cent) count as equal."""
 _NOTHING = -100.0
-"""Per cent: below that no simulated fit is better than another."""
+"""Simulated fits below this (per cent) count as equally bad."""
 _BETTER = 1 - 1e-4
 """A lower cost counts if it is lower by this factor."""
 _FIT = 20
-"""Steps that the fit from one candidate counts for in the progress; one evaluation each, further ones do not count."""
+"""Steps of the progress for the fit from one candidate: one per evaluation; further evaluations do not count."""
 _GROWN = "a chain that grew mass by mass"
 FITTING = _RIVALS * _FIT
 """Steps of ``best_fit``."""
 
 Reached = Callable[[int], None]
-"""Told how many steps are done."""
+"""Called with the number of completed steps."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ def fit_from_torque_balance(problem: Problem, records: Sequence[Record]) -> Esti
     (found,) = rigid_fits(records, [POSE], problem.speed_scale)
     if elastic or len(inertias) != 1 or found is None or found.inertia <= 0:
         raise ValueError("the torque balance of the records gives no starting values of this drive")
-    # What the motor feels of an inertia behind a gear, and with another torque constant.
+    # Scale the inertia as seen by the motor, as it may be behind a gear, or the torque constant may differ from 1.
     nominal = {**problem.nominal, **dict.fromkeys(dampers, 1.0)}  # without friction it has no time constant
     nominal[inertias[0]] *= found.inertia / rigid_inertia(problem.drive, nominal)
     for name in dampers[:1]:
@@ -118,7 +118,7 @@ def _fit(
 
 
 def around_nominal(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
-    """Where searches around the nominal values end."""
+    """Candidates from searches around the nominal values."""
     response = Response(problem)
     ends = search(response, measured, reached=reached)
     return [_candidate(response, end, measured, "a search around the values given") for end in ends]
@@ -148,7 +148,7 @@ def from_chains(grown: Iterable[Stem], measured: Measured) -> list[Candidate]:
 
 
 def _candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
-    """Where a search in the frequency response ended."""
+    """The candidate at the end of a search in the frequency response."""
     return Candidate(response.named(end.x), origin, end.cost, measured.expected)
 
 
@@ -187,9 +187,9 @@ def best_fit(
 def best_of(found: Sequence[Estimate]) -> Estimate:
     """The estimate that explains the records best.
 
-    A drive that is not quite the axis has several minima that predict one step ahead almost alike, since the gain
-    corrects what they lack.  That which also simulates the motion is the axis; among those that do so alike the least
-    cost decides, and then the first.
+    With a model that is not exact there are several minima with almost equal one-step predictions, as the gain corrects
+    their errors.  The one that also simulates the motion best is right; among equally good ones the least cost decides,
+    and then the first.
     """
     rivals = [e for e in found if e.converged] or list(found)
     if len(rivals) == 1:

@@ -1,1 +1,1 @@
-"""Friction that follows a heat which is not measured."""
+"""Friction that depends on an unmeasured heat."""

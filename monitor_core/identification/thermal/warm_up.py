@@ -1,17 +1,17 @@
-"""Warm-up found in records: the time constant of the heat, and how friction follows it.
+"""Finds the warm-up in records: the time constant of the heat, and the dependence of friction on it.
 
 The drive is fitted with constant friction first.  Near that fit the prediction errors are linear in the parameters,
 
     eps(t) = psi(t)' delta(t),     delta(t) = c + s (heat(t) - mean),
 
-with a constant part c of every parameter and slopes s of the friction that follows the heat.  All that the records say
-of this is in sums over short windows, psi psi' and psi eps, within which the heat is constant.  So c and s are a least
-squares problem for each time constant and each heat at the start of a record, which are searched for.
+with a constant part c of each parameter and slopes s of the friction that follows the heat.  The records enter only by
+sums of psi psi' and psi eps over short windows, within which the heat is constant.  So c and s are a least-squares
+problem for given time constant and heats at the starts of the records; these are searched for.
 
-A first record that begins cold makes the slopes certain: with a motion that is always alike, a record that begins at an
-unknown heat shows how friction falls, but not from which heat.  What friction is off by beside the heat is judged by
-windows that a fit has not seen (``model_errors``).  A record that follows another one in time, without a
-motion in between, begins with what the pause has left of its heat; any other one begins with an unknown heat.
+A first record that begins cold makes the slopes certain: with a uniform motion, a record that begins at an unknown heat
+shows how friction falls, but not from which heat.  The errors of friction that the heat does not explain are estimated
+on windows that a fit has not used (``model_errors``).  A record that follows another one in time, without a motion in
+between, begins with the heat that is left after the pause; any other one begins with an unknown heat.
 """
 
 import math
@@ -45,9 +45,9 @@ from monitor_core.identification.thermal.warm_up_search import (
 LEAST_MOTION_S = 60.0
 """Records with less motion are not searched for a warm-up."""
 _A_LITTLE = 0.01
-"""Of a friction: by that it changes, to see whether all of it falls"""
+"""Relative change of the friction, used to see whether all of it falls"""
 _STANDS = 0.05
-"""Of the root mean square of the speed: an axis that is slower stands."""
+"""The axis stands below this share of the root mean square of the speed."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class FoundWarmUp:
         model: time constant, friction for the power, largest heat.
         slopes: of the parameters that follow the heat, by name, with their standard deviations.
         starts: heat at the first sample of each record [W].
-        errors: standard deviation of what friction is off by beside the heat, by name, of those that might follow it;
-            those that do not are off by their warm-up, too.
+        errors: standard deviation of the errors of friction that the heat does not explain, by name of each parameter
+            that might follow it; for one that does not, its warm-up is part of the error.
     """
 
     model: ThermalModel
@@ -92,7 +92,7 @@ def find_warm_up(
         records: those of the fit.
         followers: free parameters that may follow the heat.
         start: how the first record begins.
-        begins_s: clock times of the first samples [s]; None, or none at all: unknown.
+        begins_s: clock times of the first samples [s]; None or empty: unknown.
     """
     fm, fc = braking(found.drive, found.values)
     if not followers or not fm + fc > 0:
@@ -204,24 +204,24 @@ def _carried(
     return pauses
 
 
-# --- What the warm-up lacks: by how much friction is off beside the heat ----------------------------------------------
+# --- Model errors of the warm-up: deviations of friction that the heat does not explain -------------------------------
 
 
-# One time constant and straight lines are not the law of any gearbox.  What they leave is judged on windows that the
-# fit has not seen:
+# One time constant and straight lines do not describe any gearbox exactly.  The remaining error is estimated on windows
+# that the fit has not used:
 #
-# * the beginning, the middle and the end of each record by the fit of the others, as on another day;
-# * the last third of each record by the fit of what was before, as of an axis that becomes warmer than its records.
+# * the beginning, the middle and the end of each record, with the fit to the other records, as on another day;
+# * the last third of each record, with the fit to the part before, as for an axis that becomes warmer than its records.
 #
-# In each group of windows the parameters are estimated again, beside what the fit says.  The mean square of these
-# deviations, less that of chance, is the square of the error; of the parts the worst one counts, with an upper bound,
-# as few groups tell it.  Chance is half the mean square of the difference of neighbouring groups, as what the heat
-# lacks changes slowly.
+# In each group of windows, deviations of the parameters from the fit are estimated.  The mean square of these
+# deviations, minus that of chance, is the square of the error.  The worst part counts, with an upper bound, as there
+# are few groups.  Chance is half the mean square of the differences of neighbouring groups, as the errors of the heat
+# change slowly.
 
 _PARTS = 3
-"""Of a record: they are judged apart, and by the first ones the last."""
+"""Number of parts of a record, which are judged separately; the last part also by the fit of the first ones."""
 _LEAST = 3
-"""Groups in a part of a record; with fewer of them its parts are judged as one."""
+"""Least number of groups in a part of a record; with fewer, its parts are judged as one."""
 _SURE = 1.28
 """Standard deviations up to the bound that a mean square exceeds in one of ten cases."""
 
@@ -229,7 +229,7 @@ _SURE = 1.28
 def model_errors(
     windows: Sequence[Windows], index: list[int], carried: Sequence[float | None], start: ThermalStart
 ) -> Floats:
-    """Standard deviation of what the parameters (p,) are off by beside the heat, in their units.
+    """Standard deviation of the errors of the parameters (p,) that the heat does not explain, in their units.
 
     NaN where the records are too short for that.
 

@@ -1,8 +1,8 @@
 """The search for a warm-up in records: sums over short windows, and least squares for each time constant.
 
-No drive is the axis: what friction it seems to have differs a little with the speed.  The heat of the last minutes goes
-with the present speed, so part of that would look like a warm-up.  So each friction may follow the present power, too,
-window by window, and the heat is judged by what it explains beside that.
+No model is exact, so its friction seems to vary a little with the speed.  The heat of the last minutes is correlated
+with the present speed, so part of that variation would look like a warm-up.  Therefore each friction may also follow
+the present power, window by window, and the heat must explain more than that.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from monitor_core.identification.records.measured_record import Record
 
 WINDOW_S = 10.0
 LEAST_FALL = 0.04
-"""Of its value: friction that changes by less from the least to the largest heat follows nothing."""
+"""Friction follows the heat only if it changes by at least this share from the smallest to the largest heat."""
 _CHANCE = 1e-4
 """Probability of a slope like that found, if nothing followed the heat."""
 _CHANCE_BESIDE = 1e-3
-"""The same of a further friction beside the one that shows it best: that the axis warms up is known then."""
+"""The same for a further friction parameter, as it is then known that the axis warms up."""
 _TAUS = 18
 _SHORTEST_S, _LONGEST = 60.0, 2.0
 """Time constants that are tried; the longest in lengths of the records."""
 GROUP = 6
-"""Windows in a row whose errors may be correlated."""
+"""Number of windows in a row whose errors may be correlated."""
 _FEWEST_GROUPS, _SMALLEST_GROUP = 10, 2
 """Groups are smaller where they would be fewer."""
 _TERMS = 3
-"""That are fitted to the groups for each parameter: a constant, what goes with the power, what follows the heat"""
+"""Terms fitted to the groups for each parameter: a constant, one proportional to the power, one following the heat"""
 _RIDGE = 1e-9
 
 
@@ -122,7 +122,7 @@ class WarmUpFit(NamedTuple):
     slopes: Floats
     sd: Floats
     groups: int
-    """Of windows, whose scatter the standard deviations come from"""
+    """Number of groups of windows, whose scatter gives the standard deviations"""
     cost: float
 
     @property
@@ -168,7 +168,7 @@ class Search:
         self.seconds = WINDOW_S * sum(w.power.size for w in windows)
 
     def seeing(self, seen: Sequence[Bools]) -> Search:
-        """The same search that sees these windows (W,) of each record only."""
+        """The search restricted to these windows (W,) of each record."""
         masked = [
             w._replace(
                 information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis]
@@ -263,7 +263,7 @@ class Search:
 
 
 def _left(information: Floats, score: Floats, constants: Floats, more: Floats) -> Floats:
-    """Scores of windows (W, p) less what constants (p,) and what is added to them in each (W, p) explain."""
+    """Scores of windows (W, p) minus the part explained by constants (p,) plus deviations in each window (W, p)."""
     return np.asarray(score - np.einsum("wij,wj->wi", information, constants + more))
 
 
@@ -279,7 +279,7 @@ def left_of(windows: Sequence[Windows], fit: WarmUpFit) -> list[Floats]:
 
 
 def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
-    """The fit with the followers that the records show, each beside the others; None: they show none."""
+    """The fit with all followers that the records show, each in addition to the others; None: there are none."""
     value = dict(zip(search.index, values, strict=True))
     found: WarmUpFit | None = None
     while rest := [i for i in search.index if found is None or i not in found.which]:
@@ -292,6 +292,6 @@ def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
 
 
 def _shows(fit: WarmUpFit, value: float, chance: float) -> bool:
-    """Whether the records show that the last follower of a fit, of this value, follows beside the others."""
+    """Whether the records show that the last follower of a fit, a parameter with this value, follows the heat, too."""
     fall = abs(float(fit.slopes[-1])) * float(np.ptp(np.concatenate(fit.heats)))
     return fit.chance <= chance and fall >= LEAST_FALL * abs(value)

@@ -1,4 +1,4 @@
-"""By how many samples the torque of a record comes later than the motion that it has caused.
+"""Finds by how many samples the torque of a record is later than the motion that it has caused.
 
 A drive that measures its current filters it, and passes it on later than the angle of the encoder.  The balance of a
 rigid mass then lacks the inertia times the change of the acceleration in that time, which no friction explains.
@@ -21,20 +21,20 @@ from monitor_core.identification.torque_balance.torque_windows import (
 )
 
 _MOST = 10
-"""Samples that a torque may be late, as many as the configuration takes: a PLC filters over some of its slow ones."""
+"""Largest delay in samples, as in the configuration: a PLC may filter over several of its slow samples."""
 _AS_GOOD = 2.0
-"""Times what the best shift leaves: the same motion a period later explains as much, and the earliest one counts."""
+"""A shift is as good as the best if it leaves at most this multiple unexplained; the smallest such shift is used, as a
+periodic motion explains as much a period later."""
 _WINDOW = 24
-"""Samples of a window: short, since what is late shows in fast changes."""
+"""Number of samples in a window, which is short, as a delay shows in fast changes."""
 _FEWEST = 200
-"""Equations that tell it."""
+"""Least number of equations."""
 _LESS = 0.3
-"""Of what is unexplained: a shift that does not leave less is none.  So a torque that is late by less than 0.65 samples
-stays where it is."""
+"""A shift must reduce the unexplained torque to this share.  So a delay below 0.65 samples is not corrected."""
 
 
 def samples_late(records: Sequence[Record]) -> int:
-    """By how many samples the torque comes late: as explains most of it by the motion; zero, where nothing tells it."""
+    """Delay of the torque in samples with which the motion explains most of it; zero if it cannot be determined."""
     parts, scale = windowed_parts(records), speed_scales(records)[0]
     if not scale > 0:
         return 0

@@ -1,4 +1,4 @@
-"""A record explained by one rigid mass with friction, an offset and whatever else is asked for: least squares.
+"""Explains a record by one rigid mass with friction, an offset and further terms, by least squares.
 
 The torque balance in windows (torque_windows.py) needs no starting values, holds in a closed loop and under a weight,
 and sees the slow motion only.
@@ -25,18 +25,18 @@ from monitor_core.identification.torque_balance.torque_windows import (
 )
 
 _FEWEST_WINDOWS = 12
-"""Lengths of the window that fit into the record."""
+"""Least number of window lengths in the record."""
 _FOR_EACH = 2
-"""Lengths of the window for each term where standstill is left out: with the few that may be left, all terms together
-explain all torque."""
+"""Least number of window lengths per term if standstill is left out; with fewer, all terms together explain any
+torque."""
 _SHORTEST = 24
-"""Samples in a window: sums are integrals then, to 1e-3."""
+"""Least number of samples in a window, so that sums equal integrals to 1e-3."""
 _SCALES = (0.02, 0.05, 0.12, 0.3)
 """Speed scales of Coulomb friction, as parts of the root mean square of the speed."""
 _AS_GOOD, _WELL = 2.0, 0.1
-"""A window explains about as much as the best one if it leaves at most so many times more unexplained, or this part."""
+"""A window is about as good as the best one if it leaves at most this multiple, or this share, unexplained."""
 _AS_SURE = 2.0
-"""A window determines the inertia about as well as the best one if its deviation is at most so many times as large."""
+"""A window determines the inertia about as well as the best one if its sd is at most this multiple."""
 
 
 class Rigid(NamedTuple):
@@ -77,7 +77,7 @@ def rigid_fits(
 
     Args:
         records: about equally sampled.
-        models: terms of each, beside the inertia.
+        models: terms of each model, in addition to the inertia.
         speed_scale: of Coulomb friction, rad/s.
         shortest_s: length of a window at least; motions faster than a third of it are suppressed.
         moving: without standstill, where there is motion enough: friction may be anything then, and looks like the
@@ -188,7 +188,7 @@ def _fit(
 
 
 def resting_torque(rigid: Rigid, part: GridPart) -> Floats:
-    """What keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
+    """Torque that keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
     terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))
     still = np.zeros(len(part.y))
     return sum(

@@ -1,8 +1,8 @@
-"""Standstill of an axis that stops often, as in pick and place: friction then holds whatever the torque is.
+"""Standstill of an axis that stops often, as in pick and place: there friction balances any torque.
 
-The model of friction, tanh of the speed, has no such force: it creeps, and a fit would explain the torque of an axis
-that stands by an inertia or a friction that no drive has.  So that torque is replaced by what keeps a model at rest:
-the offset and the weight that the motion of the record shows.
+The model of friction, tanh of the speed, has no such force: the model creeps, and a fit would explain the torque at
+standstill by a wrong inertia or friction.  So this torque is replaced by the torque that keeps a model at rest: the
+offset and the weight that the motion of the record shows.
 """
 
 from collections.abc import Sequence
@@ -28,19 +28,19 @@ from monitor_core.identification.torque_balance.torque_windows import (
 )
 
 _EXPLAINED = 0.5
-"""Of the torque, at least: otherwise it is not known what keeps the axis at rest."""
+"""Least explained share of the torque; otherwise the torque that keeps the axis at rest is not known."""
 _EDGE = 2 * AROUND
-"""Samples at either end of a standstill that stay as they are: the axis may have begun to move."""
+"""Number of samples at either end of a standstill that are not changed, as the axis may have begun to move."""
 _CREEP, _CREEP_S = 0.1, 1.0
 """An axis that stands travels less than at this part of the speed for that time, or for as long as it stands: a slow
 motion travels more, and its friction is that of the motion."""
 _RARE = 0.025
-"""Part of the samples, at either side, that noise takes farther."""
+"""Share of the samples, at either side, that are ignored as noise."""
 _SLOW, _RESTING = 0.15, 0.005
-"""Of the root mean square of the speed: below the first friction is that of the Stribeck curve, or sticks and slips;
-below the second, on average over a second, an axis does not travel."""
+"""Shares of the root mean square of the speed: below the first, friction follows the Stribeck curve, or sticks and
+slips; below the second, on average over a second, an axis does not travel."""
 _LEAST = 0.1
-"""Of the samples: an axis that stands less keeps its torque."""
+"""Least share of samples at standstill; otherwise the torque is not changed."""
 
 
 class Standstill(NamedTuple):
@@ -62,7 +62,7 @@ class Standstill(NamedTuple):
 
 
 def find_standstill(records: Sequence[Record]) -> Standstill | None:
-    """The records with another torque where the axis stands; None: it seldom does, or it is not known which torque."""
+    """The records with the resting torque at standstill; None: the axis rarely stands, or that torque is not known."""
     slowest = least_speed(windowed_parts(records))
     if slowest is None:
         return None
@@ -89,7 +89,7 @@ def slow_motion(records: Sequence[Record]) -> tuple[float, float]:
 
 
 def _mean_speed(part: GridPart) -> Floats:
-    """Over about a second (N,)."""
+    """Mean speed over about a second (N,)."""
     half = min(max(round(0.5 / part.h), AROUND), max(len(part.y) // 4, 1))
     if part.quantity == "angle":
         return speed_of(part, half)

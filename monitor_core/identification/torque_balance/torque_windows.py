@@ -19,36 +19,36 @@ from monitor_core.identification.records.uniform_grid import mean_torque
 TorqueTerm = Literal[
     "viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"
 ]
-"""What takes torque beside the inertia: friction, an offset; powers of the angle, for whatever depends on the pose;
-friction that falls with the speed, and that grows faster than it; a signal of the record, named SIGNAL."""
+"""Terms of the torque in addition to the inertia: friction, an offset; powers of the angle, for effects of the pose;
+friction that falls with the speed, or grows faster than it; a signal of the record, named SIGNAL."""
 SIGNAL = "torque of signals"
 USUAL: tuple[TorqueTerm, ...] = ("viscous", "coulomb", "offset")
 POSE: tuple[TorqueTerm, ...] = (*USUAL, "angle", "angle^2", "angle^3")
-"""With a weight, whatever its dependence on the pose."""
+"""Terms with a weight that depends on the pose in any way"""
 
 ONE_WAY: tuple[TorqueTerm, ...] = ("viscous", "coulomb")
-"""Of an axis that moves in one direction only: an offset is its Coulomb friction, and each place is passed once, so
-that what changes with the time is not told from what changes with the angle."""
+"""Terms of an axis that moves in one direction only.  An offset is then part of Coulomb friction.  As each place is
+passed once, a dependence on the angle cannot be distinguished from one on the time."""
 
 WINDOWS = 4
-"""Equations for each length of the window; closer ones hold nothing new."""
+"""Number of equations per window length; closer ones contain nothing new."""
 _STRIBECK = 0.3
 """Speed of Stribeck's friction, as part of the root mean square of the speed."""
 AROUND = 4
-"""Samples on either side for the speed from an angle."""
+"""Number of samples on either side for the speed from an angle."""
 _STANDS = 0.05
-"""Of the root mean square of the speed: an axis that is slower stands."""
+"""The axis stands below this share of the root mean square of the speed."""
 _OFTEN = 0.2
-"""Of the time: an axis that stands less is not looked at without its standstill."""
+"""Standstill is left out only if the axis stands for at least this share of the time."""
 _SELDOM = 0.01
 _BACK = 0.005
-"""Of the time in motion: an axis that moves backwards less does not."""
+"""An axis that moves backwards for less than this share of the time in motion counts as moving in one direction."""
 _MOSTLY = 0.9
-"""Of a window: in the rest of it the axis may stand."""
+"""Share of a window in which the axis must move."""
 _DETERMINED = 1e-8
-"""Of the largest singular value: smaller ones are those of values that the equations do not determine."""
+"""Singular values below this share of the largest belong to values that the equations do not determine."""
 _GAP = 10.0
-"""Typical intervals: what acted in a longer one is not known."""
+"""Length of a gap in typical intervals, during which the torque is not known."""
 
 
 class GridPart(NamedTuple):
@@ -62,7 +62,7 @@ class GridPart(NamedTuple):
 
     @property
     def angle(self) -> Floats:
-        """From its first sample on (N,)."""
+        """Angle from the first sample on (N,)."""
         return self.y - self.y[0] if self.quantity == "angle" else np.cumsum(self.y) * self.h
 
 
@@ -90,7 +90,7 @@ def balance_equations(
     terms: Sequence[TorqueTerm],
     least: float | None = None,
 ) -> tuple[Floats, Floats]:
-    """Of all parts that are long enough: see ``windowed_equations``; ``least``: only where the speed is above."""
+    """``windowed_equations`` of all parts that are long enough; ``least``: only windows with a larger speed."""
     rows, torque = [np.zeros((0, 1 + len(terms)))], [np.zeros(0)]
     for part in parts:
         if len(part.u) > window:
@@ -104,7 +104,7 @@ def balance_equations(
 def residual_torque(
     rows: Floats, torque: Floats, fitted: slice = slice(None), judged: slice = slice(None)
 ) -> Floats:
-    """What these terms leave of the torque of the judged equations, with least squares of the fitted ones."""
+    """Torque of the judged equations that these terms, fitted to the fitted equations, do not explain."""
     rows = of_unit_length(rows)
     found = np.linalg.lstsq(rows[fitted], torque[fitted], rcond=_DETERMINED)[0]
     return np.asarray(torque[judged] - rows[judged] @ found)
@@ -141,7 +141,7 @@ def _one_way(speed: Floats) -> bool:
 
 
 def speed_of(part: GridPart, half: int) -> Floats:
-    """Of a part (N,): of an angle the mean over ``half`` samples on either side."""
+    """Speed in a part (N,); from an angle it is the mean over ``half`` samples on either side."""
     if part.quantity == "speed":
         return part.y
     around = np.pad(part.y, half, mode="reflect", reflect_type="odd")
@@ -150,7 +150,7 @@ def speed_of(part: GridPart, half: int) -> Floats:
 
 
 def moving_windows(part: GridPart, window: int, least: float) -> Bools:
-    """In which windows (M,) the axis nearly always moves."""
+    """Mask (M,) of the windows in which the axis nearly always moves."""
     g = window_of(window, part.h)[0]
     moving = (np.abs(speed_of(part, max(window // 8, 1))) > least).astype(float)
     return np.asarray(integrals(part, g, moving) > _MOSTLY * part.h * float(g.sum()), np.bool_)
@@ -206,7 +206,7 @@ def integrals(part: GridPart, weight: Floats, values: Floats) -> Floats:
 
 
 def term_values(term: TorqueTerm, speed: Floats, angle: Floats, speed_scale: float) -> Floats:
-    """What a term is proportional to (N,)."""
+    """Values (N,) that a term is proportional to."""
     if term == "coulomb":
         return np.tanh(speed / speed_scale)
     if term == "stribeck":

@@ -1,1 +1,1 @@
-"""The weight that an axis holds: its links, gear ratios between motors and links, how far it turns."""
+"""The weight that an axis bears: its links, gear ratios between motors and links, its turn with the motion."""

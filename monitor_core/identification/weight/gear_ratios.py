@@ -1,4 +1,4 @@
-"""The gear ratios that the weight of an arm's links shows, where only the angles of the motors are known.
+"""Finds gear ratios from the weight of an arm's links, if only the angles of the motors are known.
 
 The weight that an axis holds turns with sums of the angles of the arm (``arm_links``).  Where these are angles of
 motors before their gears, m_j, the ratios r_j = arm angle / motor angle are what the torque is explained with best:
@@ -29,7 +29,7 @@ from monitor_core.identification.weight.weight_balance import WeightBalance, slo
 _TURNS = np.geomspace(0.3, 2 * np.pi, 40)
 """Turns of the arm over the record, rad, that are tried; further axes hardly turn by more than a whole turn."""
 _LESS = 0.6
-"""Of the squared errors: what a further angle must leave at most."""
+"""A further angle must reduce the squared errors to less than this share."""
 
 
 def gear_ratios(
@@ -71,7 +71,7 @@ def gear_ratios(
 
 
 _Found = tuple[dict[str, float], list[Sum], float]
-"""Ratios of the angles that are used, their sums, and what is left of the squared torque."""
+"""Ratios of the used angles, their sums, and the unexplained part of the squared torque"""
 
 
 class _Trial:
@@ -96,7 +96,7 @@ class _Trial:
         return float(np.ptp(self.angles[name])) or 1.0
 
     def trials(self, name: str, unknown: bool) -> Floats:
-        """Ratios to be tried for an angle."""
+        """Candidates of the ratio of an angle."""
         return _TURNS / self.extent(name) if unknown else np.ones(1)
 
     def phase(self, ratios: Mapping[str, float], angles: Sum) -> Floats:
@@ -104,16 +104,16 @@ class _Trial:
         return np.asarray(sum(sign * ratios[name] * self.angles[name] for sign, name in angles))
 
     def columns(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
-        """What is fitted to the torque: one mass with friction, what couples it, cosine and sine of each sum."""
+        """Columns that are fitted to the torque: one mass with friction and couplings, cosine and sine of each sum."""
         phases = [self.phase(ratios, angles) for angles in sums]
         return np.column_stack([self.rows, *(wave(p) for p in phases for wave in (np.cos, np.sin))])
 
     def missed(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
-        """The torque (M,) that is not explained with these ratios."""
+        """The torque (M,) that these ratios do not explain."""
         return residual_torque(self.columns(ratios, sums), self.torque)
 
     def least(self, known: Floats, phases: Floats) -> tuple[int, float]:
-        """Which one of some sums (M, G) explains most beside known columns, and what it leaves."""
+        """Index of the sum (of M, G) that explains most in addition to known columns, and the unexplained part."""
         Q = np.linalg.qr(known)[0]
         e = self.torque - Q @ (Q.T @ self.torque)
         c, s = np.cos(phases), np.sin(phases)
@@ -125,7 +125,7 @@ class _Trial:
         return best, float(e @ e - explained[best])
 
     def refined(self, ratios: dict[str, float], sums: list[Sum], free: Sequence[str]) -> _Found:
-        """From about these ratios to those that leave least."""
+        """Refine the ratios so that the unexplained torque is least."""
 
         def ratios_at(x: Floats) -> dict[str, float]:
             return ratios | dict(zip(free, np.exp(x).tolist(), strict=True))

@@ -1,7 +1,7 @@
-"""How far the weight of an arm turns with the motion: it hangs on the true angle, in radians.
+"""Finds the turn of an arm per unit of the measured motion, from the torque of its weight.
 
-Nothing else in the torque shows the unit of an angle: inertia, friction and stiffness only become others.  A weight's
-torque is a cosine of the arm's angle, so its period shows how much of the measured motion is a turn of the arm.
+Only a weight shows the unit of an angle in the torque: with another unit, inertia, friction and stiffness just have
+other values.  The torque of a weight is a cosine of the arm's angle, so its period is a full turn of the arm.
 """
 
 from typing import NamedTuple
@@ -15,27 +15,27 @@ from monitor_core.identification.torque_balance.torque_windows import POSE, USUA
 from monitor_core.identification.weight.weight_balance import WeightBalance
 
 _SHOWS = 0.5
-"""Of what one mass leaves unexplained: a weight takes so much of it away, or there is none."""
+"""A weight must explain this share of the torque that one mass leaves unexplained."""
 _WINDOW = 40
-"""Samples: a weight changes slowly."""
+"""Number of samples in a window, as a weight changes slowly."""
 _MOST = 20_000
-"""Samples that are looked at."""
+"""Largest number of samples that are used."""
 _LEAST_TURN, _MOST_TURN = 0.25, 40.0
-"""Turn of the arm over the record, rad, that is looked for."""
+"""Range of the turn of the arm over the record, rad, that is searched."""
 _STEP = 0.25
-"""rad at the ends of the motion, from one trial to the next."""
+"""Step between trials, in rad at the ends of the motion."""
 _SIGMAS = 3.0
 _MODEL = 0.1
-"""Of the unexplained torque: so much more may be by what one mass with a weight lacks."""
+"""Share of the unexplained torque that may be due to errors of the model of one mass with a weight."""
 
 
 class TurningWeight(NamedTuple):
     """A weight in the torque of a record."""
 
     ratio: float
-    """turn of the arm, rad, for each unit of the motion"""
+    """Turn of the arm, rad, per unit of the motion"""
     least: float
-    """the smallest such ratio with which the torque is explained about as well, and the largest"""
+    """Smallest and largest ratio with which the torque is explained about as well"""
     most: float
 
 

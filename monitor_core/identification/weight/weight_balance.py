@@ -1,4 +1,4 @@
-"""The torque balance of one mass with friction, beside which a weight is fitted, as columns of a least-squares problem.
+"""The torque balance of one mass with friction and a weight, as columns of a least-squares problem.
 
     J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u
 
@@ -27,11 +27,11 @@ from monitor_core.identification.torque_balance.torque_windows import (
 )
 
 _MOST_SAMPLES = 30_000
-"""Weights change slowly: longer records are thinned to about so many samples."""
+"""Longer records are decimated to about this number of samples, as weights change slowly."""
 _OF_PERIOD, _FEWEST = 0.1, 24
 """Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
 _LEAST_WINDOWS = 20
-"""In all records: fewer do not distinguish the terms of a weight."""
+"""Least number of windows in all records; fewer do not distinguish the terms of a weight."""
 
 
 class WeightBalance:
@@ -93,7 +93,7 @@ def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
 
 
 def _turned(part: GridPart) -> Floats:
-    """The angle about its mean (N,)."""
+    """The angle relative to its mean (N,)."""
     angle = part.y if part.quantity == "angle" else np.cumsum(part.y) * part.h
     return np.asarray(angle - angle.mean())
 

@@ -19,8 +19,8 @@ from monitor_core.modeling.laurent import Laurent
 class Role:
     """A parameter of a kind of component, with its required unit ("": any).
 
-    ``positive``: zero or less makes no sense.  ``signed``: a number given here may still be negative (a gear that
-    reverses), but not zero.  ``nonnegative``: less than zero is not to be identified (a damper that drives).
+    ``positive``: the value must be above zero.  ``signed``: a given number may still be negative (a gear that
+    reverses), but not zero.  ``nonnegative``: an identified value must not be negative (a damper that drives).
     """
 
     name: str
@@ -31,7 +31,7 @@ class Role:
     nonnegative: bool = False
 
     def problem(self, value: float) -> str:
-        """What is wrong with a value ("must be greater than zero"); empty if it is valid."""
+        """Requirement that a value violates ("must be greater than zero"); empty if the value is valid."""
         if not abs(value) < float("inf"):
             return "must be finite"
         if self.positive and value == 0:

@@ -55,7 +55,7 @@ class Fragment:
     sensors: tuple[FlatSensor, ...] = ()
 
     def measured(self, variable: str) -> Fragment:
-        """The same with one variable turned into an input: the measured motor torque."""
+        """The fragment with one variable turned into an input: the measured motor torque."""
         (signal,) = (v for v in self.variables if v.name == variable)
         variables = tuple(v for v in self.variables if v is not signal)
         inputs = (*self.inputs, FlatInput(variable, TORQUE, origin=signal.origin))
@@ -112,12 +112,12 @@ class Builder:
         return Linear.variable(name)
 
     def sensor(self, angle: str, quantity: str) -> None:
-        """The component is a sensor of "speed" or "angle" where its unknown ``angle`` is."""
+        """Make the component a sensor of "speed" or "angle" for its unknown ``angle``."""
         new = FlatSensor(self.name, f"{self.name}.{angle}", quantity, self.origin)
         self._add(Fragment(sensors=(new,)))
 
     def equal(self, left: Linear, right: Linear) -> None:
-        """An equation."""
+        """Add the equation left = right."""
         new = FlatEquation((left - right).terms, self.origin)
         self._add(Fragment(equations=(new,)))
 

@@ -36,7 +36,7 @@ class Dimension:
         return Dimension(tuple(e * exponent for e in self.exponents), self.rad * exponent)
 
     def root(self, degree: int) -> Dimension | None:
-        """The dimension whose power this is, if there is one; ``degree`` is not zero."""
+        """The dimension whose power ``degree`` (not zero) is this one; None: there is none."""
         if any(e % degree for e in self.exponents):
             return None
         rad = 0 if self.rad % degree else self.rad // degree

@@ -1,4 +1,4 @@
-"""Parts of a drive, and where parameters are used: units, signs and meanings follow from the parts they stand in."""
+"""Parts of a drive, and the uses of parameters in them, which determine units, signs and meanings."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -35,7 +35,7 @@ class Use(NamedTuple):
         return len(self.value.names) == 1 and self.value == Laurent.symbol(next(iter(self.value.names)))
 
     def meaning(self, component: str) -> str:
-        """What a parameter in it means: inertia of the motor."""
+        """Meaning of a parameter in this use: "inertia of the motor"."""
         place = f"{self.role.meaning if self.role else ''} of the {component}"
         return place if self.is_name else f"in the {place}: {self.value}"
 
@@ -60,7 +60,7 @@ class Part:
 
 
 def first_use(uses: Sequence[Use]) -> Use:
-    """The use that a parameter has its meaning from: where it stands alone, else the first one."""
+    """The use that gives a parameter its meaning: one in which it stands alone, or else the first one."""
     return next((use for use in uses if use.is_name), uses[0])
 
 
@@ -99,9 +99,9 @@ def _factor(name: str, use: Use) -> Iterator[tuple[int, Fraction]]:
 
 
 def impossible(uses: Iterable[Use], values: Mapping[str, float]) -> Iterator[tuple[Use, Role, float, str]]:
-    """Expressions whose value makes no sense in their role, with that value and what it must be.
+    """Expressions whose value is impossible in their role, with that value and the requirement.
 
-    Those in which a value is not known are left out.
+    Expressions with an unknown value are left out.
     """
     for use in uses:
         if use.role and use.value.names <= values.keys():
@@ -131,7 +131,7 @@ def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({}
             found.add(name, parse(unit), "declared so")
     ordered = sorted(uses, key=lambda use: not use.is_name)
     while sum(found.learn(use) for use in ordered):
-        pass  # a unit found may be the last but one of the next product
+        pass  # repeat: a new unit may leave only one unknown unit in another product
     for use in ordered:
         found.check(use)
     names = dict.fromkeys([*declared, *(name for use in ordered for name in sorted(use.value.names))])

@@ -1,4 +1,4 @@
-"""From the flat equations of a drive to its minimal state space, without a manual choice of variables.
+"""Converts the flat equations of a drive to its minimal state space, without a manual choice of variables.
 
     flat equations -> substitution of every variable that one equation determines (substitution.py)
       -> explicit balances of torques (balances.py)

@@ -1,4 +1,4 @@
-"""From the rows left by the substitution to explicit balances: one row for the highest derivative of each angle.
+"""Converts the rows after the substitution to explicit balances: one for the highest derivative of each angle.
 
 s^2 phi_j = sum of (c s phi_i), (c phi_i), (c u)      where an inertia moves with phi_j
 s   phi_l = the same                                  where nothing does: massless, between dampers

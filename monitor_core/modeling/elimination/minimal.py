@@ -51,7 +51,7 @@ class Reduction:
         self.size = len(self.positions.rows) + len(masses)
 
     def _deflections(self, drawn: Iterable[str]) -> Basis:
-        """Independent ones that span what the balances depend on; drawn ones first, those turned to the motor."""
+        """Basis of the deflections that the balances depend on: drawn ones first, with the motor side positive."""
         basis = Basis(self.order)
         for candidate in map(self.angle_of, drawn):
             if candidate:
@@ -104,7 +104,7 @@ class Reduction:
     def _put(self, A: Dense, B: Dense, row: int, total: Sum) -> None:
         """Write a derivative, a sum over speeds, angles and inputs, into a row of A and B."""
         coordinates, rest = self.positions.express(_angles_of(total, self.order))
-        assert not rest  # the deflections span what the balances depend on
+        assert not rest  # the balances depend only on combinations of the deflections
         for k, c in coordinates.items():
             A[row, self.position_state(k)] = c
         for name, column in self.columns.items():
@@ -141,7 +141,7 @@ def _speed_name(angle: str, variables: set[str]) -> str:
 
 
 class Basis:
-    """Independent combinations of angles, in echelon form, that others are expressed in.
+    """Independent combinations of angles in echelon form, by which others are expressed.
 
     ``order``: the rank of each angle by its distance from the motor.
     """

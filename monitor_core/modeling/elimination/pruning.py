@@ -1,4 +1,4 @@
-"""The last step: parts that the torque does not move or the sensors do not observe are left out, with a note."""
+"""The last step: removes parts that the torque does not move or the sensors do not observe, with a note."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -119,7 +119,7 @@ _TOGETHER = "taken together: "
 def parameters_of(
     drawn: Sequence[FlatParameter], definitions: Mapping[str, Laurent], occurring: Collection[str]
 ) -> tuple[FlatParameter, ...]:
-    """The occurring parameters in the order in which they were drawn, a merged one where its first part stood."""
+    """The occurring parameters in the order of drawing; a merged one takes the place of its first part."""
     known = {p.name: p for p in drawn}
     rank = {p.name: k for k, p in enumerate(drawn)}
     for name, value in definitions.items():
@@ -155,11 +155,11 @@ def _unit(value: Laurent, known: Mapping[str, FlatParameter]) -> str:
     return str(total)
 
 
-# --- The drive moving rigidly: what every angle is while the first sensor's angle is 1 and no spring is deflected -----
+# --- Rigid motion: all angles while the angle of the first sensor is 1 and no spring is deflected ---------------------
 
 
 def rigid_angles(reduction: Reduction) -> Angles:
-    """Angle -> its value; what is not joined to the sensor by springs or dampers is missing."""
+    """Values by angle; angles that are not joined to the sensor by springs or dampers are missing."""
     sensor = reduction.angle_of(reduction.sensors[0].angle)
     if len(sensor) != 1:
         return {}
@@ -205,14 +205,14 @@ def ratio(reduction: Reduction, rigid: Angles) -> Dense:
     return {(k, 0): c for k, c in values.items() if c}
 
 
-# --- What is left of the states that no input moves or no sensor sees, for whatever values of the parameters ----------
+# --- Remaining states that no input moves or no sensor observes, for any values of the parameters ---------------------
 
 
 # An example: a part that is coupled to a grounded one by a damper only.  Its momentum and the angle that the damper
 # has turned by add up to a constant, so an angle sensor there measures a state that no torque can change.
 
 MOST_STATES = 60
-"""The check takes time with the cube of the states."""
+"""Largest number of states for this check, whose time grows with their cube."""
 
 _SEED = 2439  # arbitrary: a wrong rank would need a coincidence modulo primes near 2^31
 

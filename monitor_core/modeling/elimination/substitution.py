@@ -1,4 +1,4 @@
-"""From flat equations to torque balances: exact substitution of every variable that one equation determines.
+"""Converts flat equations to torque balances, by exact substitution of variables that a single equation determines.
 
 With s = d/dt the flat equations are rows of polynomials in s.  A variable whose coefficient in a row is free of s and
 can be divided by is solved for and substituted everywhere.  Such a step loses and adds no solution, also where inertias
@@ -54,7 +54,7 @@ _ORDERS = {"rad": ANGLE, "rad/s": SPEED, "rad/s^2": TORQUE_ORDER, "N m": TORQUE_
 
 @dataclass
 class Line:
-    """An equation and the component that it belongs to.  ``kinematic``: it is about angles only, not torques."""
+    """An equation and the component that it belongs to.  ``kinematic``: it contains only angles, no torques."""
 
     row: Row
     origin: Origin
@@ -62,11 +62,11 @@ class Line:
 
 
 class System:
-    """The equations that are left, and rows that only watch: name -> row expressing a variable of interest.
+    """The remaining equations, and observed rows: name -> row that expresses a variable of interest.
 
-    ``far``: how many equations lie between each variable and the motor torque.  ``stiff``: the relative angles of
-    springs, near the motor first.  ``flat_states``: how many variables are differentiated in the flat equations.
-    ``definitions``: parameters that were merged on the way.
+    ``far``: number of equations between each variable and the motor torque.  ``stiff``: relative angles of springs,
+    near the motor first.  ``flat_states``: number of variables that are differentiated in the flat equations.
+    ``definitions``: parameters that were merged during the substitution.
     """
 
     def __init__(self, flat: FlatModel) -> None:
@@ -99,11 +99,11 @@ class System:
         self.definitions: dict[str, Laurent] = {}
 
     def distance(self, name: str) -> int:
-        """From the motor torque; what is not joined to it comes last."""
+        """Number of equations from the motor torque to a variable; variables that are not joined to it come last."""
         return self.far.get(name, len(self.far))
 
     def rows(self) -> list[Row]:
-        """The equations that are left, and those that only watch."""
+        """The remaining equations and the observed rows."""
         return [line.row for line in self.lines] + list(self.watched.values())
 
     def merge(self, total: Laurent) -> None:
@@ -111,7 +111,7 @@ class System:
         merge(total, self.rows(), self.drawn, self.definitions)
 
     def unknowns(self) -> list[str]:
-        """The variables that still occur, in a settled order."""
+        """The variables that still occur, in a fixed order."""
         names = {name for line in self.lines for name in line.row if name not in self.inputs}
         return sorted(names, key=lambda name: (self.keep[name], name), reverse=True)
 
@@ -143,7 +143,7 @@ def orders_of(flat: FlatModel, rows: Sequence[Row]) -> dict[str, int]:
 
 
 def distances(rows: Iterable[Row], sources: Sequence[str]) -> dict[str, int]:
-    """How many equations lie between each variable and the sources; what is not reached is missing."""
+    """Number of equations between each variable and the sources; variables that are not reached are missing."""
     found, front, left = dict.fromkeys(sources, 0), set(sources), list(rows)
     for distance in range(1, len(left) + 1):
         near = [row for row in left if not front.isdisjoint(row)]
@@ -159,7 +159,7 @@ def distances(rows: Iterable[Row], sources: Sequence[str]) -> dict[str, int]:
 
 
 def substitute_all(system: System) -> None:
-    """Eliminate until no row gives a variable any more; shortest rows first.
+    """Substitute until no row determines a variable any more; shortest rows first.
 
     Raises:
         ModelError: equations contradict each other, or something is locked.
@@ -170,7 +170,7 @@ def substitute_all(system: System) -> None:
 
 
 class _Substitution:
-    """``where``: the rows in which each variable occurs; ``version``: how often each row has changed."""
+    """Substitution in a system.  ``where``: rows in which each variable occurs; ``version``: changes of each row."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -210,7 +210,7 @@ class _Substitution:
         return candidates[0] if candidates else None
 
     def _eliminate(self, k: int, name: str) -> list[int]:
-        """Substitute the solution of row k for the variable everywhere; the rows that have changed."""
+        """Substitute the solution of row k for the variable everywhere; returns the rows that have changed."""
         solution = self.rows[k]
         c = solution[name][0]
         self.alive.discard(k)
@@ -287,7 +287,7 @@ def merge(total: Laurent, rows: Sequence[Row], drawn: Sequence[str], definitions
         try:
             changed = [(operator, s, c.substitute(solution)) for operator, s, c in _containing(part, rows)]
         except NotLaurentError:
-            continue  # something is divided by this part
+            continue  # an expression is divided by this part
         for operator, s, c in changed:
             operator[s] = c
         definitions[name] = merged
@@ -296,7 +296,7 @@ def merge(total: Laurent, rows: Sequence[Row], drawn: Sequence[str], definitions
 
 
 def _parts(total: Laurent, rows: Sequence[Row], drawn: Sequence[str]) -> list[str]:
-    """Parameters that the sum can be solved for, those first that occur least elsewhere."""
+    """Parameters for which the sum can be solved; those that occur least elsewhere come first."""
     linear = [
         name
         for name in (*drawn, *sorted(total.names - set(drawn)))

@@ -1,8 +1,8 @@
-"""Combinations of parameters that can be seen, as text: "kT/Jm", "J1 + J2", "r^2*Jg/(Jm + J1)"; as many as are needed.
+"""Combinations of parameters that can be identified, as text: "kT/Jm", "J1 + J2", "r^2*Jg/(Jm + J1)".
 
-Parameters that are seen as a sum only (directions that stay hidden whatever the values: one more, the other less)
-become one coordinate.  In the logarithms of what is left, vectors orthogonal to all that is hidden are products of
-powers.  What is still missing are entries of A, B and C that are seen.
+Parameters that are identifiable only as a sum (in the direction "one more, the other less" nothing changes, whatever
+the values) become one coordinate.  In the logarithms of the coordinates, vectors orthogonal to all hidden directions
+are products of powers.  If combinations are still missing, they are identifiable entries of A, B and C.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -45,7 +45,7 @@ def combinations_of(
     rng: np.random.Generator,
     inputs: Sequence[int],
 ) -> list[tuple[str, frozenset[str]]]:
-    """Combinations that are seen, independent of each other, each with the free parameters in it.
+    """Independent identifiable combinations, each with the free parameters in it.
 
     Merged parameters count as one where that loses nothing; else ``samples``, in the free parameters, do.
     """
@@ -78,7 +78,7 @@ def _named(
 
 
 def _coordinates(ss: StateSpace, free: Sequence[str]) -> list[Coordinate]:
-    """The names in A, B and C that are free, or merged of what is partly free."""
+    """The names in A, B and C that are free, or merged with a free part."""
     inside = {name: frozenset({name}) for name in free}
     sums: dict[str, Laurent] = {}
     for definition in ss.definitions:
@@ -93,19 +93,19 @@ def _coordinates(ss: StateSpace, free: Sequence[str]) -> list[Coordinate]:
 
 
 def _expanded(value: Laurent, sums: Mapping[str, Laurent]) -> Laurent:
-    """In terms of what was drawn; where one sum is divided by another, that one stays as it is written."""
+    """The value in terms of drawn parameters; a sum by which another is divided stays as it is written."""
     try:
         return value.substitute(sums)
     except NotLaurentError:
         return value.substitute({name: Laurent.symbol(str(total)) for name, total in sums.items()})
 
 
-# --- Sums, products of powers and entries that are seen ---------------------------------------------------------------
+# --- Identifiable sums, products of powers, and entries ---------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Coordinates by their texts, and what is seen of them at random points, for each prime.
+    """Coordinates by their texts, and their gradients at random points, for each prime.
 
     ``forms``: each coordinate as a sum of the first ones.  ``order``: which of them stand below the fraction stroke,
     the first first.
@@ -124,7 +124,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Combination:
-    """What is seen: its text, the first coordinates in it, and the gradient (p,) of its logarithm.
+    """An identifiable combination: its text, the first coordinates in it, and the gradient (p,) of its logarithm.
 
     The gradient is that at the first sample, with respect to the logarithms of the first coordinates.
     """
@@ -135,7 +135,7 @@ class Combination:
 
 
 def with_sums(frame: Frame) -> Frame:
-    """Sums instead of the coordinates that are seen as a sum only; without what is not seen at all."""
+    """The frame with sums in place of coordinates that are identifiable only as a sum; hidden coordinates removed."""
     bases = [union([s.plain for s in some], some) for some in frame.samples]
     forms = agreed(bases, frame.primes)
     if not forms:
@@ -147,7 +147,7 @@ def with_sums(frame: Frame) -> Frame:
 
 
 def _in_forms(sample: Sample, forms: Sequence[Vector]) -> Sample:
-    """What is seen, in terms of the linear forms; each has a column that the others do not have: its first."""
+    """The sample in terms of the linear forms; the first column of each form occurs in no other form."""
     prime = sample.prime
     leading = [next(j for j, c in enumerate(form) if c) for form in forms]
     multiples = np.array([form[j] for form, j in zip(forms, leading, strict=True)], dtype=np.int64)
@@ -173,7 +173,7 @@ def products(frame: Frame, first: Sample) -> Iterator[Combination]:
 
 def _product(vector: Vector, frame: Frame, first: Sample) -> Combination:
     powers = {frame.texts[j]: e for j, e in enumerate(vector) if e}
-    alone = list(powers.values()) == [1]  # which needs no brackets
+    alone = list(powers.values()) == [1]  # then no brackets are needed
     text = next(iter(powers)) if alone else str(Laurent([(tuple(sorted(powers.items())), Fraction(1))]))
     columns = {i for j, e in enumerate(vector) if e for i, c in enumerate(frame.forms[j]) if c}
     slope = partial(_slope, vector, frame.forms, first, frame.samples[0][0])
@@ -191,7 +191,7 @@ def _slope(vector: Vector, forms: Sequence[Vector], first: Sample, sample: Sampl
 def entries_seen(
     ss: StateSpace, coordinates: Sequence[str], texts: Mapping[str, str], first: Sequence[Sample]
 ) -> Iterator[Combination]:
-    """Entries of A, B and C that are seen, and sums in them, simple ones first."""
+    """Identifiable entries of A, B and C, and sums in them; simple ones first."""
     candidates = {_positive(e) for M in (ss.A, ss.B, ss.C) for e in M.values()}
     candidates |= {entry.common_factor()[1] for entry in candidates}
     symbols = {name: Laurent.symbol(text) for name, text in texts.items()}

@@ -1,6 +1,7 @@
 """The derivatives of all Markov parameters C A^k B with respect to the logarithms of the parameters, modulo a prime.
 
-The first 2n of them fix the transfer function of n states, so parameters can be seen exactly as far as these change.
+The first 2n Markov parameters determine the transfer function of n states.  So a change of parameters is visible
+exactly if it changes these.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -25,12 +26,12 @@ from monitor_core.modeling.modular import (
 from monitor_core.modeling.statespace import Definition, Entries, StateSpace
 
 Gradients = Mapping[str, Ints]
-"""By name, the derivatives (p,) of its logarithm with respect to those of the coordinates."""
+"""By name: derivatives (p,) of its logarithm with respect to the logarithms of the coordinates."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """What is seen at one point: ``values`` (p,) of the coordinates, ``seen`` (rank, p) spans the gradients.
+    """Gradients at one point: ``values`` (p,) of the coordinates; ``seen`` (rank, p) spans the gradients.
 
     The gradients are those of the transfer function with respect to the logarithms of the coordinates.
     """
@@ -41,7 +42,7 @@ class Sample:
 
     @property
     def prime(self) -> int:
-        """All arithmetic is modulo this."""
+        """Modulus of all arithmetic."""
         return self.point.prime
 
     @cached_property
@@ -85,12 +86,12 @@ def _until_settled(
 
 
 def union(spaces: Sequence[Ints], samples: Sequence[Sample]) -> Ints:
-    """What all the spaces together span, in echelon form."""
+    """Sum of all the spaces, in echelon form."""
     return echelon(np.vstack(spaces), samples[0].prime)[0]
 
 
 def gradients(coordinates: Sequence[str], definitions: Sequence[Definition], point: Point) -> dict[str, Ints]:
-    """The gradients of the logarithms of the coordinates, and of what is defined by them."""
+    """The gradients of the logarithms of the coordinates, and of the parameters defined by them."""
     unit = np.eye(len(coordinates), dtype=np.int64)
     out = dict(zip(coordinates, unit, strict=True))
     for definition in definitions:

@@ -1,4 +1,4 @@
-"""Small integer vectors out of spaces that are known modulo a prime.
+"""Finds small integer vectors in spaces that are known modulo a prime.
 
 A space that is the same for all values of the parameters has a basis in small fractions: its reduced echelon form,
 which is unique, so that the residues of its entries are those of small fractions.
@@ -16,7 +16,7 @@ from monitor_core.arrays import Ints
 from monitor_core.modeling.modular import null_space, rank
 
 MOST_SUBSETS = 3000
-"""Largest number of subsets that are searched for short vectors; after that the echelon form is used."""
+"""Largest number of subsets that are searched for short vectors; beyond it the echelon form is used."""
 
 Vector = tuple[int, ...]
 

@@ -1,4 +1,4 @@
-"""Which parameters, or combinations of them, the sensors of a drive can see at all."""
+"""The parameters, or combinations of them, that the sensors of a drive can determine in principle."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ _HELD = ("1", "kg m^2", "N m/rad", "N m s/rad", "N m")
 
 @dataclass(frozen=True, slots=True)
 class Identifiability:
-    """What any record, however exciting, can determine at most of the parameters that are not known already.
+    """The most that any record, however exciting, can determine of the unknown parameters.
 
     ``identifiable``: seen by themselves (up to a finite number of values). ``groups``: parameters that cannot be
     distinguished; ``seen[i]`` are the combinations of those of group i that can be seen, ``unnamed[i]`` counts
@@ -38,23 +38,23 @@ class Identifiability:
 
     @property
     def combinations(self) -> tuple[str, ...]:
-        """All that is seen of the groups."""
+        """All identifiable combinations of the groups."""
         return tuple(chain.from_iterable(self.seen))
 
     @property
     def count(self) -> int:
-        """How many numbers can be found."""
+        """Number of values that can be determined."""
         return len(self.identifiable) + len(self.combinations) + sum(self.unnamed)
 
     def words(self) -> tuple[str, ...]:
-        """The same in plain sentences."""
+        """The result in sentences."""
         return tuple(_sentences(self))
 
 
 def structural(
     ss: StateSpace, free: Sequence[str] | None = None, seed: Seed = 0, inputs: Sequence[int] | None = None
 ) -> Identifiability:
-    """What the sensors can see of the ``free`` parameters (default: all that were drawn), the others being known.
+    """Identifiability of the ``free`` parameters (default: all drawn ones), if the others are known.
 
     ``inputs``: columns of B, each a known signal of its own (torque, direction of motion, 1, gravity); default all.
 
@@ -78,7 +78,7 @@ def structural(
 def _sorted_out(
     free: Sequence[FlatParameter], sample: Sample, combinations: Sequence[tuple[str, frozenset[str]]]
 ) -> Identifiability:
-    """The parameters by what is hidden of them, and the combinations with the groups that they are of."""
+    """Sort the parameters into identifiable, groups and invisible, and assign the combinations to the groups."""
     names, hidden = [p.name for p in free], sample.hidden
     alone = [j for j in range(len(names)) if not hidden[:, j].any()]
     invisible = [j for j in range(len(names)) if not sample.seen[:, j].any()]
@@ -111,11 +111,11 @@ def _held(
     return chosen
 
 
-# --- The same in plain sentences --------------------------------------------------------------------------------------
+# --- The result in sentences ------------------------------------------------------------------------------------------
 
 
 _FEW = 12
-"""Largest number of names that are listed; of more the number is given."""
+"""Largest number of names that are listed; of more, only the number is given."""
 
 
 def _sentences(result: Identifiability) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Modelica texts (drawn in OpenModelica, or written by hand) to the flat model of a drive.
+"""Converts Modelica texts (drawn in OpenModelica, or written by hand) to the flat model of a drive.
 
 text -> pymoca's syntax tree, with places (parsing) -> the tree of all classes (classes), names checked (names)
 -> pymoca's instance and flat class -> values of parameters (values), components of the library (library, leaves),

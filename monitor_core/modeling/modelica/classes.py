@@ -1,4 +1,4 @@
-"""The classes of Modelica texts: the tree of all of them, the one that is the drive, and what a name means there."""
+"""The classes of Modelica texts: the tree of all classes, the class of the drive, and name lookup."""
 
 import copy
 from collections.abc import Collection, Iterable, Iterator, Sequence
@@ -42,7 +42,10 @@ def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
 
 
 def _copy(package: ClassT) -> ClassT:
-    """With classes of its own at any depth; what they declare is only read, and shared: to copy all takes too long."""
+    """A copy of a package with copies of its classes at any depth.
+
+    The declarations in the classes are only read, so they are shared: copying them too would take too long.
+    """
     new = copy.copy(package)
     new.classes = {name: _copy(inner) for name, inner in package.classes.items()}
     return new
@@ -64,7 +67,7 @@ def own_classes(cls: ast.Class) -> list[ast.Class]:
 
 
 def choose(root: ast.Tree, sources: Sequence[Source], model: str | None) -> ast.Class:
-    """The class of that name, otherwise the only model that no other class of the texts uses or extends.
+    """The class with this name, or without a name the only model that no other class of the texts uses or extends.
 
     Raises:
         ModelError: there is none, or several.
@@ -123,7 +126,7 @@ def descendants(cls: ast.Class) -> Iterator[ast.Class]:
 
 
 def look_up(scope: ast.Class, name: ast.ComponentRef | str) -> Any:
-    """What a name means in a class; None where it means nothing."""
+    """The element that a name denotes in a class; None if there is none."""
     if str(name) in BUILTIN:  # pymoca's class Real has a component of that name
         return scope.root.classes[str(name)]
     try:

@@ -66,7 +66,7 @@ KNOWN = ("rad", "rad/s", "rad/s^2", "N m")
 
 
 def own_units(equations: Iterable[FlatEquation], declared: Mapping[str, str]) -> dict[str, str]:
-    """Units of variables and parameters: as declared, and as the terms of equations then require.
+    """Units of variables and parameters: declared ones, and those that the terms of equations then require.
 
     An equation whose terms contradict each other is ignored: numbers in it may have units (``flange.tau =
     -0.1*der(flange.phi)``), which Modelica allows.

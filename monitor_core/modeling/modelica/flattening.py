@@ -1,7 +1,7 @@
-"""From pymoca's flat class to the flat model: library components, connections, the user's own equations.
+"""Converts pymoca's flat class to the flat model: library components, connections, the user's own equations.
 
-pymoca instantiates, resolves all names and modifications, and flattens.  The components of the library have no
-equations there: theirs are those of component_kinds.py, which drawings in Python share.
+pymoca instantiates, resolves all names and modifications, and flattens.  For pymoca the components of the library have
+no equations: these are in component_kinds.py, which drawings in Python share.
 """
 
 import re
@@ -77,7 +77,7 @@ class _Flattening:
             self._add(equation)
 
     def _visit(self, cls: InstanceClass, prefix: str, place: Origin) -> None:
-        """All components inside, with their places; what the library declares is where its user stands."""
+        """Visit all components inside, and note their places; library declarations get the place of their user."""
         for name, symbol in cls.symbols.items():
             path = f"{prefix}{name}"
             written = place_of(symbol.ast_ref, path)
@@ -127,7 +127,7 @@ class _Flattening:
             self.equalities.append(FlatEquation(equal.terms, place))
 
     def flat_model(self) -> FlatModel:
-        """Everything together, checked."""
+        """The complete, checked flat model."""
         library = join(part.fragment() for part in self.parts)
         torque = self.signals.measured_torque(self.own)
         inputs = [*([torque] if torque is not None else []), *library.inputs]
@@ -170,7 +170,7 @@ class _Flattening:
             yield FlatComponent(part.name, part.kind.name, nodes, part.parameters)
 
     def _variables(self, library: Fragment, units: Mapping[str, str]) -> Iterator[FlatVariable]:
-        """Those of the library, and those that the user declared."""
+        """Variables of the library components, and those that the user declared."""
         yield from library.variables
         known = {v.name for v in library.variables}
         for name, symbol in self.flat.symbols.items():

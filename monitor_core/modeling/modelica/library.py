@@ -20,7 +20,7 @@ _SHAPES = (
     *("KinematicPTP", "KinematicPTP2", "LogFrequencySweep", "Pulse", "Ramp", "RealExpression", "SawTooth"),
     *("Sinc", "Sine", "SineVariableFrequencyAndAmplitude", "Step", "TimeTable", "Trapezoid"),
 )
-"""Sources of signals: their shapes do not matter, since the signal is the measured torque."""
+"""Sources of signals; their shapes do not matter, as the signal is replaced by the measured torque."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Leaf:
 
 
 BEARING, SIGNAL_SOURCE = "bearing-friction", "signal-source"
-"""Kinds that are no kinds of component_kinds.py: friction by a table of speeds; the measured torque."""
+"""Kinds that are not in component_kinds.py: friction by a table of speeds; the measured torque."""
 
 LEAVES: Mapping[str, Leaf] = {
     f"{ROTATIONAL}.Components.Inertia": Leaf("inertia", {"J": "J"}),
@@ -62,7 +62,7 @@ REFUSED: Mapping[str, tuple[bool | int, str]] = {
     "useHeatPort": (False, "heat is not modelled: leave useHeatPort at false"),
     "peak": (1, "only peak = 1 is supported: static friction is not higher than sliding friction here"),
 }
-"""Parameters of library components that may only have this value: why."""
+"""Parameters of library components that may have only this value, with the reason."""
 
 _UNITS: Mapping[str, str] = {
     "Angle": "rad",

@@ -1,4 +1,4 @@
-"""A check of every name in Modelica texts.
+"""Checks all names in Modelica texts.
 
 pymoca looks names up while it instantiates, and its errors have no lines.  The check here comes before: it finds
 unknown classes, parameters and variables where they are written.
@@ -120,7 +120,7 @@ def _members(cls: ast.Class, deep: int = 20) -> dict[str, ast.Symbol]:
 
 
 def _is_simple(cls: ast.Class, deep: int = 20) -> bool:
-    """A number, truth value, text or enumeration: what is in brackets are its attributes."""
+    """Whether a class is a number, truth value, text or enumeration, whose modifications are attributes."""
     bases = [look_up(cls, e.component) for e in cls.extends] if deep else []
     inherited = any(isinstance(b, ast.Class) and _is_simple(b, deep - 1) for b in bases)
     return cls.name in BUILTIN or ast.is_enumeration(cls) or inherited
@@ -159,7 +159,7 @@ def _check_modifications(
 def _modified(
     cls: ast.Class, name: Sequence[str], place: Origin
 ) -> tuple[ast.Class | None, ast.Symbol | None]:
-    """What a modification changes, and its class; none for an attribute of a number."""
+    """The class and the symbol that a modification changes; None for an attribute of a number."""
     symbol: ast.Symbol | None = None
     for k, part in enumerate(name):
         if part == "value" and k == 0 and len(name) == 1:
@@ -181,7 +181,7 @@ def _modified(
 
 
 def _check_variables(cls: ast.Class, nodes: Iterable[Any], place: Origin) -> None:
-    """Every name in expressions is that of a component or constant."""
+    """Check that each name in expressions is a component or a constant."""
     for node in nodes:
         if isinstance(node, ast.Expression):
             _check_variables(cls, node.operands, place)
@@ -219,7 +219,7 @@ def _check_variable(cls: ast.Class, name: ast.ComponentRef, place: Origin) -> No
 
 
 def _check_connector(cls: ast.Class, end: ast.ComponentRef, place: Origin) -> None:
-    """An end of connect(..): a connector of the class, or of one of its components."""
+    """Check an end of connect(..): it must be a connector of the class, or of one of its components."""
     members, names = _members(cls), end.to_tuple()
     if len(names) > 2:
         raise ModelError(f"{end} is too deep inside: connect a connector of {names[0]} itself", place)

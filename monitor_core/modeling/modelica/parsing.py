@@ -1,7 +1,7 @@
-"""From text to pymoca's syntax tree.  Syntax errors become one sentence with their line.
+"""Parses a text to pymoca's syntax tree.  A syntax error becomes one sentence with its line.
 
-pymoca's tree has no line numbers, and it drops silently what means another drive: conditions of components, array
-dimensions, algorithms.  So each node gets its file and line here (``place_of``), and what is dropped is refused by
+pymoca's tree has no line numbers, and it silently drops elements that change the drive: conditions of components, array
+dimensions, algorithms.  So each node gets its file and line here (``place_of``), and dropped elements are refused by
 name.
 """
 
@@ -20,7 +20,7 @@ from monitor_core.modeling.flat import ModelError, Origin
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """A Modelica text; ``name`` is the file as the user is shown it, "" for the library."""
+    """A Modelica text; ``name``: the file as shown to the user, "" for the library."""
 
     name: str
     text: str
@@ -42,7 +42,7 @@ def parse(source: Source) -> ModelicaFile:
 
 
 def place_of(node: object, component: str = "") -> Origin:
-    """File and line of a node; none for nodes that pymoca made itself."""
+    """File and line of a node; empty for nodes that pymoca created itself."""
     return Origin(component, getattr(node, "file", ""), getattr(node, "line", 0))
 
 
@@ -72,7 +72,7 @@ _REFUSED = {
 
 
 class _Listener(ASTListener):  # type: ignore[misc]
-    """pymoca's builder of the syntax tree, with places, and with refusals."""
+    """pymoca's builder of the syntax tree, which also notes places and refuses unsupported elements."""
 
     def __init__(self, file: str) -> None:
         super().__init__()
@@ -229,7 +229,7 @@ def _token_before(recognizer: Any, token: Any) -> Any:
 
 
 def _unfinished(tokens: list[Any], line: int) -> tuple[str, int]:
-    """The text ends inside of a class: which one lacks its end, and where that should be."""
+    """Message for a text that ends inside a class: the class without an end, and the line where it should end."""
     opened: list[tuple[str, str, int]] = []
     words = [*(token.text for token in tokens), "?", "?"]
     for k, token in enumerate(tokens):

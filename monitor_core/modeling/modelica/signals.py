@@ -1,4 +1,4 @@
-"""Signals: the measured motor torque, and the sensors that are outputs."""
+"""Signals of a model: the measured motor torque, and the sensors that are outputs."""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
@@ -63,14 +63,14 @@ class Signals:
         return FlatInput(found[0], TORQUE, origin=self._place(found[0])) if found else None
 
     def outputs(self, sensors: Iterable[FlatSensor]) -> tuple[FlatSensor, ...]:
-        """The sensors that the model's outputs are connected to; where it has no such outputs, all sensors."""
+        """The sensors that the model's outputs are connected to; all sensors if there are no such outputs."""
         everything = tuple(sensors)
         wanted = {self._root(name) for name in self._outputs}
         signal = {s.name: f"{s.name}.{KINDS[self._kinds[s.name]].signals_out[0]}" for s in everything}
         return tuple(s for s in everything if self._root(signal[s.name]) in wanted) or everything
 
     def _measured(self, group: list[str], written: Collection[str]) -> list[str]:
-        """Those of connected signals that are the motor torque: one or none."""
+        """The signals of a connected group that are the motor torque: one or none."""
         drivers = [name for name in group if self._drives(name)]
         if len(drivers) > 1:
             problem = f"{' and '.join(drivers)} are connected, but each of them sets the signal"

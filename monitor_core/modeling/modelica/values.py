@@ -45,7 +45,7 @@ class Values:
     _busy: list[str] = field(default_factory=list)
 
     def place(self, name: str) -> Origin:
-        """Where the value of a parameter is written, else where it is declared, else its component."""
+        """Place of the value of a parameter, or else of its declaration, or else of its component."""
         value, declared = self.symbols[name].value, self.places[name]
         written = Origin() if isinstance(value, InstanceSymbol) else place_of(value, name)
         return written if written.file else replace(declared, component=name)
@@ -239,7 +239,7 @@ def _divided(value: Linear, divisor: Laurent) -> Linear:
 
 
 def _power(base: Laurent, exponent: Laurent) -> Laurent:
-    """The power; ValueError with what is wrong, OverflowError where it would be no number, or a very long sum."""
+    """The power.  ValueError: it does not exist; OverflowError: it is no finite number, or a very long sum."""
     if not exponent.is_number:
         raise ValueError(f"the exponent {exponent} is not a number")
     number = Fraction(exponent.value({}))
