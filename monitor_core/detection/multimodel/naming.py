@@ -108,8 +108,8 @@ class CausePosterior:
         found = list[Share]()
         for cause, probability in zip(self._causes, self._probabilities(evidence).tolist(), strict=True):
             own, best = with_none[cause.at], cause.at[with_none[cause.at].argmax()]
-            whole = (cause.at < 0) | (zero[cause.at] <= late[best])
-            found.append(Share(cause.name, probability, *cause.fitted(own, whole), cause.alike))
+            complete = (cause.at < 0) | (zero[cause.at] <= late[best])
+            found.append(Share(cause.name, probability, *cause.fitted(own, complete), cause.alike))
         return tuple(sorted(found, key=lambda share: -share.probability))
 
     def likeliest(self, evidence: Floats) -> tuple[str, float]:
@@ -150,27 +150,27 @@ class _Cause:
         is_gain = any(h.is_gain for h in hypotheses if h.cause == name)
         return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike), is_gain)
 
-    def fitted(self, evidence: Floats, whole: Bools) -> tuple[float, float]:
+    def fitted(self, evidence: Floats, complete: Bools) -> tuple[float, float]:
         """Size and its sd: top and width of the parabola through the best (k,) and its neighbours.
 
         The evidence for a change of a gain is a parabola over the factor less one.  Over the logarithm a change by a
-        fifth would be read a twentieth too large.  Where evidence of a neighbour is not ``whole`` (k,), no change takes
-        its place.
+        fifth would be read a twentieth too large.  Where evidence of a neighbour is not ``complete`` (k,), no
+        change takes its place.
         """
         if len(self.size) < 3:
             return float(self.size[evidence.argmax()]), math.nan
-        near = self._near(int(evidence.argmax()), whole)
+        near = self._near(int(evidence.argmax()), complete)
         if not self.is_gain:
             return _vertex(self.size, near, evidence)
         change, sd = _vertex(np.expm1(self.size), near, evidence)
         return math.log1p(max(change, _LEAST)), sd / (1 + max(change, _LEAST))
 
-    def _near(self, best: int, whole: Bools) -> Ints:
+    def _near(self, best: int, complete: Bools) -> Ints:
         """Places (3,) of the best size and its neighbours, or of one and of no change."""
         middle = min(max(best, 1), len(self.size) - 2)
         neighbours = np.arange(middle - 1, middle + 2)
-        known = {*neighbours[whole[neighbours]].tolist(), best, *np.flatnonzero(self.at < 0).tolist()}
-        return neighbours if whole[neighbours].all() or len(known) < 3 else np.array(sorted(known))
+        known = {*neighbours[complete[neighbours]].tolist(), best, *np.flatnonzero(self.at < 0).tolist()}
+        return neighbours if complete[neighbours].all() or len(known) < 3 else np.array(sorted(known))
 
 
 def _vertex(sizes: Floats, near: Ints, evidences: Floats) -> tuple[float, float]:
