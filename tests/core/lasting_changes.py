@@ -20,7 +20,7 @@ from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.monitoring import AlarmChange, AxisMonitor, MonitoringOptions, recommended_settings
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
-from tests.core.mismatch import INTERVAL_S, SLIDING_SPEED, THIRD, MismatchPlant, R, Truth, redrawn
+from tests.core.mismatch import INTERVAL_S, MismatchPlant, R, Truth, redrawn, true_size
 
 PARAMETERS = ("kT", "fc", "fm")
 CHANGES = (("kT", 1.2), ("kT", 0.8), ("fc", 1.3), ("fm", 1.5), ("fm", 1.3), ("fm", 0.5))
@@ -90,22 +90,6 @@ def truth() -> Truth:
     return redrawn(np.random.default_rng(PLANT))
 
 
-def true_size(plant: Truth, name: str, factor: float) -> float:
-    """The change in the model's parameter.
-
-    The model's Coulomb friction has another dependence on speed: what counts is the torque that both have, on average.
-    """
-    change = plant.values[name] * (factor - 1)
-    if name == "fm":
-        return change * float(np.exp(-THIRD))
-    if name == "kT":
-        return change * FOUND["kT"]
-    y = MismatchPlant(plant, np.random.default_rng(1)).take(120.0).y
-    v = np.convolve(np.gradient(y, INTERVAL_S), np.full(5, 0.2), "same")
-    model = np.tanh(v / SPEED_SCALE)
-    return change * float(np.sum(np.tanh(v / SLIDING_SPEED) * model) / np.sum(model**2))
-
-
 def monitor() -> AxisMonitor:
     model = AxisModel(three_mass("angle"), FOUND, PARAMETERS)
     return AxisMonitor(
@@ -121,7 +105,8 @@ def courses(
     for name, factor in changes:
         axis, watched = after_healthy_minutes(seed)
         begin_us = (watched.status().time_us or 0) + round(INTERVAL_S * 1e6)
-        course = Course(name, true_size(values, name, factor), begin_us, begin_us + round(lasting_s * 1e6))
+        size = true_size(values, name, factor, FOUND["kT"], SPEED_SCALE)
+        course = Course(name, size, begin_us, begin_us + round(lasting_s * 1e6))
         course.changes += _update(watched, axis, lasting_s, {name: factor})
         yield replace(course, changes=course.changes + _update(watched, axis, repaired_s))
 

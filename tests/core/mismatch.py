@@ -242,6 +242,34 @@ def _simulate(
         u[k] = total / SUBSTEPS
 
 
+def true_size(
+    truth: Truth, name: str, factor: float, kT: float, speed_scale: float, warmer: float = WARMER
+) -> float:
+    """What a change of the plant is in the unit of the monitor's parameter.
+
+    It is another share of that than of the plant's value.  The monitor's Coulomb friction holds the Stribeck part, too,
+    and has another dependence on speed: what counts is the torque that both have, on average.  Viscous friction has
+    fallen by then.
+
+    Args:
+        truth: of the plant.
+        name: of the parameter.
+        factor: by which it changes.
+        kT: nominal value of the monitor's.
+        speed_scale: of the monitor's Coulomb friction, rad/s.
+        warmer: how much the motor has warmed up, K.
+    """
+    change = truth.values[name] * (factor - 1)
+    if name == "fm":
+        return change * float(np.exp(-THIRD * warmer / WARMER))
+    if name == "kT":
+        return change * kT
+    y = MismatchPlant(truth, np.random.default_rng(1)).take(120.0).y
+    v = np.convolve(np.gradient(y, INTERVAL_S), np.full(5, 0.2), "same")
+    model = np.tanh(v / speed_scale)
+    return change * float(np.sum(np.tanh(v / SLIDING_SPEED) * model) / np.sum(model**2))
+
+
 FAULTS: Mapping[str, tuple[float, float]] = {"kT": (1.2, 60.0), "fc": (1.3, 60.0), "fm": (1.5, 300.0)}
 """Factor, and seconds of motion within which it is to be named."""
 MOVING = 0.5

@@ -30,6 +30,7 @@ from service.config import conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from tests.core.mismatch import (
+    COLD,
     FAULTS,
     INTERVAL_S,
     STEP,
@@ -41,6 +42,7 @@ from tests.core.mismatch import (
     after_fault,
     redrawn,
     right,
+    true_size,
 )
 from tests.service.by_commands import RefusedError
 from tests.service.command_line import axiswatch
@@ -147,11 +149,14 @@ ONSETS_H = (0.5, 1.5, 9.5)
 
 
 class Watched(NamedTuple):
-    """Of one plant: false alarms as (hour, parameter), faults as (parameter, alarm or None), theta's deviations."""
+    """Of one plant: false alarms as (hour, parameter), faults, theta's deviations.
+
+    A fault is (parameter, alarm or None, true size in sizes of the model's parameter).
+    """
 
     plant: int
     false: Sequence[tuple[float, str]]
-    found: Sequence[tuple[str, FaultAlarm | None]]
+    found: Sequence[tuple[str, FaultAlarm | None, float]]
     mean: Floats  # (p,)
     sd: Floats  # (p,)
 
@@ -162,12 +167,18 @@ def watched(number: int, seed: int, folder: Path, hours: float = HOURS) -> Watch
     path = commissioned(MismatchPlant(truth, np.random.default_rng([seed, number, 1])), folder, seed + number)
     plant, watch = MismatchPlant(truth, np.random.default_rng([seed, number, 2])), watch_of(path)
     false: dict[tuple[int, tuple[str, str]], tuple[float, str]] = {}
-    found, off = [], []
+    found, off, warmer = [], [], 0.0
     for k in range(round(hours * 3600 / BLOCK_S)):
         hour = k * BLOCK_S / 3600
         if any(hour - BLOCK_S / 3600 < at <= hour for at in ONSETS_H):
-            found += [(name, after_fault(plant, watch, {name: f}, s)) for name, (f, s) in FAULTS.items()]
-        episodes, d = watch.take(plant.take(BLOCK_S))
+            model = watch.model
+            for name, (f, s) in FAULTS.items():
+                true = true_size(truth, name, f, model.nominal["kT"], watch.settings.speed_scale, warmer)
+                true /= float(model.scale[model.monitored.index(name)])
+                found.append((name, after_fault(plant, watch, {name: f}, s), true))
+        block = plant.take(BLOCK_S)
+        warmer = float(block.temperature[-1]) - COLD
+        episodes, d = watch.take(block)
         false |= {(e.raised_us, e.first): (e.raised_us / 3.6e9, e.parameter) for e in episodes}
         off.append(d[::20])
     d = np.concatenate(off[1:])
@@ -177,8 +188,8 @@ def watched(number: int, seed: int, folder: Path, hours: float = HOURS) -> Watch
 def printed(result: Watched) -> None:
     means = ", ".join(map("{} {:+.3f} +/- {:.3f}".format, PARAMETERS, result.mean, result.sd))
     print(f"\nplant {result.plant}: theta {means}; {len(result.false)} false {result.false[:5]}")
-    for name, alarm in result.found:
-        print(f"   {name}: {alarm}{'' if right(name, alarm) else '   WRONG'}", flush=True)
+    for name, alarm, true in result.found:
+        print(f"   {name}: {alarm}, true {true:+.3f}{'' if right(name, alarm) else '   WRONG'}", flush=True)
 
 
 def test_twenty_plants(seed: int, tmp_path: Path) -> None:
@@ -198,17 +209,20 @@ def test_twenty_plants(seed: int, tmp_path: Path) -> None:
         f" {len(plants)} plants; refused {refused}"
     )
     alarms_by_fault = {
-        name: [a for plant in plants for fault, a in plant.found if fault == name] for name in FAULTS
+        name: [(a, true) for plant in plants for fault, a, true in plant.found if fault == name]
+        for name in FAULTS
     }
     share = {
-        name: float(np.mean([right(name, a) for a in alarms])) for name, alarms in alarms_by_fault.items()
+        name: float(np.mean([right(name, a) for a, _ in alarms])) for name, alarms in alarms_by_fault.items()
     }
     for name, (factor, seconds) in FAULTS.items():
-        good = [a for a in alarms_by_fault[name] if a is not None and right(name, a)]
-        delay, size = (np.median([getattr(a, field) for a in good]) for field in ("named_s", "size"))
+        good = [(a, true) for a, true in alarms_by_fault[name] if a is not None and right(name, a)]
+        delay, size = (np.median([getattr(a, field) for a, _ in good]) for field in ("named_s", "size"))
+        over = np.median([a.size / true for a, true in good])
         print(
             f"{name} x {factor}: named right within {seconds:.0f} s of motion in {len(good)} of"
-            f" {len(alarms_by_fault[name])}, after {delay:.0f} s, size {100 * size:+.0f} % (medians)"
+            f" {len(alarms_by_fault[name])}, after {delay:.0f} s, size {100 * size:+.0f} %, {over:.2f} times the true"
+            " one (medians)"
         )
     assert not noisy
     assert not refused

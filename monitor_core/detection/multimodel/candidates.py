@@ -7,6 +7,7 @@ Also converts their sizes to physical units (``quantity_of``), and selects the c
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,8 @@ from monitor_core.detection.multimodel.hypothesis import REFERENCE, Distortion, 
 from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.kalman import filter_gain
+from monitor_core.drive.friction_roles import friction_of
+from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import DELAY, LOAD, split_name
 from monitor_core.drive.structure import INERTIA as INERTIA_UNIT
 from monitor_core.kernel.hypotheses import BankTrace, Block, run_hypotheses
@@ -81,7 +83,7 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
         KeyError: there is no such cause.
     """
     if cause in model.monitored and cause != DELAY:
-        return _of_parameter(model, cause, size)
+        return _of_parameter(model, settings, cause, size)
     inertia = arm_inertia(model)
     if cause == INERTIA and inertia is not None:
         return Hypothesis(cause, size, factors={inertia: math.exp(size)})
@@ -135,14 +137,29 @@ def _scale(model: AxisModel, name: str) -> float:
     return model.scales.get(name, abs(model.nominal[split_name(name)[0]]))
 
 
-def _of_parameter(model: AxisModel, name: str, size: float) -> Hypothesis:
+def _of_parameter(model: AxisModel, settings: Settings, name: str, size: float) -> Hypothesis:
     """Change of a parameter: times exp(size), or plus size times its scale if the nominal value is not positive."""
     base, inverse = split_name(name)
     if model.nominal[base] > 0:
         # The acceleration is proportional to the torque constant, and to the inverse of an inertia.
-        is_gain = inverse or base == TORQUE_CONSTANT
+        is_gain = inverse or base == TORQUE_CONSTANT or _brakes_in_proportion(model, settings, base)
         return Hypothesis(name, size, factors={base: math.exp(-size if inverse else size)}, is_gain=is_gain)
     return Hypothesis(name, size, shifts={base: size * _scale(model, name)})
+
+
+def _brakes_in_proportion(model: AxisModel, s: Settings, name: str) -> bool:
+    """Whether the effect of a friction is proportional to it, as its torque is.
+
+    It is not where the friction itself decides for how long the predictor remembers, and not the gain.
+    """
+    if name not in chain(*friction_of(model.drive)):
+        return False
+    K, model = s.gain(len(model.drive.states)), replace(model, monitored=(), scales={}, bounds={})
+    doubled = {**model.nominal, name: 2 * model.nominal[name]}
+    before, after = (
+        slowest_time_constant(m, K, s.interval_s) for m in (model, replace(model, nominal=doubled))
+    )
+    return after > before / math.sqrt(2)
 
 
 def torque_unit(model: AxisModel, s: Settings) -> float:

@@ -18,6 +18,7 @@ from monitor_core.detection.multimodel.naming import (
     CausePosterior,
     ChangeDetected,
     Event,
+    Paths,
     Share,
 )
 from monitor_core.drive.axis_model import AxisModel
@@ -315,7 +316,8 @@ class HypothesisBank:
         self._start(lane if self._lasts() else 0)
 
     def _shares(self) -> tuple[Share, ...]:
-        return self._causes.shares(self._evidence)
+        when = self._memory.when[[ONSET, LATE], 1 : len(self._hypotheses)]
+        return self._causes.shares(self._evidence, Paths(*when))
 
     @property
     def _evidence(self) -> Floats:

@@ -34,6 +34,7 @@ from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from tests.core import lasting_changes
 from tests.core.figures import settings_of
 from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s, model_of, settings_for
 from tests.shares import soaked
@@ -299,3 +300,32 @@ def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> No
     assert changed > 3
     assert over >= changed / 2
     assert len(bank.active_faults) <= 2
+
+
+@pytest.mark.parametrize(("cause", "factor"), [("kT", 1.2), ("1/Ja", 1.2), ("kT", 0.85)])
+def test_sizes_between_two_hypotheses_are_right(cause: str, factor: float, bank: HypothesisBank) -> None:
+    """With little noise only the reading counts.  Where g was held at zero, kT was 12 % too large, 1/Ja 16 %."""
+    sizes = []
+    for k in range(8):
+        bank.reset()
+        rec = experiment(k, {cause: factor}, samples=6000, noise=0.3)
+        named = [e.shares[0] for e in bank.run(SampleBlock(*rec)) if isinstance(e, CauseIdentified)]
+        assert named[1].cause == cause
+        sizes.append(math.expm1(named[1].size) / (factor - 1))
+    assert np.median(sizes) == pytest.approx(1.0, abs=0.06)
+
+
+def test_friction_is_a_gain_where_its_effect_is_proportional_to_it() -> None:
+    """Not in an output-error predictor, which remembers for as long as the friction lets it."""
+    watched = lasting_changes.monitor()
+    for model, s, is_gain in (
+        (watched.model, watched.settings, True),
+        (reference_model(), settings_of("speed", 0), False),
+    ):
+        rec = experiment(0, output=model.drive.output)
+        for name in {"fm", "fc"}.intersection(model.monitored):
+            hypotheses = [hypothesis_of(model, s, name, size) for size in (0.2, 0.8)]
+            _, trace = HypothesisBank(model, s, hypotheses).run_traced(SampleBlock(*rec), reference=True)
+            effect = np.nanstd(trace.eps[:, 1:] - trace.eps[:, :1], axis=0) / np.expm1([0.2, 0.8])
+            assert bool(effect[1] > 0.95 * effect[0]) is is_gain
+            assert all(hypothesis.is_gain is is_gain for hypothesis in hypotheses)
