@@ -4,14 +4,16 @@ After a start or a pause of which nothing is known, the heat is uncertain by its
 follow it are then estimated, but not tested.  From their deviation d, the covariance C of the estimates and the slopes
 s of the nominal values over the heat, the heat is corrected as by a Kalman filter,
 
-    heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(allowance^2),
+    heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(error^2),
 
-until what is left of its uncertainty moves no nominal value by more than a part of what the tests tolerate.  Only the
-parameters that follow the heat are used: a change of another one does not affect it.  A change of friction that is
-there already cannot be distinguished from heat, unless it is larger than heat could be.
+with the standard deviations of what healthy estimates are off by beside their scatter, until what is left of its
+uncertainty moves no nominal value by more than a part of what the tests tolerate.  Only the parameters that follow the
+heat are used: a change of another one does not affect it.  A change of friction that is there already cannot be
+distinguished from heat, unless it is larger than heat could be.
 
-What the thermal model lacks is part of what the tests tolerate (``Settings.model_error``).  Beyond the heat of the
-records they tolerate all that the straight lines change there, too.
+What the thermal model lacks is part of what the tests tolerate (``Settings.model_error``).  They tolerate, too, by how
+much the nominal values are off if the heat is off by its standard deviation, as after a pause; and beyond the heat of
+the records all that the straight lines change there.
 """
 
 import math
@@ -79,16 +81,20 @@ class WarmUp:
         """
         if not block.size:
             return self._operating.conditioned(block), None
-        self._look(int(block.t_us[0]))
-        self._widen(int(block.t_us[0]))
+        now_us = int(block.t_us[0])
+        self._look(now_us)
+        if self._last_us is None or self._last_us // self._widen_us != now_us // self._widen_us:
+            self._allow()
         n = self._alike(block)
         taken = self._operating.conditioned(block.select(slice(n)))
         self._last_us = int(block.t_us[n - 1])
         if self._thermal.since_us != self._since_us:
             self._since_us, self._learned = self._thermal.since_us, self._monitor.learned
             self._monitor.judged_us = None
+            self._allow(doubt=False)
             if self._thermal.known and (found := self._monitor.deviations()) is not None:
                 self._thermal.known = self._wait_s(self._thermal.sd_of_start, found) == 0.0
+            self._allow()
         self._monitor.judge(self._thermal.known)
         return taken, block.select(slice(n, None)) if n < block.size else None
 
@@ -103,11 +109,12 @@ class WarmUp:
         due = np.flatnonzero(block.t_us[:n] >= due_us)
         return int(due[0]) if due.size else n
 
-    def _widen(self, now_us: int) -> None:
-        """Set what the tests tolerate beyond the heat of the records, at times that depend on the samples alone."""
-        if self._last_us is None or self._last_us // self._widen_us != now_us // self._widen_us:
-            self.widened = self._operating.far_beyond
-            self._monitor.allow(np.abs(self._operating.shift_beyond()), bool(self.widened))
+    def _allow(self, doubt: bool = True) -> None:
+        """Set what the tests tolerate now: beyond the heat of the records, and as the heat is not certain."""
+        self.widened, more = self._operating.far_beyond, np.abs(self._operating.shift_beyond())
+        if doubt and self._thermal.known:
+            more = more + np.abs(self._slopes()) * self._thermal.sd_of_start
+        self._monitor.allow(more, bool(self.widened))
 
     def _next_look(self, now_us: int) -> int:
         since = now_us if self._thermal.since_us is None else self._thermal.since_us
@@ -133,6 +140,7 @@ class WarmUp:
             step = self._operating.shift_at_heat(self._thermal.heat) - before
             self._monitor.move_nominal(np.where(np.isfinite(step), step, 0.0))
             self._since_us = self._thermal.since_us
+            self._allow()
 
     def _wait_s(self, sd: float, found: Deviations) -> float:
         """Time until a heat with this standard deviation [W] is known well enough for the tests, if nothing shows it.
@@ -158,7 +166,7 @@ def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tupl
     if not which.size or not sd > 0:
         return heat, sd
     d, s = found.d[which], slopes[which]
-    M = found.covariance[np.ix_(which, which)] + np.diag(found.allowance[which] ** 2)
+    M = found.covariance[np.ix_(which, which)] + np.diag(found.errors[which] ** 2)
     if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > FARTHEST**2 * which.size:
         return heat, sd
     weighted = np.linalg.solve(M, s)

@@ -41,8 +41,8 @@ class Deviations(NamedTuple):
     covariance: Floats
     tolerated: Floats
     """(p,) deviation that the tests tolerate: nu, or what the multi-model detector allows for where it alarms"""
-    allowance: Floats
-    """(p,) what healthy records differ by"""
+    errors: Floats
+    """(p,) standard deviation of what healthy estimates are off by beside their scatter"""
 
 
 class LaneStatus:
@@ -88,7 +88,9 @@ class LaneStatus:
             return None
         d = st.theta[:, a] - self._model.theta0 - st.shift[:, a]
         nu = np.array([self._nu(i, float(st.P[i, i, a])) for i in range(len(d))])
-        errors = self._settings.model_errors(len(d))
+        p, scale = len(d), self._model.scale
+        beyond = self._batch.allowance[:, a] - self._settings.tests(p)[2] * scale
+        errors = self._settings.model_errors(p)
         follows = errors > 0
         if follows.any():
             # What no heat explains is friction; which kind of it the fit gave that to is chance, and one may have none.
@@ -96,8 +98,8 @@ class LaneStatus:
         return Deviations(
             np.where(st.observed[:, a] == UNSEEN, math.nan, d),
             self._covariance(),
-            np.where(follows, errors * self._model.scale, nu) if self._by_models else nu,
-            self._batch.allowance[:, a].copy(),
+            np.where(follows, errors * scale, nu) if self._by_models else nu,
+            self._settings.size_errors(p) * scale + beyond,
         )
 
     def _covariance(self) -> Floats:

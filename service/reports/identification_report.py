@@ -1,5 +1,6 @@
 """The result of an identification with its origin, in words and tables: on the terminal, and for the page."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -121,10 +122,11 @@ class IdentificationReport:
         if found is None:
             return
         longest_s = max(float(trace.t[-1] - trace.t[0]) for trace in self.result.estimation)
-        needed_s = _WARM * found.model.tau_s
+        slow_s, slow_share = found.model.parts[0]
+        needed_s = slow_s * (_WARM + math.log(slow_share))
         if longest_s < needed_s:
             yield (
-                f"The axis warms up with a time constant of {duration(found.model.tau_s)}, and the longest record lasts"
+                f"The axis warms up with a time constant of {duration(slow_s)}, and the longest record lasts"
                 f" {duration(longest_s)}: in operation it becomes warmer than in any record. More than a tenth beyond"
                 ' that it is not tested (with outside_calibration = "widen" in [robot.axis.detector], for larger'
                 f" changes). Record at least {duration(needed_s)} of operation without a pause, from cold on."
