@@ -143,16 +143,19 @@ class IdentificationReport:
             for name, error in found.errors.items()
             if values.get(name)
         ]
-        if off:
-            yield (
-                f"Beside the heat {' and '.join(off)} (standard deviation; the larger, the less there is to judge it"
-                f" by): the tests allow for {MODEL_ERRORS:g} times that."
-            )
-        else:
-            yield (
-                "These records are too short to judge by how much friction is off beside the heat, and the tests"
-                " allow for nothing: give two records from cold on."
-            )
+        if not off:
+            return
+        how = (
+            "the larger, the less there is to judge it by"
+            if found.judged
+            else "half of what the heat changes"
+        )
+        yield (
+            f"Beside the heat {' and '.join(off)} (standard deviation; {how}): the tests allow for"
+            f" {MODEL_ERRORS:g} times that."
+        )
+        if not found.judged:
+            yield "These records are too short to judge that better: give two records from cold on."
 
     def _not_following(self) -> Iterator[str]:
         """Which friction is taken as constant, though it was searched for a warm-up."""

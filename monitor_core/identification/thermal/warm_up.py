@@ -63,12 +63,15 @@ class FoundWarmUp:
         starts: heat of each part at the first sample of each record [W].
         errors: standard deviation of what friction is off by beside the heat, by name, of those that might follow it;
             those that do not are off by their warm-up, too.
+        judged: whether the records are long enough to judge that.  If not, it is half of what the heat changes, as of a
+            law of which nothing is known but that it explains these records.
     """
 
     model: ThermalModel
     slopes: dict[str, tuple[float, float]]
     starts: tuple[tuple[float, ...], ...]
     errors: dict[str, float] = field(default_factory=dict)
+    judged: bool = True
 
 
 def moving_s(records: Sequence[Record]) -> float:
@@ -114,11 +117,15 @@ def find_warm_up(
     if not _falls(found, slopes, records):
         return None
     errors = model_errors(windows, fit.which, carried, start, fit.shape)
-    known = {names[i]: float(errors[i]) for i in index if math.isfinite(errors[i])}
+    judged = bool(np.isfinite(errors).all())
     starts, model = tuple(fit.starts), replace(fit.model, fm=fm, fc=fc)
     heats = [with_heat(record, model, parts) for record, parts in zip(records, starts, strict=True)]
     largest = max(float(record.signals[HEAT].max()) for record in heats)
-    return FoundWarmUp(replace(model, largest=largest), slopes, starts, known)
+    if judged:
+        off = {names[i]: float(errors[i]) for i in index}
+    else:
+        off = {name: abs(slope) * largest / 2 for name, (slope, _) in slopes.items()}
+    return FoundWarmUp(replace(model, largest=largest), slopes, starts, off, judged)
 
 
 def _falls(found: Estimate, slopes: Mapping[str, tuple[float, float]], records: Sequence[Record]) -> bool:
@@ -177,7 +184,8 @@ def _start_of(
     index, s = [names.index(term.parameter) for term in scheduled], [values[term.slope] for term in scheduled]
     I, b = w.information[:, index][:, :, index], w.score[:, index]
     kept = kept_by(warm_up.model, w.middle_s)
-    heat = sum(share * heat_course(w.power, 0.0, tau_s)[0] for tau_s, share in warm_up.model.parts)
+    parts = warm_up.model.parts
+    heat: Floats = np.sum([share * heat_course(w.power, 0.0, tau_s)[0] for tau_s, share in parts], axis=0)
     slope = np.array(s)
     off = b - np.einsum("wij,wj->wi", I, (heat - scheduled[0].reference)[:, np.newaxis] * slope)
     weight = float(np.einsum("w,i,wij,j->", kept**2, slope, I, slope))
