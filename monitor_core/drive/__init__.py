@@ -11,5 +11,5 @@ from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Operating
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import DELAY, LOAD, Drive, Output, Parameter, split_name
-from monitor_core.drive.thermal_state import HEAT, ThermalModel, ThermalStart, Unwatched
+from monitor_core.drive.thermal_state import HEAT, Fast, ThermalModel, ThermalStart, Unwatched
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE

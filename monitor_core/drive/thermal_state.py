@@ -15,13 +15,26 @@ heat.  After the axis has moved unseen, after a clock was set, and at an unknown
 to the largest of the records.  Its variance then falls like a^2, and with observations (``monitoring.heat_observer``),
 to that of the model error.
 
-The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state.
+Where records show two time constants (of the parts that rub, and of their surroundings), the heat is the weighted mean
+of two such parts, both driven by the same power.
+
+An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  A gearbox has
+more time constants than the model, and it cools more slowly the longer it stands: what is left of its heat is known up
+to the difference to one that cools half as fast (standard deviation).  While nothing could have been received
+(``unwatched``), the axis may also have moved and come back: then less of its heat is known, the longer that was.  After
+that, after a clock that was set, and at a start of which nothing is known, the heat may be anything from 0 to the
+largest of the records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``), to
+that of what the model lacks.
+
+The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state or
+two.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,12 +54,19 @@ Unwatched = Literal["stood", "unknown"]
 """Assumed motion during a pause in which nothing could have been received, if the angle is the same after it."""
 
 
+class Fast(NamedTuple):
+    """A faster part of the heat: its time constant [s], and its share of the heat of a lasting motion."""
+
+    tau_s: float
+    share: float
+
+
 @dataclass(frozen=True)
 class ThermalModel:
     """Model of the warm-up of an axis.
 
     Args:
-        tau_s: time constant [s].
+        tau_s: time constant [s]; of two the slower one.
         fm: viscous friction for the power [N m s/rad], at the sensor.
         fc: Coulomb friction for the power [N m].
         largest: largest heat in the records [W].
@@ -54,6 +74,7 @@ class ThermalModel:
         unwatched: assumed motion between a saved state and the first sample: the axis stood, or it may have moved and
             come back.
         error: standard deviation [W] of the model error, which remains when the heat is known.
+        fast: the part with the shorter time constant; None: there is only one time constant.
 
     Raises:
         ValueError: a value is out of its range.
@@ -66,6 +87,7 @@ class ThermalModel:
     start: ThermalStart = "unknown"
     unwatched: Unwatched = "stood"
     error: float = 0.0
+    fast: Fast | None = None
 
     def __post_init__(self) -> None:
         for name in ("tau_s", "largest"):
@@ -77,15 +99,37 @@ class ThermalModel:
             )
         if not 0 <= self.error < math.inf:
             raise ValueError(f"error = {self.error}: need a finite value, at least zero")
+        if self.fast and not (0 < self.fast.tau_s < self.tau_s and 0 < self.fast.share < 1):
+            raise ValueError(
+                f"fast = {self.fast.tau_s, self.fast.share}: need a time constant between 0 and {self.tau_s}, and a"
+                " share between 0 and 1"
+            )
 
     def power(self, speed: Floats) -> Floats:
         """Friction power [W] (N,) at speeds [rad/s] (N,); 0 where the speed is unknown."""
         w = np.where(np.isfinite(speed), np.abs(speed), 0.0)
         return np.asarray(self.fm * w * w + self.fc * w)
 
+    @property
+    def parts(self) -> tuple[tuple[float, float], ...]:
+        """Time constant [s] and share of each part of the heat."""
+        if self.fast is None:
+            return ((self.tau_s, 1.0),)
+        return (self.tau_s, 1.0 - self.fast.share), self.fast
+
     def kept(self, seconds: float) -> float:
-        """a = exp(-h / tau): share of the heat that is left after ``seconds`` without motion."""
-        return math.exp(-seconds / self.tau_s)
+        """Share of the heat left after ``seconds`` without motion if all parts are equally warm; see ``cooled``."""
+        return sum(share * math.exp(-seconds / tau_s) for tau_s, share in self.parts)
+
+    def cooled(self, heats: Sequence[float], seconds: float) -> tuple[float, ...]:
+        """Heat [W] of each part after ``seconds`` without motion."""
+        return tuple(
+            heat * math.exp(-seconds / tau_s) for heat, (tau_s, _) in zip(heats, self.parts, strict=True)
+        )
+
+    def mean(self, heats: Sequence[float]) -> float:
+        """The heat [W] of parts with these heats [W]."""
+        return sum(share * heat for heat, (_, share) in zip(heats, self.parts, strict=True))
 
 
 class ThermalState:
@@ -93,8 +137,8 @@ class ThermalState:
 
     def __init__(self, model: ThermalModel) -> None:
         self.model = model
-        self.heat = 0.0
-        """Present heat [W]; its expected value if it is not known"""
+        self.parts = (0.0,) * len(model.parts)
+        """Present heat of each part [W]"""
         self.known = True
         """Whether the heat is known well enough to test the parameters that follow it"""
         self.since_us: int | None = None
@@ -106,6 +150,11 @@ class ThermalState:
         self._now_us: int | None = None
         if model.start == "unknown":
             self._lose(None)
+
+    @property
+    def heat(self) -> float:
+        """Now [W]; what is expected, where it is not known."""
+        return self.model.mean(self.parts)
 
     @property
     def sd(self) -> float:
@@ -130,63 +179,76 @@ class ThermalState:
         lost = (h < -gap) | (paused & (steps.distance > MOVED))
         distinct, which = np.unique(np.maximum(h, 0), return_inverse=True)
         # Value by value: the last bit of a vectorised exponential may depend on the index in the array.
-        a = np.array([self.model.kept(us * 1e-6) for us in distinct.tolist()])[which]
+        ones = (1.0,) * len(self.parts)
+        a = np.array([self.model.cooled(ones, us * 1e-6) for us in distinct.tolist()]).T[:, which]
         brought = (1.0 - a) * np.where(paused, 0.0, self.model.power(steps.speed))
         if self._restored and self.model.unwatched == "unknown" and h[0] > gap and not lost[0]:
-            self._doubt(int(t_us[0]), float(a[0]))
-            a[0], brought[0], paused[0] = 1.0, 0.0, False
+            self._doubt(int(t_us[0]), a[:, 0].tolist())
+            a[:, 0], brought[:, 0], paused[0] = 1.0, 0.0, False
         self._restored = False
-        heat, ends = np.empty(N), [0, *np.flatnonzero(lost | paused).tolist(), N]
+        heat, ends = np.zeros(N), [0, *np.flatnonzero(lost | paused).tolist(), N]
         for first, end in pairwise(ends):
             if first == end:
                 continue
             if lost[first]:
                 self._lose(int(t_us[first]))
-                a[first], brought[first] = 1.0, 0.0
+                a[:, first], brought[:, first] = 1.0, 0.0
             elif paused[first]:
                 self._cool(int(t_us[first]), int(h[first]) * 1e-6)
-            kept, course = self.heat, list[float]()
-            for share, more in zip(a[first:end].tolist(), brought[first:end].tolist(), strict=True):
-                kept = share * kept + more
-                course.append(kept)
-            heat[first:end], self.heat = course, kept
+            courses = [
+                _course(kept, a[k, first:end].tolist(), brought[k, first:end].tolist())
+                for k, kept in enumerate(self.parts)
+            ]
+            self.parts = tuple(course[-1] for course in courses)
+            for course, (_, share) in zip(courses, self.model.parts, strict=True):
+                heat[first:end] += share * np.array(course)
         self._now_us = int(t_us[-1])
         return heat
 
     def _lose(self, t_us: int | None) -> None:
         """Set the heat to unknown: anything in its range."""
-        self.heat = self.model.largest / 2
+        self.parts = (self.model.largest / 2,) * len(self.parts)
         self._variance, self.since_us, self.known = self.heat**2, t_us, False
         self.losses += 1
 
     def _cool(self, t_us: int, seconds: float) -> None:
-        """Increase the variance for a pause in which the axis stood; call before ``heat`` is updated for the pause."""
-        self._now_us, more = t_us, (self.model.kept(seconds / 2) - self.model.kept(seconds)) * self.heat
+        """Increase the variance for a pause in which the axis stood; call before ``parts`` are updated for it."""
+        left, slower = (self.model.mean(self.model.cooled(self.parts, s)) for s in (seconds, seconds / 2))
+        self._now_us, more = t_us, slower - left
         before = self.sd_of_start
         if more > before:
             self._variance, self.since_us = before**2 + more**2, t_us
         elif before > 0:
             self._variance *= 1 + (more / before) ** 2
 
-    def _doubt(self, t_us: int, a: float) -> None:
+    def _doubt(self, t_us: int, a: Sequence[float]) -> None:
         """Set heat and variance after an unwatched pause: the axis may have stood, or moved at up to the largest power.
 
-        ``a``: share of the heat that the pause would leave without motion.
+        ``a``: share of each part that the pause would leave without motion.
         """
-        more = (1.0 - a) * self.model.largest / 2
-        self._variance = (a * self.sd_of_start) ** 2 + more**2
-        self.heat, self.since_us, self._now_us, self.known = a * self.heat + more, t_us, t_us, False
+        usual, kept = self.model.largest / 2, self.model.mean(a)
+        self._variance = (kept * self.sd_of_start) ** 2 + ((1.0 - kept) * usual) ** 2
+        self.parts = tuple(
+            left * heat + (1.0 - left) * usual for left, heat in zip(a, self.parts, strict=True)
+        )
+        self.since_us, self._now_us, self.known = t_us, t_us, False
 
     def observed(self, heat: float, sd: float, known: bool) -> None:
         """Set the observed heat and its standard deviation [W], and whether the heat counts as known."""
-        self.heat = min(max(heat, 0.0), self.model.largest)
+        heat, before = min(max(heat, 0.0), self.model.largest), self.heat
+        # Colder by the same share, warmer by the same amount: no part is below zero.
+        if heat < before:
+            self.parts = tuple(part * (heat / before) for part in self.parts)
+        else:
+            self.parts = tuple(part + (heat - before) for part in self.parts)
         self._variance, self.known, self.since_us = sd**2, known, self._now_us
 
     def to_array(self) -> Floats:
-        """The state (5,), to be saved; empty before the first sample."""
+        """The state (4 + parts,), to be saved; empty before the first sample."""
         if self._now_us is None or self.since_us is None:
             return np.zeros(0)
-        return np.array([self.heat, self._variance, self.since_us, self._now_us, self.known], np.float64)
+        rest = self._variance, self.since_us, self._now_us, self.known
+        return np.array([*self.parts, *rest], np.float64)
 
     def restore(self, state: Floats) -> None:
         """Restore a state from ``to_array``.
@@ -196,8 +258,19 @@ class ThermalState:
         """
         if not state.size:
             return
-        if state.shape != (5,) or not np.isfinite(state).all() or not (state[:2] >= 0).all():
+        k = len(self.parts)
+        if state.shape != (k + 4,) or not np.isfinite(state).all() or not (state[: k + 1] >= 0).all():
             raise ValueError("this is no state of a warm-up")
-        self.heat, self._variance = float(state[0]), float(state[1])
-        self.since_us, self._now_us, self.known = int(state[2]), int(state[3]), bool(state[4])
+        *parts, variance, since_us, now_us, known = state.tolist()
+        self.parts, self._variance = tuple(parts), variance
+        self.since_us, self._now_us, self.known = int(since_us), int(now_us), bool(known)
         self._restored = True
+
+
+def _course(kept: float, shares: Sequence[float], brought: Sequence[float]) -> list[float]:
+    """What a part becomes from sample to sample, of which a share is kept and to which so much is added."""
+    course = list[float]()
+    for share, more in zip(shares, brought, strict=True):
+        kept = share * kept + more
+        course.append(kept)
+    return course

@@ -4,14 +4,16 @@ After a start, or a pause of which nothing is known, the heat is uncertain by it
 estimated, but not tested.  The heat is corrected as by a Kalman filter, from the deviation d of the estimates, their
 covariance C and the slopes s of the nominal values over the heat,
 
-    heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(allowance^2),
+    heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(error^2),
 
-until the remaining uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.
-Only the parameters that depend on the heat are used, so a change of another parameter does not affect it.  A change of
-friction that is already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
+where ``error`` is the standard deviation by which healthy estimates are off beside their scatter, until the remaining
+uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.  Only the parameters
+that depend on the heat are used, so a change of another parameter does not affect it.  A change of friction that is
+already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
 
-The tests also tolerate the error of the thermal model (``Settings.model_error``).  Beyond the heat of the records,
-where the straight lines are extrapolated, the tests also tolerate the whole extrapolated change.
+The tests also tolerate the error of the thermal model (``Settings.model_error``), and the change of the nominal values
+if the heat is off by its standard deviation, as after a pause.  Beyond the heat of the records, where the straight
+lines are extrapolated, the tests also tolerate the whole extrapolated change.
 """
 
 import math
@@ -79,16 +81,20 @@ class WarmUp:
         """
         if not block.size:
             return self._operating.conditioned(block), None
-        self._look(int(block.t_us[0]))
-        self._widen(int(block.t_us[0]))
+        now_us = int(block.t_us[0])
+        self._look(now_us)
+        if self._last_us is None or self._last_us // self._widen_us != now_us // self._widen_us:
+            self._allow()
         n = self._part_size(block)
         taken = self._operating.conditioned(block.select(slice(n)))
         self._last_us = int(block.t_us[n - 1])
         if self._thermal.since_us != self._since_us:
             self._since_us, self._learned = self._thermal.since_us, self._monitor.learned
             self._monitor.judged_us = None
+            self._allow(doubt=False)
             if self._thermal.known and (found := self._monitor.deviations()) is not None:
                 self._thermal.known = self._wait_s(self._thermal.sd_of_start, found) == 0.0
+            self._allow()
         self._monitor.judge(self._thermal.known)
         return taken, block.select(slice(n, None)) if n < block.size else None
 
@@ -103,11 +109,12 @@ class WarmUp:
         due = np.flatnonzero(block.t_us[:n] >= due_us)
         return int(due[0]) if due.size else n
 
-    def _widen(self, now_us: int) -> None:
-        """Set the allowance for heat beyond that of the records, at times that depend on the samples only."""
-        if self._last_us is None or self._last_us // self._widen_us != now_us // self._widen_us:
-            self.widened = self._operating.far_beyond
-            self._monitor.allow(np.abs(self._operating.shift_beyond()), bool(self.widened))
+    def _allow(self, doubt: bool = True) -> None:
+        """Set the deviation that the tests tolerate now, beyond the heat of the records and for an uncertain heat."""
+        self.widened, more = self._operating.far_beyond, np.abs(self._operating.shift_beyond())
+        if doubt and self._thermal.known:
+            more = more + np.abs(self._slopes()) * self._thermal.sd_of_start
+        self._monitor.allow(more, bool(self.widened))
 
     def _next_look(self, now_us: int) -> int:
         since = now_us if self._thermal.since_us is None else self._thermal.since_us
@@ -132,6 +139,7 @@ class WarmUp:
             step = self._operating.shift_at_heat(self._thermal.heat) - before
             self._monitor.move_nominal(np.where(np.isfinite(step), step, 0.0))
             self._since_us = self._thermal.since_us
+            self._allow()
 
     def _wait_s(self, sd: float, found: Deviations) -> float:
         """Time [s] until a heat with this standard deviation [W] is known well enough for the tests by decay alone.
@@ -160,7 +168,7 @@ def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tupl
     if not used.size or not sd > 0:
         return heat, sd
     d, s = found.d[used], slopes[used]
-    M = found.covariance[np.ix_(used, used)] + np.diag(found.allowance[used] ** 2)
+    M = found.covariance[np.ix_(used, used)] + np.diag(found.errors[used] ** 2)
     if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > FARTHEST**2 * used.size:
         return heat, sd
     weighted = np.linalg.solve(M, s)

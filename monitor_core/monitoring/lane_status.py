@@ -43,8 +43,8 @@ class Deviations(NamedTuple):
     """(p, p) covariance of d"""
     tolerated: Floats
     """(p,) tolerated deviation: nu, or the allowance of the multi-model detector if that is the alarm source"""
-    allowance: Floats
-    """(p,) allowance for differences between healthy records"""
+    errors: Floats
+    """(p,) standard deviation by which healthy estimates are off beside their scatter"""
 
 
 class LaneStatus:
@@ -90,7 +90,9 @@ class LaneStatus:
             return None
         d = st.theta[:, a] - self._model.theta0 - st.shift[:, a]
         nu = np.array([self._nu(i, float(st.P[i, i, a])) for i in range(len(d))])
-        errors = self._settings.model_errors(len(d))
+        p, scale = len(d), self._model.scale
+        beyond = self._batch.allowance[:, a] - self._settings.tests(p)[2] * scale
+        errors = self._settings.model_errors(p)
         follows = errors > 0
         if follows.any():
             # The fit assigns an error of the heat to one kind of friction by chance: use the same error for all kinds.
@@ -98,8 +100,8 @@ class LaneStatus:
         return Deviations(
             np.where(st.observed[:, a] == UNSEEN, math.nan, d),
             self._covariance(),
-            np.where(follows, errors * self._model.scale, nu) if self._by_models else nu,
-            self._batch.allowance[:, a].copy(),
+            np.where(follows, errors * scale, nu) if self._by_models else nu,
+            self._settings.size_errors(p) * scale + beyond,
         )
 
     def _covariance(self) -> Floats:

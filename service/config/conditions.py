@@ -3,7 +3,18 @@
 import math
 from collections.abc import Iterable, Iterator
 
-from monitor_core.drive import FUNCTIONS, HEAT, LOAD, Conditions, Follow, Gate, Term, ThermalModel, split_name
+from monitor_core.drive import (
+    FUNCTIONS,
+    HEAT,
+    LOAD,
+    Conditions,
+    Fast,
+    Follow,
+    Gate,
+    Term,
+    ThermalModel,
+    split_name,
+)
 from monitor_core.wording import did_you_mean
 from service.config.drive_sources import model_of_axis
 from service.config.nominal_file import ScheduleTable
@@ -137,6 +148,7 @@ def thermal_of(axis: AxisConfig) -> ThermalModel | None:
         axis.thermal.start,
         axis.thermal.unwatched,
         max(errors, default=0.0),
+        None if table.fast_time_constant_s is None else Fast(table.fast_time_constant_s, table.fast_share),
     )
 
 

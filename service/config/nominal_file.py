@@ -78,6 +78,10 @@ class ThermalTable(FoundTable):
     """[thermal]: the heat that parameters follow, heat' = (P - heat) / tau, P = fm w^2 + fc |w| [W]."""
 
     time_constant_s: Positive
+    fast_time_constant_s: Positive | None = None
+    """Of a faster part of the heat; none: there is but one time constant"""
+    fast_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
+    """Of that part, in the heat of a lasting motion"""
     viscous_friction: NotNegative
     coulomb_friction: NotNegative
     largest_w: Positive
@@ -90,6 +94,8 @@ class ThermalTable(FoundTable):
     def _some_friction(self) -> ThermalTable:
         if not self.viscous_friction + self.coulomb_friction > 0:
             raise ValueError("viscous_friction and coulomb_friction are both 0: nothing would warm up")
+        if self.fast_time_constant_s is not None and self.fast_time_constant_s >= self.time_constant_s:
+            raise ValueError("fast_time_constant_s must be below time_constant_s")
         return self
 
 

@@ -73,7 +73,8 @@ def states_of(
         yield SavedState("learning", name, key, window.to_arrays, window.from_arrays)
     if operating is not None and operating.thermal is not None:
         m = operating.thermal.model
-        key = f"{THERMAL_SCHEMA} tau={m.tau_s} fm={m.fm} fc={m.fc} largest={m.largest}"
+        tau = " ".join(f"tau={tau_s}" for tau_s, _ in m.parts)
+        key = f"{THERMAL_SCHEMA} {tau} fm={m.fm} fc={m.fc} largest={m.largest}"
         name = f"{axis_id} (warm-up state)"
         yield SavedState("thermal", name, key, operating.to_arrays, operating.from_arrays)
 

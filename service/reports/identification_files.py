@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from monitor_core.drive import DELAY, HEAT, split_name
+from monitor_core.drive import DELAY, HEAT, Fast, split_name
 from monitor_core.identification import (
     FoundWarmUp,
     FrequencyResponse,
@@ -171,11 +171,21 @@ def _thermal(found: FoundWarmUp) -> Json:
     m = found.model
     return {
         "time_constant_s": Fact(m.tau_s, "tau"),
+        **_fast(m.fast),
         "viscous_friction": Fact(m.fm, "fm of the power [N m s/rad]"),
         "coulomb_friction": Fact(m.fc, "fc of the power [N m]"),
         "largest_w": Fact(m.largest, "heat in the records, at the most"),
-        "first_w": Fact(found.starts[0], "heat at the beginning of the first record"),
+        "first_w": Fact(found.starts[0][0], "heat at the beginning of the first record"),
         "model_error": Fact(found.errors, "sd of what friction is off by beside the heat, in its unit"),
+    }
+
+
+def _fast(fast: Fast | None) -> Json:
+    if fast is None:
+        return {}
+    return {
+        "fast_time_constant_s": Fact(fast.tau_s, "tau of a faster part of the heat, with the same P"),
+        "fast_share": Fact(fast.share, "of that part: heat = share fast part + (1 - share) slow part"),
     }
 
 

@@ -1,5 +1,6 @@
 """The result of an identification with its origin, in words and tables: on the terminal, and for the page."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -121,10 +122,11 @@ class IdentificationReport:
         if found is None:
             return
         longest_s = max(float(trace.t[-1] - trace.t[0]) for trace in self.result.estimation)
-        needed_s = _WARM * found.model.tau_s
+        slow_s, slow_share = found.model.parts[0]
+        needed_s = slow_s * (_WARM + math.log(slow_share))
         if longest_s < needed_s:
             yield (
-                f"The axis warms up with a time constant of {duration(found.model.tau_s)}, and the longest record lasts"
+                f"The axis warms up with a time constant of {duration(slow_s)}, and the longest record lasts"
                 f" {duration(longest_s)}: in operation it becomes warmer than in any record. More than a tenth beyond"
                 ' that it is not tested (with outside_calibration = "widen" in [robot.axis.detector], for larger'
                 f" changes). Record at least {duration(needed_s)} of operation without a pause, from cold on."
@@ -141,16 +143,19 @@ class IdentificationReport:
             for name, error in found.errors.items()
             if values.get(name)
         ]
-        if off:
-            yield (
-                f"Beside the heat {' and '.join(off)} (standard deviation; the larger, the less there is to judge it"
-                f" by): the tests allow for {MODEL_ERRORS:g} times that."
-            )
-        else:
-            yield (
-                "These records are too short to judge by how much friction is off beside the heat, and the tests"
-                " allow for nothing: give two records from cold on."
-            )
+        if not off:
+            return
+        how = (
+            "the larger, the less there is to judge it by"
+            if found.judged
+            else "half of what the heat changes"
+        )
+        yield (
+            f"Beside the heat {' and '.join(off)} (standard deviation; {how}): the tests allow for"
+            f" {MODEL_ERRORS:g} times that."
+        )
+        if not found.judged:
+            yield "These records are too short to judge that better: give two records from cold on."
 
     def _not_following(self) -> Iterator[str]:
         """Remark on friction that is taken as constant, although a warm-up of it was searched for."""

@@ -14,7 +14,17 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from monitor_core.detection import Limits, MultiModelDetector
-from monitor_core.drive import HEAT, AxisModel, Conditions, Follow, Operating, Term, ThermalModel, Unwatched
+from monitor_core.drive import (
+    HEAT,
+    AxisModel,
+    Conditions,
+    Fast,
+    Follow,
+    Operating,
+    Term,
+    ThermalModel,
+    Unwatched,
+)
 from monitor_core.excitation.reference_experiment import experiment
 from monitor_core.modeling import INTERVAL_S, reference_model
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
@@ -94,6 +104,43 @@ def test_many_short_pauses_doubt_less_than_a_long_one() -> None:
     alone = 15.0 * math.exp(-(t_us[-1] - t_us[0]) * 1e-6 / 600.0)
     assert alone < unknown.thermal.sd < 1.01 * alone
     assert unknown.thermal.since_us == t_us[0]
+
+
+def test_two_parts_are_each_the_solution_of_their_time_constant() -> None:
+    """In motion and in a pause; the heat is their weighted mean."""
+    share, slow = 0.3, replace(COLD, fast=Fast(60.0, 0.3))
+    both, alone = operating(slow), [operating(replace(COLD, tau_s=tau_s)) for tau_s in (600.0, 60.0)]
+    t_us = np.cumsum(np.where(np.arange(3000) == 2500, 120_000_000, H_US))
+    y = np.random.default_rng(2).normal(0, 10, t_us.size)
+    parts = [heat_of(axis, t_us, y) for axis in alone]
+    np.testing.assert_allclose(heat_of(both, t_us, y), (1 - share) * parts[0] + share * parts[1], rtol=1e-12)
+
+
+def test_two_parts_are_saved_and_restored() -> None:
+    model = replace(COLD, fast=Fast(60.0, 0.3))
+    before, after, other = operating(model), operating(model), operating(COLD)
+    t_us = np.arange(3000) * H_US
+    y = np.full(t_us.size, 10.0)
+    heat_of(before, t_us, y)
+    saved = before.to_arrays()
+    assert saved is not None
+    after.from_arrays(saved)
+    later_us = t_us[-1] + 60_000_000 + t_us
+    np.testing.assert_array_equal(heat_of(before, later_us, y), heat_of(after, later_us, y))
+    assert (before.thermal and before.thermal.sd) == (after.thermal and after.thermal.sd)
+    with pytest.raises(ValueError, match="no state of a warm-up"):
+        other.from_arrays(saved)
+
+
+def test_what_is_observed_of_two_parts_leaves_none_below_zero() -> None:
+    """Half a minute after a start at which nothing is known, the fast part has cooled more than the slow one."""
+    thermal = operating(replace(UNKNOWN, fast=Fast(60.0, 0.3))).thermal
+    assert thermal is not None
+    for heat in (0.0, 2.0, 25.0, 99.0):
+        thermal.parts = 14.0, 9.0
+        thermal.observed(heat, 1.0, known=True)
+        assert min(thermal.parts) >= 0
+        assert thermal.heat == pytest.approx(min(heat, UNKNOWN.largest))
 
 
 @pytest.mark.parametrize(("later_s", "way"), [(300.0, 1.5), (-100.0, 0.0)], ids=["it moved", "clock set"])

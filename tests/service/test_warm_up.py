@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import re
 import tomllib
 from dataclasses import replace
@@ -18,6 +19,7 @@ from monitor_core.monitoring.lane_status import Deviations
 from monitor_core.settings import Threshold
 from service.commands.exit_codes import NOT_TESTED
 from service.config import conditions_of, load
+from service.config.conditions import thermal_of
 from service.ingest.loaded_records import begins_cold
 from service.texts.alarm_words import episode_words
 from service.texts.not_tested_words import not_tested_sentences
@@ -261,17 +263,22 @@ def test_warmer_than_in_the_records_it_waits_or_allows_for_more(made: Made) -> N
     (words,) = widens.outside
     assert words.startswith("heat = ")
     assert words.endswith(", friction known from 0 to 8: tested with a wider allowance")
-    wide, usual = widens.monitor.deviations(), widens.monitor.settings.tests(len(PARAMETERS))[2]
-    assert wide is not None
-    more = wide.allowance - usual * widens.monitor.model.scale
+    monitor = widens.monitor
+    usual = monitor.settings.tests(len(PARAMETERS))[2] * monitor.model.scale
+    more = monitor.batch.allowance[:, monitor.lane] - usual
     slopes = {
         s["parameter"]: s["slope"]
         for s in tomllib.loads(made.config.with_name("nominal.toml").read_text())["schedule"]
     }
     assert widens.heat is not None
+    (thermal,) = (thermal_of(axis.config) for axis in load(made.config, {}).axes)
+    assert thermal is not None
+    uncertain_w = math.sqrt(
+        widens.heat.sd_w**2 - thermal.error**2
+    )  # of the start, at which nothing was known
     for name, extra in zip(PARAMETERS, more, strict=True):
         assert extra == pytest.approx(
-            abs(slopes.get(name, 0.0)) * (widens.heat.heat_w - 8.0), abs=0.2 * abs(slopes["fc"])
+            abs(slopes.get(name, 0.0)) * (widens.heat.heat_w - 8.0 + uncertain_w), abs=0.2 * abs(slopes["fc"])
         )
     (alarm,) = after_fault(plant, widens, {"kT": 1.2}, 60.0)
     assert (alarm.parameter, alarm.direction) == ("kT", "up")

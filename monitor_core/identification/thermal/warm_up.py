@@ -32,11 +32,14 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.thermal.warm_up_search import (
     GROUP,
+    ONE,
     Search,
+    Shape,
     WarmUpFit,
     Windows,
     chosen,
     heat_course,
+    kept_by,
     left_of,
     speeds_of,
     windows_of,
@@ -57,15 +60,18 @@ class FoundWarmUp:
     Attributes:
         model: time constant, friction for the power, largest heat.
         slopes: of the parameters that follow the heat, by name, with their standard deviations.
-        starts: heat at the first sample of each record [W].
+        starts: heat of each part at the first sample of each record [W].
         errors: standard deviation of the errors of friction that the heat does not explain, by name of each parameter
             that might follow it; for one that does not, its warm-up is part of the error.
+        judged: whether the records are long enough to estimate these errors.  If not, an error is half of the change
+            with the heat, as for a law that is only known to explain these records.
     """
 
     model: ThermalModel
     slopes: dict[str, tuple[float, float]]
-    starts: tuple[float, ...]
+    starts: tuple[tuple[float, ...], ...]
     errors: dict[str, float] = field(default_factory=dict)
+    judged: bool = True
 
 
 def moving_s(records: Sequence[Record]) -> float:
@@ -110,12 +116,16 @@ def find_warm_up(
     slopes = {names[i]: (float(s), float(sd)) for i, s, sd in zip(fit.which, fit.slopes, fit.sd, strict=True)}
     if not _falls(found, slopes, records):
         return None
-    errors = model_errors(windows, fit.which, carried, start)
-    known = {names[i]: float(errors[i]) for i in index if math.isfinite(errors[i])}
-    starts, model = tuple(fit.starts.tolist()), ThermalModel(fit.tau_s, fm, fc, 1.0)
-    heats = [with_heat(record, model, start) for record, start in zip(records, starts, strict=True)]
+    errors = model_errors(windows, fit.which, carried, start, fit.shape)
+    judged = bool(np.isfinite(errors).all())
+    starts, model = tuple(fit.starts), replace(fit.model, fm=fm, fc=fc)
+    heats = [with_heat(record, model, parts) for record, parts in zip(records, starts, strict=True)]
     largest = max(float(record.signals[HEAT].max()) for record in heats)
-    return FoundWarmUp(replace(model, largest=largest), slopes, starts, known)
+    if judged:
+        off = {names[i]: float(errors[i]) for i in index}
+    else:
+        off = {name: abs(slope) * largest / 2 for name, (slope, _) in slopes.items()}
+    return FoundWarmUp(replace(model, largest=largest), slopes, starts, off, judged)
 
 
 def _falls(found: Estimate, slopes: Mapping[str, tuple[float, float]], records: Sequence[Record]) -> bool:
@@ -165,27 +175,28 @@ def heated_as(
 
 def _start_of(
     found: Estimate, warm_up: FoundWarmUp, scheduled: Sequence[ScheduledTerm], record: Record
-) -> float:
-    """Heat at the first sample of a record [W], with the slopes of a fit."""
+) -> tuple[float, ...]:
+    """Heat of each part at the first sample of a record [W], with the slopes of a fit; all parts are as warm."""
     varying = {name: terms for name, terms in found.problem.varying.items() if terms != (HEAT,)}
     problem = replace(found.problem, varying=varying)
-    names, (w,) = windows_of(replace(found, problem=problem), [record], replace(warm_up.model, tau_s=1.0))
+    names, (w,) = windows_of(replace(found, problem=problem), [record], warm_up.model)
     values = dict(zip(found.names, found.theta.tolist(), strict=True))
     index, s = [names.index(term.parameter) for term in scheduled], [values[term.slope] for term in scheduled]
     I, b = w.information[:, index][:, :, index], w.score[:, index]
-    kept = np.exp(-w.middle_s / warm_up.model.tau_s)
-    heat, _ = heat_course(w.power, 0.0, warm_up.model.tau_s)
+    kept = kept_by(warm_up.model, w.middle_s)
+    parts = warm_up.model.parts
+    heat: Floats = np.sum([share * heat_course(w.power, 0.0, tau_s)[0] for tau_s, share in parts], axis=0)
     slope = np.array(s)
     off = b - np.einsum("wij,wj->wi", I, (heat - scheduled[0].reference)[:, np.newaxis] * slope)
     weight = float(np.einsum("w,i,wij,j->", kept**2, slope, I, slope))
     start = float(kept @ (off @ slope)) / weight if weight > 0 else 0.0
-    return min(max(start, 0.0), warm_up.model.largest)
+    return (min(max(start, 0.0), warm_up.model.largest),) * len(warm_up.model.parts)
 
 
-def with_heat(record: Record, model: ThermalModel, start: float) -> Record:
-    """The record with its heat as a further signal, from that at its first sample [W]."""
+def with_heat(record: Record, model: ThermalModel, start: tuple[float, ...]) -> Record:
+    """The record with its heat as a further signal, from that of each part at its first sample [W]."""
     state, t_us = ThermalState(replace(model, start="cold")), np.rint(record.t * 1e6).astype(np.int64)
-    state.heat = start
+    state.parts = start
     heat = state.take(t_us, MeasuredSpeed(record.quantity).take(t_us, record.y))
     return replace(record, signals={**record.signals, HEAT: heat})
 
@@ -207,8 +218,8 @@ def _carried(
 # --- Model errors of the warm-up: deviations of friction that the heat does not explain -------------------------------
 
 
-# One time constant and straight lines do not describe any gearbox exactly.  The remaining error is estimated on windows
-# that the fit has not used:
+# One or two time constants and straight lines do not describe any gearbox exactly.  The remaining error is estimated on
+# windows that the fit has not used:
 #
 # * the beginning, the middle and the end of each record, with the fit to the other records, as on another day;
 # * the last third of each record, with the fit to the part before, as for an axis that becomes warmer than its records.
@@ -227,7 +238,11 @@ _SURE = 1.28
 
 
 def model_errors(
-    windows: Sequence[Windows], index: list[int], carried: Sequence[float | None], start: ThermalStart
+    windows: Sequence[Windows],
+    index: list[int],
+    carried: Sequence[float | None],
+    start: ThermalStart,
+    shape: Shape = ONE,
 ) -> Floats:
     """Standard deviation of the errors of the parameters (p,) that the heat does not explain, in their units.
 
@@ -238,11 +253,12 @@ def model_errors(
         index: parameters that follow the heat.
         carried: pause before each record that follows the one before it [s].
         start: how the first record begins.
+        shape: proportions of its time constants.
     """
     search = Search(windows, index, carried, start)
-    days = [course for seen in _days(search) for course in _deviations(search, seen)]
+    days = [course for seen in _days(search) for course in _deviations(search, shape, seen)]
     but_last = [np.arange(w.power.size) < w.power.size * (_PARTS - 1) / _PARTS for w in windows]
-    ends = _deviations(search, but_last)
+    ends = _deviations(search, shape, but_last)
     parts = [[np.array_split(course, _PARTS)[k] for course in days] for k in range(_PARTS)]
     few = min((len(course) for part in parts for course in part), default=0) < _LEAST
     squares = list[Floats]()
@@ -270,9 +286,9 @@ def _days(search: Search) -> Iterator[list[Bools]]:
             yield [np.full(w.power.size, j != k) for j, w in enumerate(windows)]
 
 
-def _deviations(search: Search, seen: Sequence[Bools]) -> list[Floats]:
+def _deviations(search: Search, shape: Shape, seen: Sequence[Bools]) -> list[Floats]:
     """Deviations of the parameters (G, p) in the groups of windows of each record that the fit does not see."""
-    windows, fit, found = search.windows, search.seeing(seen).best(search.index), list[Floats]()
+    windows, fit, found = search.windows, search.seeing(seen).best(search.index, shape), list[Floats]()
     for k, (w, by, left) in enumerate(zip(windows, seen, left_of(windows, fit), strict=True)):
         if by.all():
             continue
@@ -289,7 +305,7 @@ def _deviations(search: Search, seen: Sequence[Bools]) -> list[Floats]:
 
 def _from_best_start(w: Windows, fit: WarmUpFit, left: Floats) -> Floats:
     """Scores (W, p) that are left when the heat at the start, which the fit has not seen, is the likeliest one."""
-    kept, slopes = np.exp(-w.middle_s / fit.tau_s), np.zeros(left.shape[1])
+    kept, slopes = kept_by(fit.model, w.middle_s), np.zeros(left.shape[1])
     slopes[fit.which] = fit.slopes
     course = np.einsum("wij,j,w->wi", w.information, slopes, kept)
     weight = float(kept @ course @ slopes)

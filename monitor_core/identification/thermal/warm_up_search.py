@@ -3,6 +3,9 @@
 No model is exact, so its friction seems to vary a little with the speed.  The heat of the last minutes is correlated
 with the present speed, so part of that variation would look like a warm-up.  Therefore each friction may also follow
 the present power, window by window, and the heat must explain more than that.
+
+A gearbox has more than one time constant.  A record that begins cold shows only roughly how they differ.  So a second
+one is tried in a few proportions to the first, and is used if it explains more than chance would.
 """
 
 from __future__ import annotations
@@ -17,12 +20,27 @@ from scipy.special import fdtrc  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.measured_speed import MeasuredSpeed
-from monitor_core.drive.thermal_state import ThermalModel, ThermalStart
+from monitor_core.drive.thermal_state import Fast, ThermalModel, ThermalStart
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.predictor.prediction_errors import Predictor
 from monitor_core.identification.records.measured_record import Record
 
+
+class Shape(NamedTuple):
+    """Proportions of two time constants."""
+
+    ratio: float = 1.0
+    """Of the slower to the faster one; 1: there is but one"""
+    share: float = 0.0
+    """Of the faster one"""
+
+    def fast(self, tau_s: float) -> Fast | None:
+        """The faster part beside a slower time constant [s]."""
+        return Fast(tau_s / self.ratio, self.share) if self.ratio > 1 else None
+
+
+ONE = Shape()
 WINDOW_S = 10.0
 LEAST_FALL = 0.04
 """Friction follows the heat only if it changes by at least this share from the smallest to the largest heat."""
@@ -37,6 +55,11 @@ GROUP = 6
 """Number of windows in a row whose errors may be correlated."""
 _FEWEST_GROUPS, _SMALLEST_GROUP = 10, 2
 """Groups are smaller where they would be fewer."""
+_SHAPES = tuple(Shape(ratio, share) for ratio in (3.0, 6.0, 12.0) for share in (0.25, 0.5, 0.75))
+"""Of two time constants, that are tried"""
+_SHOWS_TWO = 20.0
+"""Less squared error by two time constants than by one, in variances of the errors; 3 parameters are chosen for it."""
+_SHORTEST_FAST_S = 30.0
 _TERMS = 3
 """Terms fitted to the groups for each parameter: a constant, one proportional to the power, one following the heat"""
 _RIDGE = 1e-9
@@ -100,8 +123,13 @@ def windows_of(
 # --- The search -------------------------------------------------------------------------------------------------------
 
 
+def kept_by(model: ThermalModel, seconds: Floats) -> Floats:
+    """What is left of a heat (N,) after so long (N,)."""
+    return np.asarray(sum(share * np.exp(-seconds / tau_s) for tau_s, share in model.parts))
+
+
 def heat_course(power: Floats, start: float, tau_s: float) -> tuple[Floats, float]:
-    """Heat [W] in the middle of each window (W,), and after the last one, from that at the start."""
+    """Heat [W] of one part in the middle of each window (W,), and after the last one, from that at the start."""
     a, half = math.exp(-WINDOW_S / tau_s), math.exp(-WINDOW_S / 2 / tau_s)
     now, course = start, np.empty(power.size)
     for j, p in enumerate(power.tolist()):
@@ -113,8 +141,11 @@ def heat_course(power: Floats, start: float, tau_s: float) -> tuple[Floats, floa
 class WarmUpFit(NamedTuple):
     """The best for these followers."""
 
-    tau_s: float
-    starts: Floats  # (R,)
+    model: ThermalModel
+    """Time constants; the friction for the power is that of the windows"""
+    shape: Shape
+    starts: list[tuple[float, ...]]
+    """Heat of each part at the first sample of each record"""
     heats: list[Floats]  # of each record (W,)
     which: list[int]
     constants: Floats
@@ -124,6 +155,8 @@ class WarmUpFit(NamedTuple):
     groups: int
     """Number of groups of windows, whose scatter gives the standard deviations"""
     cost: float
+    variance: float
+    """Of the errors, as the groups scatter, over that which they have if they are not correlated"""
 
     @property
     def chance(self) -> float:
@@ -177,16 +210,20 @@ class Search:
         ]
         return Search(masked, self.index, self.carried, self.start)
 
-    def heats(self, tau_s: float, free: Floats) -> tuple[list[Floats], Floats]:
-        """Heat in the windows of each record, and at its first sample."""
-        out, starts, now = list[Floats](), np.zeros(len(self.windows)), 0.0
+    def heats(self, model: ThermalModel, free: Floats) -> tuple[list[Floats], list[tuple[float, ...]]]:
+        """Heat in the windows of each record, and that of each part at its first sample."""
+        out, starts, now = list[Floats](), list[tuple[float, ...]](), (0.0,) * len(model.parts)
         given = dict(zip(self.free, free.tolist(), strict=True))
         for k, w in enumerate(self.windows):
             pause = self.carried[k]
-            now = given.get(k, 0.0) if pause is None else now * math.exp(-pause / tau_s)
-            starts[k] = now
-            course, now = heat_course(w.power, now, tau_s)
-            out.append(course)
+            now = (given.get(k, 0.0),) * len(now) if pause is None else model.cooled(now, pause)
+            starts.append(now)
+            courses = [
+                heat_course(w.power, start, tau_s) for start, (tau_s, _) in zip(now, model.parts, strict=True)
+            ]
+            now = tuple(last for _, last in courses)
+            parts = zip(courses, model.parts, strict=True)
+            out.append(np.asarray(sum(share * course for (course, _), (_, share) in parts)))
         return out, starts
 
     def solve(self, heats: list[Floats], index: list[int]) -> tuple[Floats, Floats, float]:
@@ -212,12 +249,12 @@ class Search:
         beta: Floats = np.asarray(inverse @ r, np.float64)
         return beta, inverse, -float(r @ beta)
 
-    def best(self, index: list[int]) -> WarmUpFit:
+    def best(self, index: list[int], shape: Shape = ONE) -> WarmUpFit:
         """The best time constant and starts for these followers."""
         free = np.full(len(self.free), 0.5 * self.highest)
 
         def cost(tau_s: float, starts: Floats) -> float:
-            return self.solve(self.heats(tau_s, starts)[0], index)[2]
+            return self.solve(self.heats(_model(tau_s, shape), starts)[0], index)[2]
 
         def at(tau_s: float, starts: Floats) -> tuple[float, Floats]:
             if not self.free:
@@ -231,7 +268,7 @@ class Search:
             run = minimize(relative, starts / self.highest, method="L-BFGS-B", bounds=bounds)
             return float(run.fun) * scale, np.asarray(run.x * self.highest)
 
-        taus = np.geomspace(_SHORTEST_S, max(_LONGEST * self.seconds, 2 * _SHORTEST_S), _TAUS)
+        taus = self._taus(shape)
         tried = []
         for tau in taus.tolist():
             value, free = at(tau, free)
@@ -242,10 +279,19 @@ class Search:
             step /= 2
             near = [(*at(tau * math.exp(s), free), tau * math.exp(s)) for s in (-step, 0.0, step)]
             _, free, tau = min(near, key=lambda candidate: candidate[0])
-        return self._fit(tau, free, index)
+        return self._fit(tau, shape, free, index)
 
-    def _fit(self, tau_s: float, free: Floats, index: list[int]) -> WarmUpFit:
-        heats, starts = self.heats(tau_s, free)
+    def _taus(self, shape: Shape) -> Floats:
+        """Time constants that are tried; the slower one of two is not longer than the longest record."""
+        if shape.ratio == 1:
+            return np.geomspace(_SHORTEST_S, max(_LONGEST * self.seconds, 2 * _SHORTEST_S), _TAUS)
+        longest_s = WINDOW_S * max(w.power.size for w in self.windows)
+        shortest_s = max(_SHORTEST_S, _SHORTEST_FAST_S * shape.ratio)
+        return np.geomspace(shortest_s, max(longest_s, 1.5 * shortest_s), _TAUS // 2)
+
+    def _fit(self, tau_s: float, shape: Shape, free: Floats, index: list[int]) -> WarmUpFit:
+        model = _model(tau_s, shape)
+        heats, starts = self.heats(model, free)
         beta, inverse, cost = self.solve(heats, index)
         p, f, heat = self._p, self._p + len(index), np.concatenate(heats)
         heat = heat - heat.mean()
@@ -257,9 +303,24 @@ class Search:
         groups = np.add.reduceat(np.hstack([left, *over]), np.arange(0, len(left), size), axis=0)
         sd = np.sqrt(((groups @ inverse) ** 2).sum(axis=0)[p:f])
         unit, constants = self._size[index], beta[:p] * self._size
+        variance = float(np.mean(sd**2 / np.diag(inverse)[p:f]))
         return WarmUpFit(
-            tau_s, starts, heats, index, constants, beta[p:f] * unit, sd * unit, len(groups), cost
+            model,
+            shape,
+            starts,
+            heats,
+            index,
+            constants,
+            beta[p:f] * unit,
+            sd * unit,
+            len(groups),
+            cost,
+            variance,
         )
+
+
+def _model(tau_s: float, shape: Shape) -> ThermalModel:
+    return ThermalModel(tau_s, 0.0, 1.0, 1.0, fast=shape.fast(tau_s))
 
 
 def _left(information: Floats, score: Floats, constants: Floats, more: Floats) -> Floats:
@@ -279,7 +340,7 @@ def left_of(windows: Sequence[Windows], fit: WarmUpFit) -> list[Floats]:
 
 
 def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
-    """The fit with all followers that the records show, each in addition to the others; None: there are none."""
+    """The fit with all followers that the records show, and the time constants; None: there are no followers."""
     value = dict(zip(search.index, values, strict=True))
     found: WarmUpFit | None = None
     while rest := [i for i in search.index if found is None or i not in found.which]:
@@ -288,7 +349,11 @@ def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
         if not _shows(fit, value[fit.which[-1]], _CHANCE if found is None else _CHANCE_BESIDE):
             break
         found = fit
-    return found
+    if found is None:
+        return None
+    which, least = found.which, found.cost
+    two = min((search.best(which, shape) for shape in _SHAPES), key=lambda fit: fit.cost)
+    return two if least - two.cost > _SHOWS_TWO * max(two.variance, 1.0) else found
 
 
 def _shows(fit: WarmUpFit, value: float, chance: float) -> bool:

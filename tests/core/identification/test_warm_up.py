@@ -34,10 +34,10 @@ def test_friction_that_falls_is_found_with_its_time_constant(seed: int) -> None:
     found = find_warm_up(constant, [record], FOLLOWERS)
     assert found is not None
     assert QUICK.fast_s / 2 < found.model.tau_s < QUICK.slow_s
-    assert found.starts == (0.0,)
+    assert found.starts == ((0.0,),)
     slope, sd = found.slopes["fm"]
     assert slope < -4 * sd
-    heat = with_heat(record, found.model, 0.0).signals["heat"]
+    heat = with_heat(record, found.model, found.starts[0]).signals["heat"]
     assert heat.max() == pytest.approx(found.model.largest)
 
 

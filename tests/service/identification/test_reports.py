@@ -287,7 +287,7 @@ def test_what_would_help_to_watch_a_parameter(
 
 def test_friction_that_is_taken_as_constant_is_reported(found: IdentificationReport) -> None:
     """With a heat that something else follows, and without any."""
-    heat = FoundWarmUp(ThermalModel(300.0, 1e-3, 0.1, 10.0), {"fm": (-1e-5, 1e-6)}, (0.0,))
+    heat = FoundWarmUp(ThermalModel(300.0, 1e-3, 0.1, 10.0), {"fm": (-1e-5, 1e-6)}, ((0.0,),))
     none = replace(found.result, not_following=("fm", "fc"))
     assert any("friction falls as the axis warms up: fm and fc taken" in w for w in notes(found, none))
     some = replace(found.result, not_following=("fc",), warm_up=heat)
