@@ -199,7 +199,7 @@ def _commissioned(source: Path, robot: Config, folder: Path, minutes: float, bud
         write(record, "".join(table_lines(robot, 60 * minutes, _RECORD_SEED, progress)))
 
     console.print(f"[bold]2. Describe it[/]: axiswatch init {record} --output {first}")
-    init(record, first, force=True)
+    init(record, output=first, force=True)
     name = f'name = "{robot.robot[0].name}"'
     write(first, first.read_text(encoding="utf-8").replace(_PROPOSED, name))
 

@@ -320,16 +320,16 @@ def _rougher(record: Record, interval_s: float) -> bool:
     t, y = record.t[record.measured] / interval_s, record.y[record.measured]
     steps = np.diff(t)
     near = np.abs(steps - 1) < _NEAR
-    complete = near[:-2] & near[1:-1] & near[2:]
+    usable = near[:-2] & near[1:-1] & near[2:]
     moves = np.abs(y[3:] - y[:-3])
-    complete &= moves > np.median(moves)
-    if np.count_nonzero(complete) < _FEWEST:
+    usable &= moves > np.median(moves)
+    if np.count_nonzero(usable) < _FEWEST:
         return False
     by_time = y
     for order in (1, 2, 3):
         by_time = order * np.diff(by_time) / (t[order:] - t[:-order])
-    even = np.median(np.abs(np.diff(y, 3)[complete]))
-    return bool(even < _SMOOTHER * np.median(np.abs(by_time[complete])))
+    even = np.median(np.abs(np.diff(y, 3)[usable]))
+    return bool(even < _SMOOTHER * np.median(np.abs(by_time[usable])))
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:
