@@ -32,7 +32,7 @@ def test_an_onset_lies_in_its_interval_and_is_not_later_than_the_alarm(
         assert found.onset_high_us is None or found.onset_us <= found.onset_high_us
     assert (onset.onset_low_us is None, onset.onset_high_us) == (low_us is None, high_us)
     assert max(sooner.onset_us, sooner.onset_high_us or sooner.onset_us) <= raised_us
-    if max(best_us, high_us or best_us) <= raised_us:
+    if max(onset.onset_us, onset.onset_high_us or 0) <= raised_us:
         assert sooner == onset
 
 

@@ -18,6 +18,7 @@ from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.epochs_at_start import at_start, bring_back
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisSnapshot
 from service.pipeline.worker import Compiled, Worker
@@ -87,18 +88,16 @@ class RunningCore:
         recording = Recording(None)
         bounds = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e9)
         self.checkpointer = Checkpointer(self.checkpoints, monitors, 3600.0, lambda: self.now_us)
-        self.worker = Worker(
-            config,
+        parts = WorkerParts(
             self.core,
-            [BusIntake("can0", self.reader, self.core.ingests["can0"], recording)],
-            recording,
             alarms,
             HistoryRecording(lambda: HistoryStore(folder / "history.sqlite", bounds), 10.0),
+            recording,
             self.checkpointer,
-            compiled,
-            lambda: self.now_us,
-            self.messages,
-            self.failed.set,
+        )
+        buses = [BusIntake("can0", self.reader, self.core.ingests["can0"], recording)]
+        self.worker = Worker(
+            config, parts, buses, compiled, lambda: self.now_us, self.messages, self.failed.set
         )
         self.baselines = Baselines(
             config.axes, begun.axes, self.worker, self.journal.epochs, lambda: self.now_us

@@ -7,7 +7,6 @@ import pytest
 from structlog.testing import capture_logs
 
 from service.can.frames import Frame, FrameBlock
-from service.pipeline.alarm_recording import Alarms, quantities
 from service.pipeline.wall_clock import WallClock
 from service.simulation.robot import Fault
 from tests.service.pipeline.robots import START_US, Waiting, blocks, demo
@@ -82,10 +81,8 @@ def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
 def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame], step_us: int) -> None:
     clocks = Clocks()
     reader = Stepping(frames, step_us, clocks)
-    bench = Bench(tmp_path, demo(tmp_path, 1), reader)
     wall = WallClock(clocks.wall_us, clocks.steady)
-    bench.worker.alarms = Alarms(bench.journal, quantities(bench.core.monitors.by_id), wall=wall)
-    bench.worker._now_us = wall
+    bench = Bench(tmp_path, demo(tmp_path, 1), reader, wall=wall)
     bench.compile()
     while reader.frames:
         reader.go_on()
