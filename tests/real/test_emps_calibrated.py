@@ -120,7 +120,7 @@ def learned(records_dir: Path, tmp_path_factory: pytest.TempPathFactory) -> Lear
     """The first half; tests/soak/test_real_records.py takes either for the other."""
     path, folder = records_dir / "emps" / "DATA_EMPS.mat", tmp_path_factory.mktemp("emps")
     own, other = f"{path}@0:{HALF_S}", f"{path}@{HALF_S}:"
-    identified(CART, own, folder, Request(start="values"))
+    assert not identified(CART, own, folder, Request(start="values")).rejection
     return Learned(folder, own, other)
 
 

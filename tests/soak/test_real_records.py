@@ -84,7 +84,8 @@ def test_either_half_watched_with_what_the_other_gave(name: str, records_dir: Pa
     options = CalibrationOptions(case.budget_s, None, (0.2,), 5, copies=4_000_000, bank_copies=50_000)
     both = list[Watched]()
     for own, other in (halves, halves[::-1]):
-        print(f"\n{name}: explained {identified(case.axis, own, tmp_path):.0f} %")
+        report = identified(case.axis, own, tmp_path)
+        print(f"\n{name}: explained {report.result.verdict.per_cent:.0f} %")
         both.append(watched(case.axis, own, other, tmp_path, options))
         assert both[-1].alarms(both[-1].block) == []
     for parameter, part in (*case.sure, *case.others):
