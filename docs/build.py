@@ -1,4 +1,4 @@
-"""Writes the generated part of docs/: the schema of the API, the figures of the documents."""
+"""Writes the generated part of docs/: the schema of the API, the list of the metrics, the figures of the documents."""
 
 import json
 import tempfile
@@ -10,14 +10,17 @@ from service.pipeline.snapshot import Histogram, Snapshot
 from service.store.journal import Journal
 from service.web.app import create_app
 from service.web.app_state import AppState
+from service.web.metrics import FAMILIES
 
-TARGET = Path(__file__).with_name("openapi.json")
+SCHEMA = Path(__file__).with_name("openapi.json")
+METRICS = Path(__file__).with_name("metrics.md")
 FIGURES = Path(__file__).with_name("figures")
 
 
 def main() -> None:
     """Write all of it."""
     write_schema()
+    write_metrics()
     write_figures()
 
 
@@ -28,8 +31,30 @@ def write_schema() -> None:
         journal = Journal(Path(folder) / "alarms.sqlite")
         schema = create_app(AppState(lambda: nothing, journal)).openapi()
         journal.close()
-    TARGET.write_text(json.dumps(schema, indent=1) + "\n", encoding="utf-8")
-    print(f"{TARGET.name}: {len(schema['paths'])} addresses")
+    SCHEMA.write_text(json.dumps(schema, indent=1) + "\n", encoding="utf-8")
+    print(f"{SCHEMA.name}: {len(schema['paths'])} addresses")
+
+
+METRICS_TOP = """# Metrics
+
+What `/metrics` has, beside the version (`axiswatch_build_info`), the time to process a block of samples
+(`axiswatch_processing_seconds`, a histogram) and the `process_` metrics of every Prometheus client. `make docs` writes
+this file.
+
+| metric | type | labels | meaning |
+|---|---|---|---|
+"""
+
+
+def write_metrics() -> None:
+    """Write docs/metrics.md."""
+    rows = [
+        f"| `axiswatch_{name}{'_total' * (family.kind == 'counter')}` | {family.kind} "
+        f"| {', '.join(f'`{label}`' for label in family.labels)} | {family.words} |\n"
+        for name, family in FAMILIES.items()
+    ]
+    METRICS.write_text(METRICS_TOP + "".join(rows), encoding="utf-8")
+    print(f"{METRICS.name}: {len(rows)} metrics")
 
 
 def write_figures() -> None:

@@ -1,6 +1,7 @@
 """The documents are of this program: the generated part, and every command."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,16 @@ from service.commands.main import COMMANDS
 ROOT = Path(__file__).resolve().parent.parent
 
 
-def test_the_schema_in_docs_is_the_programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    committed = build.TARGET.read_text(encoding="utf-8")
-    monkeypatch.setattr(build, "TARGET", tmp_path / "openapi.json")
-    build.write_schema()
-    assert build.TARGET.read_text(encoding="utf-8") == committed, "run make docs"
+@pytest.mark.parametrize(
+    ("target", "write"), [("SCHEMA", build.write_schema), ("METRICS", build.write_metrics)]
+)
+def test_what_docs_says_of_api_and_metrics_is_the_programs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str, write: Callable[[], None]
+) -> None:
+    committed = getattr(build, target)
+    monkeypatch.setattr(build, target, tmp_path / "written")
+    write()
+    assert (tmp_path / "written").read_text("utf-8") == committed.read_text("utf-8"), "run make docs"
 
 
 @pytest.mark.parametrize("command", COMMANDS)

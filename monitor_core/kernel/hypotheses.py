@@ -112,13 +112,148 @@ class BankTrace(NamedTuple):
     g: Floats  # (N, H)
 
 
+class Sample(NamedTuple):
+    """The sample that is processed, an array (1,) each."""
+
+    t: Ints  # us
+    u: Floats  # N m
+    y: Floats
+    h: Floats  # interval before it, s
+    roles: Roles
+    eps: Floats  # innovation of hypothesis 0
+    S: Floats
+    lam: Floats
+    lam0_running: Floats  # none here: the limit of an outlier is that of the records
+    believed: Floats
+    seed_left: Ints
+
+
+class Work(NamedTuple):
+    """Work arrays of a run."""
+
+    X: Floats  # (n H,) the state, flat
+    new: Floats  # (n H,) the next one
+    acting: Floats  # (m, H) inputs over the interval
+    acting_flat: Floats  # (m H,)
+    over: Floats  # (H,) interval, s
+    K: Floats  # (n, H) gain of an interval that is not usual
+    yhat: Floats  # (H,)
+    psi: Floats  # (0, H)
+    eps: Floats  # (H,)
+    llr: Floats  # (H,)
+    before: Floats  # (H,)
+    late: Floats  # (H,)
+    motion: Floats  # (H,)
+    weight: Floats  # (H,)
+    doing: Ints  # (H,)
+    last: Ints  # (H,)
+    middle: MiddleSpeed
+
+
 @kernel
-def _request_stop(crossed: bool, integers: Ints) -> None:
-    """Set WAIT to 0 where the run must stop for a decision."""
-    if integers[PHASE, 0] == WATCHING:
-        integers[WAIT, 0] = 0 if crossed else 1
-    else:
-        integers[WAIT, 0] = max(integers[WAIT, 0] - 1, 0)
+def _take(k: int, block: Block, s: Sample) -> None:
+    s.t[0], s.u[0], s.y[0], s.roles.mode[0] = block.t[k], block.u[k], block.y[k], TRACK
+
+
+@kernel
+def _inputs(lanes: Any, T: Tables, P: Predictors, M: Memory, torque: Torques, s: Sample, w: Work) -> None:
+    """What acts over the interval before the sample, and how long that is."""
+    for a in range(len(lanes)):
+        w.over[a] = s.h[0]
+    if P.moving.size:
+        copy_rows(M.u, w.acting)
+    if P.moving.size and T.friction.number:
+        torques_in_turn(lanes, T.kind, P.own, s.h[0], torque, w.before, w.late, w.acting)
+        hold_friction(lanes, T.friction, T.kind, P.u_scale, P.V0, w.late, w.before, w.over, M.x, w.acting, None,
+                      w.middle)  # fmt: skip
+
+
+@kernel
+def _end_mean(lanes: Any, T: Tables, M: Memory, w: Work) -> None:
+    """The mean speed of the interval is known; the integral of the next one begins."""
+    divide_by_interval(lanes, w.over, w.yhat, w.psi)
+    for a in range(len(lanes)):
+        w.doing[a] = 1
+    restart_integral(lanes, T.mean, T.n, w.doing, M.x)
+
+
+@kernel
+def _forget_state(M: Memory, s: Sample, w: Work) -> None:
+    """All hypotheses have diverged: begin anew with the next sample."""
+    M.integers[COUNTS + DIVERGED, 0] += 1
+    M.integers[LAST, 0] = NEVER
+    s.roles.mode[0] = SKIP
+    for e in range(w.X.size):
+        w.X[e] = 0.0
+
+
+@kernel
+def _admit(lane: Any, P: Predictors, M: Memory, limits: OutlierConstants, s: Sample, w: Work) -> None:
+    """Whether the sample is an outlier, by the innovation of hypothesis 0, and whether the start was right."""
+    roles, axis, integers = s.roles, P.axis, M.integers
+    roles.moves[0], roles.learns[0], roles.tracks[0] = 1, roles.mode[0] == TRACK, roles.mode[0] == TRACK
+    s.lam[0] = s.S[0] = axis[LAM, 0]
+    s.eps[0] = w.eps[0]
+    reject_outliers(lane, limits, s.lam, s.lam0_running, s.eps, s.S, M.numbers[CREDIT], integers[IN_A_ROW], roles,
+                    s.believed)  # fmt: skip
+    check_start(lane, axis[SETTLES], axis[INTERVAL], s.t, integers[SETTLED], integers[IN_A_ROW], integers[COUNTS:],
+                roles.mode)  # fmt: skip
+
+
+@kernel
+def _correct(
+    lanes: Any, T: Tables, P: Predictors, M: Memory, usual: int, gains: bool, turns: bool, s: Sample, w: Work
+) -> None:
+    """x = x + K eps; of the first sample after a start, as if the axis moved rigidly."""
+    mode, integers = s.roles.mode, M.integers
+    first = is_first(s.t[0], integers[SETTLED, 0], P.axis[SETTLES, 0], s.h[0])
+    if turns and first and mode[0] == SETTLE:
+        integers[IN_A_ROW, 0] = 0
+        correct_speed(lanes, P.rest, P.rigid, P.own, s.h[0], w.eps, M.x)
+    elif s.roles.moves[0] and gains:
+        if 0 <= usual < USUAL:
+            correct(lanes, P.usual_K[usual * T.n : (usual + 1) * T.n], w.eps, M.x)
+        else:
+            correct(lanes, w.K, w.eps, M.x)
+
+
+@kernel
+def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
+    """g of each hypothesis; WAIT becomes 0 where the run must stop for a decision."""
+    numbers, integers = M.numbers, M.integers
+    new_torque, new_output = s.u[0] != numbers[TORQUE_HELD, 0], s.y[0] != numbers[LAST_OUTPUT, 0]
+    log_likelihood_ratios(lanes, P.own, int(P.axis[BACK, 0]), new_torque, new_output, w.eps, w.llr)
+    watching = integers[PHASE, 0] == WATCHING
+    crossed = update_sums(lanes, P.own, s.t[0], watching, w.llr, M.sums, M.when)
+    integers[WAIT, 0] = (0 if crossed else 1) if watching else max(integers[WAIT, 0] - 1, 0)
+
+
+@kernel
+def _restart(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
+    """x at the measured motion, at rest."""
+    for a in range(len(lanes)):
+        w.motion[a] = (s.y[0] - P.own[OFFSET, a]) / P.own[SCALE, a]
+        w.doing[a] = RESTART
+    restart_predictor(lanes, w.doing, P.rest, w.motion, M.x)
+    restart_paths(s.t[0], M.when)
+    M.numbers[TORQUE_HELD, 0] = s.u[0]
+
+
+@kernel
+def _hold(lanes: Any, T: Tables, P: Predictors, M: Memory, weight: float, s: Sample, w: Work) -> None:
+    """What acts until the next sample."""
+    if P.moving.size:
+        for a in range(len(lanes)):
+            w.motion[a] = (s.y[0] - P.own[OFFSET, a]) / P.own[SCALE, a]
+            w.doing[a] = TRACK
+            w.weight[a] = weight
+        hold_inputs(
+            lanes, T, P.u_scale, P.rest, w.last, w.motion, w.motion, w.weight, w.doing, w.last, M.u, w.before
+        )
+    numbers = M.numbers
+    M.integers[LAST, 0] = s.t[0]
+    numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
+    numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = s.u[0], s.y[0]
 
 
 @kernel
@@ -130,10 +265,10 @@ def _tally(mode: int, counts: Ints) -> None:
 
 
 @outlined
-def _record(k: int, moved: bool, tested: bool, eps: Floats, llr: Floats, sums: Floats, to: BankTrace) -> None:
+def _record(k: int, moved: bool, tested: bool, w: Work, sums: Floats, to: BankTrace) -> None:
     for a in range(to.g.shape[1]):
-        to.eps[k, a] = eps[a] if moved else math.nan
-        to.llr[k, a] = llr[a] if tested else math.nan
+        to.eps[k, a] = w.eps[a] if moved else math.nan
+        to.llr[k, a] = w.llr[a] if tested else math.nan
         to.g[k, a] = sums[G, a]
 
 
@@ -146,106 +281,55 @@ def run_hypotheses(
     ``lanes``: an array of H numbers.
     """
     lane = (0,)
-    n, m, H = T.n, T.m, len(lanes)
-    x, u, own, axis = M.x, M.u, P.own, P.axis
-    acting = table(m, H)
-    X, flat_u, new = x.reshape(x.size), acting.reshape(acting.size), floats(n * H)
-    psi, before, motion = table(0, H), floats(H), floats(H)
-    over, yhat, eps, llr, K = floats(H), floats(H), floats(H), floats(H), table(n, H)
-    late, weight = floats(H), floats(H)
+    n, m, H, axis, numbers, integers = T.n, T.m, len(lanes), P.axis, M.numbers, M.integers
+    roles = Roles(ints(1), ints(1), ints(1), ints(1))
+    s = Sample(ints(1), floats(1), floats(1), floats(1), roles, floats(1), floats(1), floats(1), floats(1), floats(1),
+               ints(1))  # fmt: skip
+    acting, yhat, psi, eps, llr, motion = table(m, H), floats(H), table(0, H), floats(H), floats(H), floats(H)
     # These are computed later in each sample: until then they are scratch.
     middle = MiddleSpeed(table(m, H), yhat, eps, llr, motion, psi, psi, psi)
-    doing, last = ints(H), ints(H)
-    t, ut, y, mode, h, lam = ints(1), floats(1), floats(1), ints(1), floats(1), floats(1)
-    moves, learns, tracks, seed_left = ints(1), ints(1), ints(1), ints(1)
-    e0, believed, S = floats(1), floats(1), floats(1)
-    untracked = floats(1)  # no running variance: the limit is that of the records
-    numbers, integers = M.numbers, M.integers
-    counts = integers[COUNTS:]
+    w = Work(M.x.reshape(M.x.size), floats(n * H), acting, acting.reshape(acting.size), floats(H), table(n, H), yhat,
+             psi, eps, llr, floats(H), floats(H), motion, floats(H), ints(H), ints(H), middle)  # fmt: skip
+    counts, mode, shortest = integers[COUNTS:], roles.mode, int(axis[SHORTEST, 0])
     timing = Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST])
     limits = OutlierConstants(axis[OUTLIER], axis[OUTLIER_LEAST], axis[OUTLIER_CREDIT])
-    roles = Roles(mode, moves, learns, tracks)
-    shortest, back = int(axis[SHORTEST, 0]), int(axis[BACK, 0])
     turns = has_gain(P.K) and has_gain(P.rigid)
     gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
-    # fmt: off
     for k in range(start, block.t.size):
-        t[0], ut[0], y[0], mode[0] = block.t[k], block.u[k], block.y[k], TRACK
-        classify_sample(lane, t, ut, y, timing, integers[LAST], integers[SETTLED], seed_left, counts, mode, h)
+        _take(k, block, s)
+        classify_sample(
+            lane, s.t, s.u, s.y, timing, integers[LAST], integers[SETTLED], s.seed_left, counts, mode, s.h
+        )
         if block.gate.shape[0]:
             close_gate(lane, k, 0, block.gate, mode)
         tested = False
         if mode[0] >= SETTLE:
-            for a in range(H):
-                over[a] = h[0]
-            torque = Torques(numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], ut[0])
-            if P.moving.size:
-                copy_rows(u, acting)
-            if P.moving.size and T.friction.number:
-                torques_in_turn(lanes, T.kind, own, h[0], torque, before, late, acting)
-                hold_friction(lanes, T.friction, T.kind, P.u_scale, P.V0, late, before, over, x, acting, None,
-                              middle)
-            usual = t[0] - integers[LAST, 0] - shortest
+            torque = Torques(numbers[TORQUE_BEFORE, 0], numbers[TORQUE_HELD, 0], s.u[0])
+            _inputs(lanes, T, P, M, torque, s, w)
+            usual = s.t[0] - integers[LAST, 0] - shortest
             if 0 <= usual < USUAL:
-                propagate_usual(n, usual, P.terms, P.moving, torque, flat_u, X, new)
-                K_now = P.usual_K[usual * n : (usual + 1) * n]
+                propagate_usual(n, usual, P.terms, P.moving, torque, w.acting_flat, w.X, w.new)
             else:
-                propagate_interval(lanes, T, P, h[0], torque, acting, x, over, K)
-                K_now = K
-            predict(lanes, T.outputs, P.V0, x, yhat, psi)
+                propagate_interval(lanes, T, P, s.h[0], torque, w.acting, M.x, w.over, w.K)
+            predict(lanes, T.outputs, P.V0, M.x, w.yhat, w.psi)
             if T.mean >= 0:
-                divide_by_interval(lanes, over, yhat, psi)
-                for a in range(H):
-                    doing[a] = 1
-                restart_integral(lanes, T.mean, n, doing, x)
-            beyond = prediction_errors(lanes, own, y[0], numbers[LAST_OUTPUT, 0], yhat, most, eps)
-            if beyond > 0 and not restart_diverged(most, eps, x):
-                counts[DIVERGED, 0] += 1
-                integers[LAST, 0] = NEVER
-                mode[0] = SKIP
-                for e in range(X.size):
-                    X[e] = 0.0
+                _end_mean(lanes, T, M, w)
+            beyond = prediction_errors(lanes, P.own, s.y[0], numbers[LAST_OUTPUT, 0], w.yhat, most, w.eps)
+            if beyond > 0 and not restart_diverged(most, w.eps, M.x):
+                _forget_state(M, s, w)
             else:
-                moves[0], learns[0], tracks[0] = 1, mode[0] == TRACK, mode[0] == TRACK
-                lam[0] = S[0] = axis[LAM, 0]
-                e0[0] = eps[0]
-                reject_outliers(lane, limits, lam, untracked, e0, S, numbers[CREDIT], integers[IN_A_ROW], roles,
-                                believed)
-                check_start(lane, axis[SETTLES], axis[INTERVAL], t, integers[SETTLED], integers[IN_A_ROW], counts,
-                            mode)
-                first = is_first(t[0], integers[SETTLED, 0], axis[SETTLES, 0], h[0])
-                if turns and first and mode[0] == SETTLE:
-                    integers[IN_A_ROW, 0] = 0
-                    correct_speed(lanes, P.rest, P.rigid, own, h[0], eps, x)
-                elif moves[0] and gains:
-                    correct(lanes, K_now, eps, x)
-                if tracks[0]:
-                    tested = True
-                    log_likelihood_ratios(lanes, own, back, ut[0] != numbers[TORQUE_HELD, 0],
-                                          y[0] != numbers[LAST_OUTPUT, 0], eps, llr)
-                    crossed = update_sums(lanes, own, t[0], integers[PHASE, 0] == WATCHING, llr, M.sums, M.when)
-                    _request_stop(crossed, integers)
+                _admit(lane, P, M, limits, s, w)
+                _correct(lanes, T, P, M, usual, gains, turns, s, w)
+                tested = roles.tracks[0] != 0
+                if tested:
+                    _test(lanes, P, M, s, w)
         if mode[0] == RESTART:
-            for a in range(H):
-                motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
-                doing[a] = RESTART
-            restart_predictor(lanes, doing, P.rest, motion, x)
-            restart_paths(t[0], M.when)
-            numbers[TORQUE_HELD, 0] = ut[0]
+            _restart(lanes, P, M, s, w)
         if mode[0] != SKIP:
-            if P.moving.size:
-                for a in range(H):
-                    motion[a] = (y[0] - own[OFFSET, a]) / own[SCALE, a]
-                    doing[a] = TRACK
-                    weight[a] = block.weight[k] if block.weight.size else math.nan
-                hold_inputs(lanes, T, P.u_scale, P.rest, last, motion, motion, weight, doing, last, u, before)
-            integers[LAST, 0] = t[0]
-            numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
-            numbers[TORQUE_HELD, 0], numbers[LAST_OUTPUT, 0] = ut[0], y[0]
+            _hold(lanes, T, P, M, block.weight[k] if block.weight.size else math.nan, s, w)
         _tally(mode[0], counts)
         if trace.g.shape[0]:
-            _record(k, mode[0] >= SETTLE, tested, eps, llr, M.sums, trace)
+            _record(k, mode[0] >= SETTLE, tested, w, M.sums, trace)
         if tested and integers[WAIT, 0] == 0:
             return k + 1
-    # fmt: on
     return block.t.size

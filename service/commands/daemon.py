@@ -82,7 +82,7 @@ def run_daemon(
         systemd = _service_manager(parts)
         stack.callback(systemd.close)
         state = _app_state(parts, access, stop, reloading, file, stack)
-        parts.worker.prepare = state.prepare
+        parts.worker.publisher.prepare = state.prepare
 
         def begin(port: int) -> None:
             parts.start()
@@ -145,7 +145,7 @@ def _app_state(
         ),
         baselines=baselines,
         stopping=stop.is_set,
-        live=parts.core.live,
+        live=parts.pipeline.live,
         setup=setup,
         replays=replays,
     )

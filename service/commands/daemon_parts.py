@@ -24,6 +24,7 @@ from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.epochs_at_start import AtStart, at_start, bring_back
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.reloading import Part, ReloadError, Reloading
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
@@ -53,33 +54,22 @@ class DaemonParts:
         self.config = config
         self.state = _opened(config, stack)
         begun = self.state.begun
-        self.core = FramePipeline(config, begun.axes)
+        self.pipeline = FramePipeline(config, begun.axes)
         self.compiled = _in_background(config, stack)
-        self.buses = BusReaders(config, self.core.ingests)
+        self.buses = BusReaders(config, self.pipeline.ingests)
         stack.callback(self.buses.close)
         self.extracts = _extracts(config)
         recording = Recording(FrameRecorder(record) if record else None, self.extracts)
         stack.callback(recording.close)
-        monitors = self.core.monitors
+        monitors = self.pipeline.monitors
         self.saver = Checkpointer(
             self.state.checkpoints, monitors, config.service.checkpoint_interval_s, now_us
         )
         clock = WallClock()
         alarms, messages = _restored(config, monitors, self.state, self.saver, clock)
-        intakes = self.buses.intakes(self.core.ingests, recording)
-        self.worker = Worker(
-            config,
-            self.core,
-            intakes,
-            recording,
-            alarms,
-            self.state.history,
-            self.saver,
-            self.compiled,
-            clock,
-            messages,
-            stop.set,
-        )
+        intakes = self.buses.intakes(self.pipeline.ingests, recording)
+        worker_parts = WorkerParts(self.pipeline, alarms, self.state.history, recording, self.saver)
+        self.worker = Worker(config, worker_parts, intakes, self.compiled, clock, messages, stop.set)
         self.baselines = Baselines(config.axes, begun.axes, self.worker, self.state.journal.epochs, now_us)
         stack.enter_context(stopped_by_signals(stop))
         stack.callback(self.worker.stop)

@@ -15,33 +15,34 @@ from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import EPILOG, GROUP
 from service.pipeline.warming import EARLY, Shape, choose
 
-COMMANDS = (
-    "demo",
-    "init",
-    "discover",
-    "check",
-    "model",
-    "excite",
-    "identify",
-    "calibrate",
-    "commission",
-    "listen",
-    "run",
-    "status",
-    "alarms",
-    "baseline",
-    "history",
-    "record",
-    "simulate",
-    "play",
-    "replay",
-    "token",
-    "backup",
-    "restore",
-    "warm",
-    "version",
+PANELS = {
+    "A first robot": ("demo", "init", "commission", "run"),
+    "Look at the signals": ("check", "listen", "discover"),
+    "Commission step by step": ("model", "excite", "identify", "calibrate", "replay"),
+    "While the daemon runs": ("status", "alarms", "baseline", "history", "record"),
+    "Access and backup": ("token", "backup", "restore"),
+    "Send on a bus, for tests": ("simulate", "play"),
+    "The program": ("warm", "version"),
+}
+"""Commands by what they are for, in the order of the help."""
+COMMANDS = tuple(name for names in PANELS.values() for name in names)
+_PANEL = {name: panel for panel, names in PANELS.items() for name in names}
+
+HELP = """Condition monitoring of robot axes: friction, inertia and torque constant from the torque and the angle on the
+CAN bus.
+
+From a robot on a bus to its daemon, while it works as usual:
+
+    axiswatch init robot.dbc --bus socketcan:can0
+
+    axiswatch commission --config axis.toml --minutes 10
+
+    axiswatch run --config commissioned/axiswatch.toml
+"""
+NO_CONFIG = (
+    "axiswatch init writes a first one (axis.toml), axiswatch commission the one for run "
+    "(commissioned/axiswatch.toml)"
 )
-"""In the order of the help: look around, commission, run, try, protect, install."""
 
 
 class _LazyGroup(TyperGroup):
@@ -53,6 +54,22 @@ class _LazyGroup(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in COMMANDS:
             ctx.fail(f"no command {cmd_name!r}: {did_you_mean(cmd_name, COMMANDS)}")
+        command = self._command(cmd_name)
+        command.rich_help_panel = _PANEL[cmd_name]
+        return command
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except typer.BadParameter as error:
+            missing = (
+                type(error) is not typer.BadParameter
+            )  # one of its subclasses, which typer does not export
+            if missing and error.param is not None and error.param.name == "config":
+                error.message = NO_CONFIG
+            raise
+
+    def _command(self, cmd_name: str) -> Any:
         command = getattr(import_module(f"service.commands.{cmd_name}"), cmd_name)
         if isinstance(command, typer.Typer):  # it has commands of its own
             group = typer.main.get_command(command)
@@ -68,8 +85,7 @@ class _LazyGroup(TyperGroup):
 app = typer.Typer(
     cls=_LazyGroup,
     name="axiswatch",
-    help="Condition monitoring of robot axes: friction, inertia and torque constant from the torque and the "
-    "angle on the CAN bus.",
+    help=HELP,
     context_settings={"help_option_names": ["-h", "--help"]},
     **GROUP,
 )

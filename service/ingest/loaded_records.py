@@ -72,11 +72,8 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     axis = _axis_named(config, axis_id)
     signals = _signals_in(wanted(text).path, axis)
     block, source = samples_in(text, config, axis, signals)
-    # Times since the first sample of the file: those since 1970 have no digits left for microseconds.
-    t = (block.t_us - block.t_us[0] + round(1e6 * source.start_s)) * 1e-6
-    columns = () if block.signals is None else block.signals.T
-    by_name = dict(zip([signal.name for signal in signals], columns, strict=True))
-    record = Record(t, block.u, block.y, axis.config.output, source.path.name, None, by_name)
+    block = block._replace(name=source.path.name)
+    record = Record.from_samples(block, axis.config.output, [s.name for s in signals], source.start_s)
     return Loaded(record, source)
 
 

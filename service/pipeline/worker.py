@@ -1,14 +1,12 @@
 """The worker: one thread that takes the frames of all buses and owns all monitors.
 
-Frames of the readers become samples, samples go through the kernel, alarms go to the journal.  The snapshot that shows
-them is replaced in one assignment: at once where an alarm, a bus or a message has changed, otherwise as often as
-somebody looks.
+Frames of the readers become samples, samples go through the kernel, alarms go to the journal, and what all of them show
+is published.
 """
 
 import threading
-from bisect import bisect_left
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from time import perf_counter, thread_time
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -20,21 +18,11 @@ from service.can.bus_reader import BusSnapshot
 from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot, AxisAlarm, alarm_rules, quantities
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.alarm_recording import AxisAlarm, alarm_rules, quantities
+from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.bus_readers import BusIntake
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.giving_way import giving_way
-from service.pipeline.history_recording import HistoryRecording, HistoryState
-from service.pipeline.recording import Recording
-from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
-
-LOOKED_AT_S, UNSEEN_S = 0.2, 1.0
-"""Age [s] from which on a snapshot is replaced: where somebody has looked at it, and otherwise.  To make it takes as
-long as the samples of a block."""
-PAUSE_FACTOR = 10
-"""A snapshot that somebody looks at is replaced after so many times what it takes to make one (0.1 s for a thousand
-axes), at the latest after ``UNSEEN_S``."""
+from service.pipeline.publishing import Publisher, WorkerParts
+from service.pipeline.snapshot import Snapshot
 
 LONGEST_BLOCK_S = 0.5
 BLOCK_FACTOR = 4
@@ -57,41 +45,6 @@ COMPILING_MULTIMODEL = sentence(
 )
 
 log = structlog.get_logger(__name__)
-
-
-BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0)
-
-
-class ProcessingTime:
-    """Histogram of the processing time of a block."""
-
-    def __init__(self) -> None:
-        self._counts = [0] * (len(BOUNDS_S) + 1)
-        self._total_s = 0.0
-
-    def observe(self, duration_s: float) -> None:
-        """Count one block of this duration [s]."""
-        self._counts[bisect_left(BOUNDS_S, duration_s)] += 1
-        self._total_s += duration_s
-
-    def histogram(self) -> Histogram:
-        """The histogram now."""
-        return Histogram(BOUNDS_S, tuple(self._counts), self._total_s)
-
-
-class _News(NamedTuple):
-    """What may be new in a snapshot beside the status of the axes; it costs little."""
-
-    now_us: int
-    buses: tuple[BusSnapshot, ...]
-    alarms: AlarmsSnapshot
-    history: HistoryState
-    messages: tuple[str, ...]
-
-    def differs(self, shown: Snapshot) -> bool:
-        """Whether people wait for something in it that the snapshot does not have."""
-        states, shown_states = ([bus.state for bus in buses] for buses in (self.buses, shown.buses))
-        return (self.alarms, self.messages, states) != (shown.alarms, shown.messages, shown_states)
 
 
 class Compiled(NamedTuple):
@@ -128,12 +81,8 @@ class Worker:
 
     Args:
         config: the whole configuration.
-        pipeline: decoding and monitors, restored.
+        parts: what its thread uses.
         buses: sources of frames.
-        recording: files that frames are recorded to.
-        alarms: the way to the journal.
-        history: gets the status of all axes.
-        checkpointer: the way to the checkpoints.
         compiled: until the kernel of the estimates is ready, frames wait in their queues.
         now_us: wall clock.
         messages: for the operator, from the start.
@@ -143,28 +92,20 @@ class Worker:
     def __init__(
         self,
         config: Config,
-        pipeline: FramePipeline,
+        parts: WorkerParts,
         buses: Sequence[BusIntake],
-        recording: Recording,
-        alarms: Alarms,
-        history: HistoryRecording,
-        checkpointer: Checkpointer,
         compiled: Compiled,
         now_us: Callable[[], int],
         messages: Sequence[str],
         on_failure: Callable[[], None],
     ) -> None:
-        self.pipeline, self._buses, self._recording = pipeline, buses, recording
-        self.alarms, self.checkpointer, self._compiled = alarms, checkpointer, compiled
-        self._now_us, self._messages, self._on_failure = now_us, tuple(messages), on_failure
+        self.pipeline, self.alarms, self.checkpointer = parts.pipeline, parts.alarms, parts.checkpointer
+        self._recording, self._buses, self._compiled = parts.recording, buses, compiled
+        self._now_us, self._on_failure = now_us, on_failure
         self._block_s = config.block_s
         self._judge_s = self._took_s = 0.0
-        self._time = ProcessingTime()
-        pipeline.monitors.defer_multimodel()
-        self._history = history
-        self._views = {axis.id: self._view(axis) for axis in config.axes}
+        self.pipeline.monitors.defer_multimodel()
         self._actions = deque[_Action[Any]]()
-        self._started_us = now_us()
         self._stop = threading.Event()
         self._arrived, self._arrived_s = threading.Event(), 0.0
         self._thread = threading.Thread(target=self._run, name="worker", daemon=True)
@@ -172,16 +113,14 @@ class Worker:
         """How often its loop has turned: frames may be missing, but it turns after each ``block_s``"""
         self.error: BaseException | None = None
         """The fault that ended the thread."""
-        self.prepare: Callable[[Snapshot], object] = lambda _: None
-        """Called with a snapshot before it is shown, unless the last one was replaced a moment ago"""
-        self._looked_at = False
-        self._replace(self._news(now_us()))
+        self.publisher = Publisher(parts, now_us, messages)
+        self.publisher.show_axes(config.axes, [axis.id for axis in config.axes])
+        self._publish(at_once=True)
 
     @property
     def snapshot(self) -> Snapshot:
-        """The newest snapshot, from any thread.  Whoever looks every second finds none that is older."""
-        self._looked_at = True
-        return self._published
+        """The newest snapshot, from any thread."""
+        return self.publisher.snapshot
 
     def start(self) -> None:
         """Start the thread."""
@@ -218,15 +157,13 @@ class Worker:
         The others keep their monitors and the state in them, and take every sample as without it.
         """
         ids = [axis.id for axis in axes]
-        gone = [axis_id for axis_id in self._views if axis_id not in ids]
+        gone = self.pipeline.monitors.axes.keys() - set(ids)
         new = [axis for axis in axes if axis.id in made.by_id]
         known = quantities(made.by_id)
         self.pipeline.monitors.change(ids, made)
         self.pipeline.live.forget({*made.by_id, *gone})
         self.alarms.change({*made.by_id, *gone}, known, alarm_rules(new, known))
-        self._views = {axis_id: view for axis_id, view in self._views.items() if axis_id in ids}
-        self._views |= {axis.id: self._view(axis) for axis in new}
-        self._views = {axis_id: self._views[axis_id] for axis_id in ids}
+        self.publisher.show_axes(axes, made.by_id)
         self.checkpointer.save_soon()
 
     def take_all(self) -> None:
@@ -246,9 +183,6 @@ class Worker:
     def compiles(self) -> bool:
         """Whether frames wait for the compiler; from any thread."""
         return not self._compiled.estimates.done()
-
-    def _view(self, axis: NamedAxis) -> AxisView:
-        return AxisView(axis, self.pipeline, self.alarms, self._history)
 
     def _run(self) -> None:
         try:
@@ -280,8 +214,7 @@ class Worker:
             self._actions.popleft().run()
         busy = not self._waits() and self._block()
         self._recording.tick()
-        for view in giving_way(self._views.values()):
-            view.take_point()
+        self.publisher.take_points()
         self._publish(at_once=acted)
         # While samples wait for the detectors, these would be older than the estimates.
         if not self.pipeline.monitors.deferred_samples:
@@ -305,7 +238,7 @@ class Worker:
             self._judge()
         self._record(self.pipeline.monitors.trends.update(1))
         if any(counts):
-            self._time.observe(perf_counter() - start)
+            self.publisher.processing.observe(perf_counter() - start)
         self._took_s = thread_time() - before_s
         return any(count >= MOST_FRAMES for count in counts)
 
@@ -337,55 +270,19 @@ class Worker:
             self._judge()
         if left := self.pipeline.monitors.deferred_samples:
             log.warning("the multi-model detector was not ready: it does not get its samples", samples=left)
-        for view in self._views.values():
-            view.take_point()
+        self.publisher.take_points()
         self.checkpointer.save()
         self._publish(at_once=True)
 
     def _publish(self, at_once: bool) -> None:
-        """Replace the snapshot where it is old, or does not show what people wait for."""
-        news = self._news(self._now_us())
-        age_s = perf_counter() - self._published_s
-        due_s = (
-            min(UNSEEN_S, max(LOOKED_AT_S, PAUSE_FACTOR * self._making_s)) if self._looked_at else UNSEEN_S
-        )
-        if at_once or age_s >= due_s or news.differs(self._published):
-            self._looked_at = False
-            self._replace(news, prepare=age_s >= UNSEEN_S / 2)
+        self.publisher.publish(self._bus_snapshots(), self._compiling(), at_once)
 
-    def _replace(self, news: _News, prepare: bool = False) -> None:
-        start = perf_counter()
-        new = self._snapshot(news)
-        if prepare:
-            self.prepare(new)
-        self._published = new
-        self._published_s = perf_counter()
-        self._making_s = self._published_s - start
+    def _bus_snapshots(self) -> Iterator[BusSnapshot]:
+        return (bus.snapshot() for bus in self._buses)
 
-    def _news(self, now_us: int) -> _News:
-        history, buses = self._history.state(), tuple(bus.snapshot() for bus in self._buses)
-        return _News(now_us, buses, self.alarms.snapshot(now_us), history, self._all_messages(history))
-
-    def _snapshot(self, news: _News) -> Snapshot:
-        axes = tuple(view.snapshot() for view in giving_way(self._views.values()))
-        return Snapshot(
-            taken_us=news.now_us,
-            started_us=self._started_us,
-            axes=axes,
-            buses=news.buses,
-            processing=self._time.histogram(),
-            checkpoint_us=self.checkpointer.saved_us,
-            messages=(*out_of_service(axes), *news.messages),
-            alarms=news.alarms,
-            history=news.history,
-        )
-
-    def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
-        alarms = self.alarms.problem, self.alarms.clock_message
-        now = (*alarms, self.checkpointer.problem, history.problem, *self._recording.problems)
-        compiling = [COMPILING] if self._waits() else []
+    def _compiling(self) -> Iterator[str]:
+        """Which kernels are not ready, for the operator."""
+        if self._waits():
+            yield COMPILING
         if self._compiled.estimates.done() and not self._compiled.multimodel.done():
-            compiling.append(COMPILING_MULTIMODEL)
-        problems = (problem for problem in now if problem)
-        again = self.pipeline.monitors.begun_again
-        return (*compiling, *problems, *self._messages, *again, *history.messages)
+            yield COMPILING_MULTIMODEL

@@ -117,14 +117,27 @@ _COUNTERS = {
     "bus": {"frames": "Frames received."},
     "bus reason": {"frames_dropped": "Frames that were dropped."},
 }
-_Kind = Literal["gauge", "counter"]
-_KINDS: tuple[tuple[_Kind, dict[str, dict[str, str]]], ...] = (("gauge", _GAUGES), ("counter", _COUNTERS))
-_FAMILIES = {
-    name: (kind, words, labels.split())
+
+
+class Family(NamedTuple):
+    """What a metric is; on the wire its name begins with axiswatch_, and that of a counter ends with _total."""
+
+    kind: Literal["gauge", "counter"]
+    words: str
+    labels: Sequence[str]
+
+
+_KINDS: tuple[tuple[Literal["gauge", "counter"], dict[str, dict[str, str]]], ...] = (
+    ("gauge", _GAUGES),
+    ("counter", _COUNTERS),
+)
+FAMILIES = {
+    name: Family(kind, words, labels.split())
     for kind, groups in _KINDS
     for labels, group in groups.items()
     for name, words in group.items()
 }
+"""Every metric of the axes, alarms, buses and links, by its name"""
 
 _Labels = tuple[str, ...]
 _NONE: Sequence[_Labels] = [()]
@@ -238,7 +251,7 @@ class _Writer:
         parts = list[str]()
         with self._lock:
             for name, values, numbers in families:
-                kind, words, labels = _FAMILIES[name]
+                kind, words, labels = FAMILIES[name]
                 total = "_total" if kind == "counter" else ""
                 family = f"axiswatch_{name}{'' if self._openmetrics else total}"
                 lines = self._lines.setdefault(name, _Lines(f"axiswatch_{name}{total}", labels))

@@ -38,7 +38,7 @@ def test_an_onset_is_not_later_than_the_alarm(
     assert sooner.onset_us <= raised_us
     assert sooner.onset_low_us is None or sooner.onset_low_us <= sooner.onset_us
     assert sooner.onset_high_us is None or sooner.onset_us <= sooner.onset_high_us <= raised_us
-    if max(best_us, high_us or best_us) <= raised_us:
+    if max(onset.onset_us, onset.onset_high_us or 0) <= raised_us:
         assert sooner == onset
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.drive.structure import Output
+from monitor_core.samples import SampleBlock
 
 _LOST = 1.5
 """Median intervals: a longer one holds a gap or lost samples."""
@@ -64,6 +65,22 @@ class Record:
             y[~valid] = np.nan
         for name, values in {"t": t, "u": u, "y": y, "valid": valid, "signals": signals}.items():
             object.__setattr__(self, name, values)
+
+    @classmethod
+    def from_samples(
+        cls, samples: SampleBlock, quantity: Output, signals: Sequence[str] = (), start_s: float = 0.0
+    ) -> Record:
+        """The record of a block of samples; ``signals`` names the columns of its auxiliary signals.
+
+        Times are counted from ``start_s`` at the first sample: those since 1970 have no digits left for microseconds.
+
+        Raises:
+            ValueError: as of a record; a signal has no column, or a column no name.
+        """
+        t: Floats = np.multiply(samples.t_us - samples.t_us[:1] + round(1e6 * start_s), 1e-6)
+        columns = () if samples.signals is None else samples.signals.T
+        named = dict(zip(signals, columns, strict=True))
+        return cls(t, samples.u, samples.y, quantity, samples.name, None, named)
 
     def __len__(self) -> int:
         """Number of samples N."""

@@ -13,11 +13,28 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import lively_parts
 from monitor_core.identification.records.measured_record import Record, between, segments
 from monitor_core.identification.records.uniform_grid import PASS, mean_torque, resample
+from monitor_core.samples import SampleBlock
 from tests.core.identification.record_cases import H, records, same
 
 
 def record(t: object = (0, 1, 2), u: object = (1, 2, 3), y: object = (0, 0, 0), **other: object) -> Record:
     return Record(np.array(t), np.array(u), np.array(y), **({"quantity": "speed"} | other))  # type: ignore[arg-type]
+
+
+def test_a_record_of_a_block_of_samples_keeps_microseconds() -> None:
+    t_us = 1_760_000_000_000_001 + np.array([0, 1000, 2003])
+    u, y, signals = np.arange(3.0), np.array([0.0, np.nan, 1.0]), np.arange(6.0).reshape(3, 2)
+    found = Record.from_samples(
+        SampleBlock(t_us, u, y, signals=signals, name="a.csv"), "angle", ("load", "warm"), start_s=2.0
+    )
+    assert found.t == pytest.approx([2.0, 2.001, 2.002003], abs=1e-9)
+    assert (found.name, found.quantity, found.measured.tolist()) == ("a.csv", "angle", [True, False, True])
+    assert {name: values.tolist() for name, values in found.signals.items()} == {
+        "load": [0.0, 2.0, 4.0],
+        "warm": [1.0, 3.0, 5.0],
+    }
+    with pytest.raises(ValueError, match="zip"):
+        Record.from_samples(SampleBlock(t_us, u, y), "angle", ("load",))
 
 
 @pytest.mark.parametrize(

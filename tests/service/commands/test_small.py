@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.commands.exit_codes import EXIT_CODES
+from service.commands.exit_codes import EXIT_CODES, MISTAKE
 from service.commands.main import COMMANDS, app
 from service.commands.progress import Background
 from service.config import load
@@ -54,6 +54,13 @@ def test_help_has_the_exit_codes(command: list[str], monkeypatch: pytest.MonkeyP
     result = CliRunner().invoke(app, [*command, "--help"])
     assert result.exit_code == 0
     assert " ".join(EXIT_CODES.split()) in " ".join(result.stdout.split())
+
+
+@pytest.mark.parametrize("command", ["run", "check", "commission"])
+def test_without_a_configuration_it_says_what_writes_one(command: str) -> None:
+    done = CliRunner().invoke(app, [command])
+    assert done.exit_code == MISTAKE
+    assert "axiswatch init writes a first one" in " ".join(done.stderr.replace("│", " ").split())
 
 
 # --- warm leaves nothing for identify and excite to compile -------------------------------------------------

@@ -105,7 +105,7 @@ def test_the_message_has_the_schema_of_the_api_and_a_signature(message: Message)
     with receiving(answers) as port:
         sent(webhook(port), message)
     (request,) = answers.requests
-    schema = json.loads(build.TARGET.read_text(encoding="utf-8"))
+    schema = json.loads(build.SCHEMA.read_text(encoding="utf-8"))
     body = json.loads(request.body)
     stated = schema["webhooks"]["alarm"]["post"]["requestBody"]["content"]["application/json"]["schema"]
     jsonschema.validate(body, {**stated, "components": schema["components"]})

@@ -19,6 +19,7 @@ from service.pipeline.bus_readers import BusIntake
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.epochs_at_start import at_start, bring_back
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisSnapshot
 from service.pipeline.wall_clock import WallClock
@@ -112,12 +113,8 @@ class StandingCore:
         self.checkpointer = Checkpointer(self.checkpoints, monitors, service.checkpoint_interval_s, clock_us)
         self.worker = Worker(
             config,
-            self.core,
+            WorkerParts(self.core, alarms, self.history, self.recording, self.checkpointer),
             [BusIntake("can0", reader, self.core.ingests["can0"], self.recording)],
-            self.recording,
-            alarms,
-            self.history,
-            self.checkpointer,
             self.compiled,
             wall or clock_us,
             self.messages,

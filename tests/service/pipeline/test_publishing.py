@@ -13,7 +13,7 @@ from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
 from service.config import load
 from service.config.schema_model import AlarmsConfig
 from service.pipeline.alarm_recording import RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
-from service.pipeline.worker import BOUNDS_S, ProcessingTime
+from service.pipeline.publishing import BOUNDS_S, ProcessingTime
 from service.store import database
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal

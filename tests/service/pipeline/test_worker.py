@@ -11,16 +11,13 @@ from monitor_core.monitoring import AlarmEvent, Status
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config.schema_model import DetectorConfig
+from service.pipeline import publishing
 from service.pipeline import worker as worker_module
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import states_of
+from service.pipeline.publishing import LOOKED_AT_S, UNSEEN_S
 from service.pipeline.snapshot import Snapshot
-from service.pipeline.worker import (
-    COMPILING,
-    COMPILING_MULTIMODEL,
-    LOOKED_AT_S,
-    UNSEEN_S,
-)
+from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL
 from service.simulation.robot import Fault
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -88,9 +85,9 @@ def test_a_block_that_takes_long_is_followed_by_a_longer_one(
 def test_answers_are_prepared_before_their_snapshot_is_shown(
     bench: StandingCore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(worker_module, "UNSEEN_S", 0.0)
+    monkeypatch.setattr(publishing, "UNSEEN_S", 0.0)
     prepared = list[tuple[Snapshot, Snapshot]]()
-    bench.worker.prepare = lambda new: prepared.append((new, bench.worker.snapshot))
+    bench.worker.publisher.prepare = lambda new: prepared.append((new, bench.worker.snapshot))
     shown = bench.run().snapshot
     assert prepared[-1][0] is shown
     assert all(new is not before for new, before in prepared)
@@ -156,7 +153,7 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
     bench: StandingCore, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = 0.0
-    monkeypatch.setattr(worker_module, "perf_counter", lambda: clock)
+    monkeypatch.setattr(publishing, "perf_counter", lambda: clock)
     worker, new = bench.worker, list[float]()
     bench.compile()
 
@@ -165,21 +162,21 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
         nonlocal clock
         while clock < end_s:
             clock += 0.125
-            shown = worker._published
+            shown = worker.publisher._published
             worker._tick()
-            if worker._published is not shown:
+            if worker.publisher._published is not shown:
                 new.append(clock)
             if look:
-                assert worker.snapshot is worker._published
+                assert worker.snapshot is worker.publisher._published
 
     worker._tick()  # the kernel is ready, which is news
-    worker._published_s = 0.0
+    worker.publisher._published_s = 0.0
     turn_until(2.0, look=False)
     turn_until(3.0, look=True)
     assert new == [1.0, 2.0, 2.25, 2.5, 2.75, 3.0]
     while bench.core.monitors.by_id["demo.axis1"].open_alarms == ():
         worker._tick()
-    shown = worker._published
+    shown = worker.publisher._published
     assert (
         [a.parameter for a in shown.alarms.standing]
         == [e.parameter for e in shown.axes[0].open_alarms]
@@ -193,21 +190,21 @@ def test_a_pause_between_snapshots_is_ten_times_as_long_as_one_takes_but_at_most
 ) -> None:
     bench = StandingCore(tmp_path, demo(tmp_path, 2), Waiting())
     clock, step_s, pauses = 0.0, 0.01, list[float]()
-    monkeypatch.setattr(worker_module, "perf_counter", lambda: clock)
-    worker, make = bench.worker, bench.worker._snapshot
+    monkeypatch.setattr(publishing, "perf_counter", lambda: clock)
+    worker, make = bench.worker, bench.worker.publisher._snapshot
 
     def make_slowly(*news: Any) -> Snapshot:
         nonlocal clock
-        pauses.append(clock - worker._published_s)
+        pauses.append(clock - worker.publisher._published_s)
         clock += making_s
         return make(*news)
 
-    monkeypatch.setattr(worker, "_snapshot", make_slowly)
+    monkeypatch.setattr(worker.publisher, "_snapshot", make_slowly)
     bench.compile()
     while len(pauses) < 5:
         clock += step_s
         worker._tick()
-        assert worker.snapshot is worker._published
+        assert worker.snapshot is worker.publisher._published
     # The first one is of what is news: the kernel is ready.
     assert pauses[-3:] == pytest.approx([pause_s] * 3, abs=1.01 * step_s)
     bench.close()
