@@ -53,5 +53,5 @@ def session(command: str, *given: str) -> str:
         problem = " ".join(re.sub("[│╭╮╰╯─]+", " ", result.stderr).split())
         problem = re.sub("^Usage: .*? Error ", "", problem)
         text += f"$ axiswatch {command} {words}".rstrip() + f"\n{result.stdout}"
-        text += f"{problem} (exit code {result.exit_code})\n" if problem else ""
+        text += f"{problem} (exit code {result.exit_code})\n" if problem or result.exit_code else ""
     return text.replace(f"{Path.cwd()}/", "")
