@@ -72,7 +72,7 @@ class AxisSnapshot:
     epoch: AxisEpoch = FIRST_EPOCH
     """The epoch in force, and the progress of a learning or verification window"""
     out_of_service: Note | None = None
-    """Author, time and reason of taking the axis out of service, while its alarms are not announced; None: in service"""
+    """Author, time and reason of taking the axis out of service, when its alarms are not announced; None: in service"""
     watched: MonitoredDrive | None = None
     """Model and settings of the monitor; None: not known"""
 
