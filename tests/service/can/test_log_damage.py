@@ -55,7 +55,7 @@ def test_a_head_that_is_cut_anywhere_is_no_endless_one(
         assert len(repeats) < 10, "the same head is read again and again"
         again(lines)
 
-    monkeypatch.setattr(LogLines, "again", counted)
+    monkeypatch.setattr(LogLines, "repeat_head", counted)
     content = log_bytes(path, random.Random(seed), 1)
     for end in range(1, len(content)):
         repeats.clear()
