@@ -1,4 +1,4 @@
-"""A client of a running daemon: its alarms, its history, the epochs of its axes, and its state, over REST."""
+"""A client of a running daemon over REST: alarms, history, epochs of axes, and state."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ if TYPE_CHECKING:
     import httpx
 
 TIMEOUT_S, CHANGING_S = 10.0, 130.0
-"""For an answer, and for that of what changes something, which the daemon may take 120 s for"""
+"""Time-outs of a request, and of a request that changes something, for which the daemon may take 120 s"""
 MOST_KNOWN = 12
-"""Names of what exists, beside what does not"""
+"""Most existing names that are listed when a name does not exist"""
 
 
 class ClientError(Exception):
-    """The daemon refuses the request, or does not answer; the text says why.
+    """The daemon refuses the request, or does not answer; the text gives the reason.
 
     ``status`` is that of the answer; None: there was none.
     """
@@ -29,17 +29,17 @@ class ClientError(Exception):
 
     @property
     def refused(self) -> bool:
-        """Whether the request was at fault, and not the daemon."""
+        """Whether the request was wrong, and not the daemon."""
         return self.status is not None and 400 <= self.status < 500
 
 
 Json = dict[str, Any]
-"""An answer of the API; docs/openapi.json has its fields."""
+"""An answer of the API; its fields are in docs/openapi.json."""
 Value = str | int | float | None
 
 
 class Remark(NamedTuple):
-    """What a person writes about what is done to an alarm or an axis."""
+    """The texts of a user about an action on an alarm or an axis."""
 
     comment: str = ""
     work_order: str = ""
@@ -81,7 +81,7 @@ class Client:
         self._http.close()
 
     def service(self) -> Json:
-        """Version, readiness, messages."""
+        """Version, readiness and messages of the daemon."""
         return self._ask("GET", "service")
 
     def alarms(self, **filters: Value) -> Json:
@@ -89,25 +89,25 @@ class Client:
         return self._ask("GET", "alarms", filters)
 
     def alarm(self, alarm_id: int) -> Json:
-        """One alarm, with all that has happened to it."""
+        """One alarm with its history."""
         return self._ask("GET", f"alarms/{alarm_id}")
 
     def axis(self, axis: str) -> Json:
-        """One axis; refused where there is no such axis."""
+        """One axis; refused if the axis does not exist."""
         return self._ask("GET", f"axes/{_quoted(axis)}")
 
     def statistics(self, since: str | None, until: str | None) -> Json:
-        """How much the alarms of a time ask of an operator; the default is that of the API, seven days."""
+        """The alarm load of an operator in a span of time; by default that of the API, seven days."""
         return self._ask("GET", "alarms/statistics", {"since": since, "until": until})
 
     def act(self, alarm_id: int, action: AlarmAction, remark: Remark = NOTHING, **end: Value) -> Json:
-        """Do something about an alarm; ``end`` of a shelf: ``duration_s``, or ``until`` (ISO 8601 with time zone)."""
+        """Apply an action to an alarm; end of shelving: ``duration_s``, or ``until`` (ISO 8601 with time zone)."""
         return self._ask("POST", f"alarms/{alarm_id}/{action}", body={**remark._asdict(), **end})
 
     def change_service(
         self, axis: str, action: Literal["out-of-service", "return-to-service"], remark: Remark
     ) -> Json:
-        """Take an axis out of service, or return it."""
+        """Take an axis out of service, or return it to service."""
         return self._ask("POST", f"axes/{_quoted(axis)}/{action}", body=remark._asdict())
 
     def epochs(self, axis: str) -> Json:
@@ -123,12 +123,12 @@ class Client:
         return self._ask("POST", f"axes/{_quoted(axis)}/baseline/cancel", body=remark._asdict())
 
     def restore_epoch(self, axis: str, number: int, verify_hours: float, remark: Remark) -> Json:
-        """Let the values of a former epoch be in force again."""
+        """Put the values of a former epoch in force again."""
         body = {**remark._asdict(), "verify_hours": verify_hours}
         return self._ask("POST", f"axes/{_quoted(axis)}/epochs/{number}/restore", body=body)
 
     def record(self) -> str:
-        """Have the raw frames of the last minutes written to a file; its name."""
+        """Make the daemon write the raw frames of the last minutes to a file; returns its name."""
         return str(self._ask("POST", "recordings")["name"])
 
     def recording(self, name: str) -> bytes:
@@ -136,7 +136,7 @@ class Client:
         return self._send("GET", f"recordings/{_quoted(name)}").content
 
     def history_file(self, axis: str, kind: str, **query: Value) -> bytes:
-        """The history of an axis as a file, csv or parquet; the rest is as in GET /api/v1/axes/{axis}/history.csv."""
+        """The history of an axis as a CSV or Parquet file; parameters as of GET /api/v1/axes/{axis}/history.csv."""
         return self._send("GET", f"axes/{_quoted(axis)}/history.{kind}", query).content
 
     def _ask(
@@ -148,7 +148,7 @@ class Client:
     def _send(
         self, method: str, path: str, query: Mapping[str, Value] = {}, body: Mapping[str, Value] = {}
     ) -> httpx.Response:
-        """The answer; what is None is not sent."""
+        """Send a request; arguments that are None are not sent. Returns the answer."""
         import httpx
 
         params, content = ({k: v for k, v in given.items() if v is not None} for given in (query, body))
@@ -177,7 +177,7 @@ class Client:
 
 
 def _is_untrusted(error: BaseException | None) -> bool:
-    """Whether the certificate of the daemon is behind it."""
+    """Whether a failed check of the daemon's certificate is the cause."""
     while error is not None and not isinstance(error, ssl.SSLCertVerificationError):
         error = error.__cause__ or error.__context__
     return error is not None
@@ -189,7 +189,7 @@ def _quoted(axis: str) -> str:
 
 
 def _reason(problem: Any) -> str:
-    """Why a request was refused, from its problem details."""
+    """The reason of a refusal, from its problem details."""
     if not isinstance(problem, dict):
         return str(problem)
     detail, known = str(problem.get("detail") or problem), problem.get("known")

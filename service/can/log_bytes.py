@@ -45,7 +45,7 @@ class LogBytes:
 
     @property
     def cut(self) -> str:
-        """Where compressed data ends too early, e.g. as the writer was killed; empty: the data is complete."""
+        """Where compressed data ends too early, such as after a killed writer; empty: the data is complete."""
         return "" if self._gzip is None else self._gzip.cut
 
     @property
@@ -67,7 +67,7 @@ class _Gunzip(io.RawIOBase):
         self.cut = self.damage = ""
 
     def readable(self) -> bool:
-        """As of every file that is read."""
+        """Whether bytes can be read."""
         return True
 
     def readinto(self, buffer: Any) -> int:
@@ -100,7 +100,7 @@ class CompleteReads(io.RawIOBase):
         """Whether the file ended within an object"""
 
     def readable(self) -> bool:
-        """As of every file that is read."""
+        """Whether bytes can be read."""
         return True
 
     def read(self, size: int = -1) -> bytes:

@@ -78,7 +78,7 @@ def run_daemon(
             lambda done: None if done.exception() else _settled(complete)
         )
         web = partial(_web, access, certificate)
-        reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.exchanged))
+        reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.replaced))
         systemd = _service_manager(parts)
         stack.callback(systemd.close)
         state = _app_state(parts, access, stop, reloading, file, stack)

@@ -52,7 +52,7 @@ class DaemonParts:
 
     def __init__(self, config: Config, record: Path | None, stop: threading.Event, stack: ExitStack) -> None:
         self.config = config
-        self.state = _opened(config, stack)
+        self.state = _open_state(config, stack)
         begun = self.state.begun
         self.pipeline = FramePipeline(config, begun.axes)
         self.compiled = _in_background(config, stack)
@@ -113,7 +113,7 @@ class _State(NamedTuple):
     begun: EpochsInForce
 
 
-def _opened(config: Config, stack: ExitStack) -> _State:
+def _open_state(config: Config, stack: ExitStack) -> _State:
     """Open the files of the state directory; they are closed at the end of the block."""
     kept = config.service
     journal = Journal(kept.state_dir / ALARMS_FILE)
@@ -229,9 +229,9 @@ class PlantLinks:
     ) -> None:
         self._config, self._state_dir = config.links, config.service.state_dir
         self._journal, self._snapshot, self._extracts = journal, snapshot, extracts
-        self._links = self._made()
+        self._links = self._make_links()
 
-    def _made(self) -> "Links | None":
+    def _make_links(self) -> "Links | None":
         if not self._config.any:
             return None
         from service.links.running import Links
@@ -258,7 +258,7 @@ class PlantLinks:
         return () if links is None else links.snapshots()
 
     @contextmanager
-    def exchanged(self, new: Config) -> Iterator[None]:
+    def replaced(self, new: Config) -> Iterator[None]:
         """Run the links of another configuration from the outbox; if the block fails, the former links run again.
 
         Raises:
@@ -274,16 +274,16 @@ class PlantLinks:
         except LinkSecretError as error:
             raise ReloadError(str(error)) from None
         try:
-            self._exchange(new.links)
+            self._replace(new.links)
             yield
         except BaseException as error:
-            self._exchange(before)
+            self._replace(before)
             if isinstance(error, LinkSecretError | StoreError):
                 raise ReloadError(str(error)) from None
             raise
 
-    def _exchange(self, config: LinksConfig) -> None:
+    def _replace(self, config: LinksConfig) -> None:
         self.stop()
         self._config = config
-        self._links = self._made()
+        self._links = self._make_links()
         self.start()

@@ -66,8 +66,8 @@ def history(
     if output != STDOUT:
         check_writable(output)
     query = {
-        "since": _moment(since, "--since"),
-        "until": _moment(until, "--until"),
+        "since": _time_argument(since, "--since"),
+        "until": _time_argument(until, "--until"),
         "parameter": parameter,
         "resolution": resolution,
     }
@@ -80,7 +80,7 @@ def history(
             print(f"written: {output}")
 
 
-def _moment(text: str | None, option: str) -> str | None:
+def _time_argument(text: str | None, option: str) -> str | None:
     """A time as given, which the daemon checks, or a duration before now."""
     if text is None or "T" in text or " " in text:
         return text

@@ -67,8 +67,8 @@ def run(
 
     configure_logs(log_format)
     hangup = _Hangup(config, port)
-    with explained(), obeyed([signal.SIGHUP], hangup.look):
-        run_daemon(with_port(read, port), record, file=config, insecure=insecure, reloadable=hangup.use)
+    with explained(), obeyed([signal.SIGHUP], hangup.apply):
+        run_daemon(with_port(read, port), record, file=config, insecure=insecure, reloadable=hangup.start)
 
 
 class _Hangup:
@@ -79,11 +79,11 @@ class _Hangup:
         self.reload: Callable[[Config], Reloaded] | None = None
         """None: the daemon has not started yet"""
 
-    def use(self, reload: Callable[[Config], Reloaded]) -> None:
+    def start(self, reload: Callable[[Config], Reloaded]) -> None:
         """The daemon runs; ``reload`` applies a configuration."""
         self.reload = reload
 
-    def look(self) -> None:
+    def apply(self) -> None:
         """Read and apply the configuration; a faulty one is logged and changes nothing."""
         from service.pipeline.baselines import BaselineError
         from service.pipeline.reloading import ReloadError

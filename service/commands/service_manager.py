@@ -64,7 +64,7 @@ class ServiceManager:
         if self._thread.is_alive():
             self._thread.join()
 
-    def look(self) -> None:
+    def update_status(self) -> None:
         """Send a new status, and notify the watchdog if all loops of the daemon have made progress."""
         lines = []
         if (status := self._status()) != self._shown:
@@ -78,7 +78,7 @@ class ServiceManager:
     def _run(self) -> None:
         wait_s = _WITHOUT_WATCHDOG_S if self._watchdog_s is None else self._watchdog_s / _LOOKS
         while not self._ended.wait(wait_s):
-            self.look()
+            self.update_status()
 
     def _all_turned(self) -> bool:
         turns = self._turns()

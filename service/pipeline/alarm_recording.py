@@ -126,7 +126,7 @@ class _Waiting:
     reserved_id: int = 0
     """The id that a new alarm will have in the journal; 0: not known"""
     acknowledged: Note | None = None
-    """Who has acknowledged the alarm before it was recorded; None: nobody"""
+    """The acknowledgement, if the alarm was acknowledged before it was recorded; None: not acknowledged"""
 
 
 class Alarms:
@@ -241,7 +241,7 @@ class Alarms:
         return None
 
     def removed(self, axis_id: str) -> Note | None:
-        """Who has taken an axis out of service, when and why; None: nobody has."""
+        """Author, time and reason of taking an axis out of service; None: in service."""
         return self._recorded.removed.get(axis_id)
 
     def _is_over(self, alarm: RecordedAlarm, now_us: int) -> bool:

@@ -72,7 +72,7 @@ class AxisSnapshot:
     epoch: AxisEpoch = FIRST_EPOCH
     """The epoch in force, and the progress of a learning or verification window"""
     out_of_service: Note | None = None
-    """Who has taken the axis out of service, so that its alarms are not announced, when and why; None: nobody"""
+    """Author, time and reason of taking the axis out of service, when its alarms are not announced; None: in service"""
     watched: MonitoredDrive | None = None
     """Model and settings of the monitor; None: not known"""
 

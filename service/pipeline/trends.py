@@ -36,7 +36,7 @@ class Trends:
             axis.id: AxisTrends(model.monitored, _trend_monitor(axis, model), f"slow history 1 {key}")
             for axis, model, key in zip(axes, models, keys, strict=True)
         }
-        """By axis"""
+        """Trends by axis"""
         self._saved: dict[str, list[int]] = {}
         self._waiting: dict[tuple[str, int], None] = {}
         self.lost: dict[str, int] = dict.fromkeys(self.axes, 0)

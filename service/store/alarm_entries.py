@@ -32,7 +32,7 @@ class Entry(NamedTuple):
     reserved_id: int = 0
     """Id for a new alarm that was shown with this id before it could be recorded; 0: the next free id"""
     acknowledged: Note | None = None
-    """Who has acknowledged the alarm before it could be recorded"""
+    """The acknowledgement, if the alarm was acknowledged before it could be recorded"""
 
 
 def record_entry(connection: sqlite3.Connection, entry: Entry) -> int:

@@ -34,7 +34,7 @@ _FORMAT = 1
 
 
 class Scope(StrEnum):
-    """What a caller may do; each scope includes those before it."""
+    """The permissions of a caller; each scope includes those before it."""
 
     READ = "read"
     OPERATE = "operate"
@@ -49,7 +49,7 @@ class Scope(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Who makes a request, and which scopes the caller has."""
+    """The author of a request, and the scopes of that caller."""
 
     name: str
     scopes: frozenset[Scope]

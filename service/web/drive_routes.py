@@ -81,7 +81,7 @@ class Bode(models.Body):
     frequency_hz: list[float]
     nominal: BodeCurve = Field(description="with the nominal values that hold now")
     present: BodeCurve | None = Field(
-        description="with the present estimates; null: a drive with them makes no sense"
+        description="with the present estimates; null: they give no valid drive"
     )
     magnitude_sd_db: list[models.Number] = Field(
         description="standard deviation of the present magnitude, by that of the estimates; empty: not known"

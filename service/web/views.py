@@ -126,7 +126,7 @@ def _parameter(p: ParameterStatus) -> dict[str, object]:
 
 
 def out_of_service(note: Note | None) -> models.OutOfService | None:
-    """Who has taken an axis out of service, when and why."""
+    """Author, time and reason of taking an axis out of service."""
     return None if note is None else body(models.OutOfService, note, since=note.at_us or None)
 
 

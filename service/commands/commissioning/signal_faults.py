@@ -29,12 +29,12 @@ def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
     ``texts``: the records as the user gave them.
     """
     for record, source, text in zip(checked.records, checked.sources, texts, strict=True):
-        yield from _beyond(checked, source, text)
+        yield from _out_of_range(checked, source, text)
         yield from _stuck(checked, record, text)
-        yield from _held(checked, record, text)
+        yield from _stuck_motion(checked, record, text)
 
 
-def _beyond(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
+def _out_of_range(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
     """Values that no motor reaches, so that the unit must be another one."""
     lost = source.dropped.get("absurd", 0)
     if lost > _LITTLE * (source.samples + lost):
@@ -86,7 +86,7 @@ def _same(values: Floats) -> bool:
     return bool(low == high)
 
 
-def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:
+def _stuck_motion(checked: Checked, record: Record, text: str) -> Iterator[str]:
     """Stuck values of the motion; a held torque has really acted so."""
     count = held_for(record.y[record.measured])
     if count > 1:
@@ -94,7 +94,7 @@ def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:
         signals = "torque and motion come" if other else "the motion comes"
         interval = f"{count * record.interval_s:.5g}"
         if checked.in_tables:
-            rows, way = "rows", f"keep every {_nth(count)} row, and set sample_interval_s = {interval}"
+            rows, way = "rows", f"keep every {_ordinal(count)} row, and set sample_interval_s = {interval}"
         else:
             rows = "frames"
             way = f"let the controller send each value once, every {interval} s, and set sample_interval_s to that"
@@ -103,7 +103,7 @@ def _held(checked: Checked, record: Record, text: str) -> Iterator[str]:
             "{name} changes only in every {nth} sample of {record}: {signals} {count} times as slowly as the {rows};"
             " {way}",
             name=_name(checked, "motion"),
-            nth=_nth(count),
+            nth=_ordinal(count),
             record=text,
             signals=signals,
             count=count,
@@ -134,7 +134,7 @@ def _sound(spans: list[Span], record: Record, text: str) -> str:
     return f"{text.rpartition('@')[0] or text}@{start:.2f}:{end:.2f}"
 
 
-def _nth(count: int) -> str:
+def _ordinal(count: int) -> str:
     return {2: "second", 3: "third"}.get(count, f"{count}th")
 
 

@@ -99,11 +99,11 @@ def first_review(config: Config, axis: NamedAxis, record: str) -> Review:
 
 def _first(checked: Checked, used: tuple[str, ...]) -> tuple[Correction | None, tuple[str, ...]]:
     """The first correction, or the faults that no correction repairs."""
-    new = next(_of(_FIRST_CHECKS, checked), None)
+    new = next(_corrections(_FIRST_CHECKS, checked), None)
     if new is not None:
         return new, ()
     wrong = tuple(faults(checked, used))
-    return (None if wrong else next(_of(_SIGNAL_CHECKS, checked), None)), wrong
+    return (None if wrong else next(_corrections(_SIGNAL_CHECKS, checked), None)), wrong
 
 
 def exchanged(
@@ -138,7 +138,7 @@ def _exchanged_in(
     part = slice(min(longest, _MOST))
     moved = [item._replace(record=item.record.select(part)) for item in (loaded[axis.id] for axis in axes)]
     explained = np.array(
-        [[_explained(motion.record, _beside(motion, torque)) for torque in moved] for motion in moved]
+        [[_explained(motion.record, _torque_at(motion, torque)) for torque in moved] for motion in moved]
     )
     # The right torque explains the motion best. Small differences are no reason for a proposal.
     _, best = linear_sum_assignment(-explained - _EXPLAINS * np.eye(len(axes)))
@@ -149,7 +149,7 @@ def _exchanged_in(
     return {axes[k].id: tuple(_torque_of(axes[k], axes[best[k]])) for k in changed}
 
 
-def _beside(motion: Loaded, torque: Loaded) -> Floats:
+def _torque_at(motion: Loaded, torque: Loaded) -> Floats:
     """The torque of an axis at the nearest samples of another one, by the clock of the file."""
     earlier_s = (motion.source.begins_s or 0.0) - (torque.source.begins_s or 0.0)
     t, at = torque.record.t, motion.record.t + earlier_s
@@ -378,7 +378,7 @@ def _late(checked: Checked) -> Iterator[Correction]:
         yield Correction(("torque", "late_samples"), config.torque.late_samples + found, reason)
 
 
-def _of(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
+def _corrections(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
     return (correction for check in checks for correction in check(checked))
 
 

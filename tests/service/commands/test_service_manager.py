@@ -58,18 +58,18 @@ def test_the_watchdog_is_fed_when_reader_and_worker_have_turned_since(
 ) -> None:
     turns = {"reader can0": 0, "worker": 0}
     notifier = manager(tmp_path, turns)
-    notifier.look()
+    notifier.update_status()
     assert systemd.lines() == ["STATUS=all is well", "WATCHDOG=1"]
     for still, moves in (("worker", "reader can0"), ("reader can0", "worker")):
         systemd.heard.clear()
         with capture_logs() as logs:
             for _ in range(3):
                 turns[moves] += 1
-                notifier.look()
+                notifier.update_status()
         assert systemd.lines() == []
         assert [(entry["log_level"], entry["threads"]) for entry in logs] == [("error", [still])]
         turns[still] += 1
-        notifier.look()
+        notifier.update_status()
         assert systemd.lines() == ["WATCHDOG=1"]
 
 
@@ -81,14 +81,14 @@ def test_the_watchdog_is_fed_when_reader_and_worker_have_turned_since(
 def test_a_watchdog_that_is_off_or_for_another_process_is_not_fed(
     variables: dict[str, str], tmp_path: Path, systemd: Systemd
 ) -> None:
-    manager(tmp_path, {}, **variables).look()
+    manager(tmp_path, {}, **variables).update_status()
     assert systemd.lines() == ["STATUS=all is well"]
 
 
 def test_an_abstract_socket_is_reached() -> None:
     name = f"axiswatch-test-{os.getpid()}"
     heard = Systemd(f"\0{name}")
-    ServiceManager({"NOTIFY_SOCKET": f"@{name}"}, dict, lambda: "here").look()
+    ServiceManager({"NOTIFY_SOCKET": f"@{name}"}, dict, lambda: "here").update_status()
     assert heard.lines() == ["STATUS=here"]
     heard.close()
 
@@ -109,7 +109,7 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
     monkeypatch.setenv("WATCHDOG_USEC", "1000000")
     stuck, stands, go_on = (threading.Event() for _ in range(3))
     looks = list[int]()
-    look = ServiceManager.look
+    update_status = ServiceManager.update_status
 
     def blocked(_: Recording) -> None:
         if stuck.is_set():
@@ -117,11 +117,11 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
             go_on.wait()
 
     def counted(notifier: ServiceManager) -> None:
-        look(notifier)
+        update_status(notifier)
         looks.append(systemd.lines().count("WATCHDOG=1"))
 
     monkeypatch.setattr(Recording, "tick", blocked)
-    monkeypatch.setattr(ServiceManager, "look", counted)
+    monkeypatch.setattr(ServiceManager, "update_status", counted)
     with daemon_thread(demo(tmp_path, 1)):
         try:
             wait_for(lambda: looks and looks[-1] > 3)
@@ -134,7 +134,9 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
             first = len(looks)
             wait_for(lambda: len(looks) > first + 6)
             fed = looks[first + 2 :]
-            assert fed[0] == fed[-1], "twice at most after it: the look under way, and the turn before it"
+            assert fed[0] == fed[-1], (
+                "twice at most after it: the update in progress, and the cycle before it"
+            )
             go_on.set()
             wait_for(lambda: looks[-1] > fed[-1])
         finally:

@@ -1,4 +1,4 @@
-// The small form in which a person says why: what it is about, a comment, the number of a work order; and sends it.
+// The small form for the reason of an action: its subject, a comment, the number of a work order; it sends the action.
 import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { ask } from "./ask";
@@ -8,16 +8,16 @@ import { t } from "./texts";
 const AFTER_DRAWING_MS = 100;
 
 interface Props {
-  /** What is done, as on the button that sends it. */
+  /** The action, as on the button that sends it. */
   label: string;
   title: ComponentChildren;
-  /** Where it is sent to, and what beside comment and work order. */
+  /** Path of the request, and its content besides comment and work order. */
   path: string;
   body?: (given: FormData) => Record<string, unknown> | Promise<Record<string, unknown>>;
   required?: boolean;
   /** Comment or work order must be given. */
   either?: boolean;
-  /** Fields before the comment, and a confirmation behind the work order. */
+  /** Fields before the comment, and a confirmation after the work order. */
   children?: ComponentChildren;
   confirm?: string | undefined;
   close: () => void;
@@ -46,7 +46,7 @@ export function ActionForm({ label, title, path, body, required = false, either 
     const place = opener.current?.parentElement;
     dialog.current?.close();
     await done();
-    // The button that was pressed may be gone: whoever uses the keyboard goes on beside it, or at the content.
+    // The pressed button may be gone: keyboard focus then moves to its neighbour, or to the content.
     setTimeout(() => {
       if (document.activeElement !== document.body) return;
       const next = place?.isConnected ? place.querySelector("button") : null;

@@ -1,4 +1,4 @@
-// What is for who answers for the daemon: its configuration without secrets, and who has changed what.
+// Information for administrators of the daemon: its configuration without secrets, and the log of changes.
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
 import { alarmLink, axisLink, Time } from "./marks";
@@ -15,7 +15,7 @@ export function Administration() {
   );
 }
 
-/** It is asked for when somebody wants to see it. */
+/** Requested when it is opened. */
 function Unfolded({ label, children }: { label: string; children: preact.ComponentChildren }) {
   const [open, setOpen] = useState(false);
   return (
@@ -26,7 +26,7 @@ function Unfolded({ label, children }: { label: string; children: preact.Compone
   );
 }
 
-/** An answer that is asked for once, by `first`, and again by whoever calls `more`. */
+/** An answer that is requested once, by `first`, and again by each call of `more`. */
 function useAsked<T>(first: string): [T[], string, (path: string) => void] {
   const [found, set] = useState<T[]>([]);
   const [problem, setProblem] = useState("");

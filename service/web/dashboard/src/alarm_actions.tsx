@@ -1,4 +1,4 @@
-// What a person does about an alarm: the buttons that fit its state, and the small form that they open.
+// Actions on an alarm: the buttons for its state, and the small form that they open.
 import { useState } from "preact/hooks";
 import { ActionForm } from "./action_form";
 import type { Alarm } from "./ask";

@@ -1,4 +1,4 @@
-// The names that were raised most often in seven days, and how many alarms came in ten minutes.
+// The most frequent names of alarms in seven days, and the number of alarms per ten minutes.
 import type { Body } from "./ask";
 import { count, few, percent } from "./format";
 import { arrow, axisLink, Time } from "./marks";

@@ -1,4 +1,4 @@
-// The alarms: those that are active, or another part of the journal.
+// The alarms: the active ones, or another part of the journal.
 import { useCallback, useEffect, useRef, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { AlarmFrequency } from "./alarm_frequency";
@@ -41,7 +41,7 @@ export function AlarmList() {
   );
 }
 
-/** A page of the alarms; each older one begins where the one before has ended. A button at the end keeps the focus. */
+/** A page of the alarms; each older page starts where the one before ended. A button at the end keeps the focus. */
 function Found({ filter }: { filter: Filter }) {
   const [before, turn] = useState<string[]>([]);
   const cursor = before.at(-1);
@@ -64,7 +64,7 @@ function Found({ filter }: { filter: Filter }) {
   );
 }
 
-/** The alarms of a query, asked for again when the active ones change, and from time to time. */
+/** The alarms of a query, requested again when the active ones change, and periodically. */
 export function useAlarms(query: string, limit: number): [Body<"Alarms"> | null, () => Promise<void>] {
   const { active, answered } = useLive();
   const [found, set] = useState<Body<"Alarms"> | null>(null);
@@ -77,7 +77,7 @@ export function useAlarms(query: string, limit: number): [Body<"Alarms"> | null,
       const answer = await ask<Body<"Alarms">>(`/api/v1/alarms?${query}&limit=${limit}`);
       if (wanted.current === query) set(answer);
     } catch {
-      // The header says that there is no answer, or that a token is needed.
+      // The header shows that there is no answer, or that a token is needed.
     }
   }, [query, limit]);
   useEffect(() => void refresh(), [refresh, key, beat]);
@@ -111,7 +111,7 @@ const cellsOf = (alarm: Alarm, refresh: () => Promise<void>, axis: boolean): Cel
   <AlarmButtons alarm={alarm} done={refresh} />,
 ];
 
-/** Whether it is active, what a person has done about it, its priority, and whether the journal has it. */
+/** State of an alarm, actions on it, its priority, and whether the journal has it. */
 export function State({ alarm }: { alarm: Alarm }) {
   const urgent = alarm.active && !isHidden(alarm) ? " urgent" : "";
   const until = alarm.shelved_until === null ? "" : ` ${t.until(moment(alarm.shelved_until))}`;
@@ -144,7 +144,7 @@ export function Saved({ path, name, children }: { path: string; name: string; ch
   return <a href={path} download={name} onClick={fetched}>{children}</a>;
 }
 
-/** That it has no name yet, or what it was called before it had this one. */
+/** That it has no name yet, or its earlier name. */
 function Names({ alarm }: { alarm: Alarm }) {
   if (alarm.stage === "changed") return alarm.active ? <span class="quiet"> {t.notNamed}</span> : null;
   const before = [...new Set(alarm.past.map((name) => name.parameter))].filter((name) => name !== alarm.parameter);
@@ -158,7 +158,7 @@ function onsetRange(alarm: Alarm): string {
   return t.onsetRange(low ?? "", high ?? "");
 }
 
-/** How far they are from the onset; `full`: in words. */
+/** Their distance from the onset; `full`: in words. */
 export function OnsetRange({ alarm, full = false }: { alarm: Alarm; full?: boolean }) {
   const { onset, onset_low: low, onset_high: high } = alarm;
   const away = (end: string): string => span(Math.abs(Date.parse(end) - Date.parse(onset)) / 1000);

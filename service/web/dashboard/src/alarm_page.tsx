@@ -1,4 +1,4 @@
-// One alarm for the person who goes to the axis: what was found, how sure, since when, what to do. Printed, it is one sheet.
+// One alarm for the person who goes to the axis: finding, certainty, time, and what to do. Printed on one sheet.
 import { useCallback, useEffect, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { Frames, OnsetRange, Saved, sizeText, State } from "./alarm_list";
@@ -80,7 +80,7 @@ export function AlarmPage({ id }: { id: string }) {
   );
 }
 
-/** Of the replay of its recording, which the daemon makes where somebody wants it. */
+/** State of the replay of its recording, which the daemon makes on request. */
 function Report({ id, report, done }: { id: number | null; report: NonNullable<AlarmRecord["report"]>; done: () => Promise<void> }) {
   const [refusal, setRefusal] = useState("");
   const path = `/api/v1/alarms/${id}/report`;
@@ -119,7 +119,7 @@ const SENSOR = /^(torque|output) |^delay$/;
 const PAYLOAD = /^(load|inertia)$/;
 const FRICTION = /friction/i;
 
-/** What the state and the causes of an alarm ask for; where the warmth of the axis is known, its friction is of that warmth. */
+/** Advice for the state and the causes of an alarm; if the axis temperature is known, its friction is that at it. */
 function advice(alarm: AlarmRecord, meaning: string, heat: Axis["heat"]): string[] {
   const words: string[] = [];
   if (["unacknowledged", "returned", "latched"].includes(alarm.state)) words.push(t.advice.acknowledge);

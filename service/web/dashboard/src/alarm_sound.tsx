@@ -1,4 +1,4 @@
-// A short tone when an alarm comes that nobody has acknowledged. Off until the person at this browser switches it on.
+// A short tone for a new unacknowledged alarm. Off until the user of this browser switches it on.
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { Alarm } from "./ask";
 import { keyOf } from "./need";
@@ -10,7 +10,7 @@ const LENGTH_S = 0.5;
 
 let audio: AudioContext | null = null;
 
-/** Browsers let a page sound only once somebody has clicked into it. */
+/** Browsers allow sound only after a click into the page. */
 function allow(): AudioContext {
   audio ??= new AudioContext();
   void audio.resume();

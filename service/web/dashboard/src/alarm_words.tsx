@@ -1,10 +1,10 @@
-// An alarm in one sentence: in the language of the page, or as the daemon says it, in English.
+// An alarm in one sentence: in the language of the page, or in English as the daemon words it.
 import type { Alarm, Body } from "./ask";
 import { unit } from "./format";
 import { Words } from "./sentences";
 import { t } from "./texts";
 
-/** The sentence as a text, for what is read out. */
+/** The sentence as a text, for screen readers. */
 export const alarmSentence = (alarm: Alarm): string => t.sentence(alarm, unit(alarm.unit)) ?? alarm.words;
 
 export function AlarmWords({ alarm }: { alarm: Alarm }) {
@@ -26,7 +26,7 @@ export function meaningOf(text: string): string {
   return own === null ? text : inverse ? t.reciprocal(own) : own;
 }
 
-/** It, marked as English where it is. */
+/** The meaning, marked as English if it is English. */
 export function Meaning({ of }: { of: string }) {
   const words = meaningOf(of);
   return words === of ? <Words>{of}</Words> : <bdi>{words}</bdi>;

@@ -1,4 +1,4 @@
-// Asks the daemon, with the token of this tab where the daemon wants one.
+// Requests to the daemon, with the token of this tab if the daemon requires one.
 import type { components } from "./schema";
 
 export type Body<K extends keyof components["schemas"]> = components["schemas"][K];
@@ -9,32 +9,32 @@ export type AlarmRecord = Body<"AlarmRecord">;
 export type Service = Body<"Service">;
 
 const PATIENCE_MS = 4000;
-// As long as the daemon may take (gate.py): who is told too early that nobody answers does again what has been done.
+// The longest time that the daemon may take (gate.py): after an earlier time-out users would repeat a finished action.
 const PATIENCE_WRITING_MS = 130_000;
 const KEY = "axiswatch-token";
 
-/** The daemon has refused a request; why, as a text and, where it has a kind, as values. */
+/** The daemon has refused a request; the reason as a text and, if it has a kind, as values. */
 export class Refused extends Error {
   constructor(detail: string, readonly sentences: Body<"Sentence">[]) {
     super(detail);
   }
 }
 
-/** The daemon wants a token, and has none, or one that is not valid. */
+/** The daemon requires a token, and there is none or an invalid one. */
 export class TokenNeeded extends Refused {}
 
 export const hasToken = (): boolean => sessionStorage.getItem(KEY) !== null;
 
-/** This tab keeps it, and no other; it is gone when the tab is closed. */
+/** Only this tab keeps the token; it is gone when the tab is closed. */
 export const keepToken = (token: string): void => sessionStorage.setItem(KEY, token);
 
-/** Headers of a request: the token, where there is one. */
+/** Headers of a request: the token, if there is one. */
 export function authorization(): Record<string, string> {
   const token = sessionStorage.getItem(KEY);
   return token === null ? {} : { Authorization: `Bearer ${token}` };
 }
 
-/** The body of an answer; with a body of its own, the request is a POST. */
+/** The body of an answer; if a body is given, the request is a POST. */
 export async function ask<T>(path: string, body: unknown = null, patienceMs = body === null ? PATIENCE_MS : PATIENCE_WRITING_MS): Promise<T> {
   const headers = authorization();
   const request: RequestInit = { signal: AbortSignal.timeout(patienceMs), cache: "no-store", headers };
@@ -53,7 +53,7 @@ export async function ask<T>(path: string, body: unknown = null, patienceMs = bo
 export const isSilence = (error: unknown): boolean =>
   error instanceof TypeError || (error instanceof Error && error.name === "TimeoutError");
 
-/** Saves a file of the API: a link sends no token, so the page fetches it. */
+/** Saves a file of the API: a link sends no token, so that the page fetches it. */
 export async function download(path: string, name: string): Promise<void> {
   const answer = await fetch(path, { headers: authorization(), cache: "no-store" });
   if (!answer.ok) throw new Error(`status ${answer.status}`);
@@ -65,7 +65,7 @@ export async function download(path: string, name: string): Promise<void> {
 }
 
 /**
- * Lets the links to reports work, which send no header: a cookie for /reports only, where nothing can be changed, for an
+ * Makes links to reports work, which send no header: a cookie for /reports only, where nothing can be changed, for an
  * hour from the last call. Lax: reports are sandboxed, and link to each other.
  */
 export function allowReports(): void {

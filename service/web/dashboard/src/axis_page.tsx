@@ -1,4 +1,4 @@
-// One axis: its alarms, its drive, and per parameter the estimate and its test over one shared range of time.
+// One axis: its alarms, its drive, and for each parameter the estimate and its test over one shared range of time.
 import { useMemo, useState } from "preact/hooks";
 import { AlarmTable, useAlarms } from "./alarm_list";
 import type { Alarm, Axis, Parameter } from "./ask";
@@ -73,11 +73,11 @@ export function AxisPage({ id }: { id: string }) {
   );
 }
 
-/** Those with an alarm first. */
+/** Parameters with an alarm first. */
 const inQuestionFirst = (parameters: Parameter[]): Parameter[] =>
   [...parameters].sort((a, b) => Number(b.status === "alarm") - Number(a.status === "alarm"));
 
-/** The newest time that there is [s since 1970]: of the last sample, which has the clock of the machine. */
+/** The newest time [s since 1970]: that of the last sample, by the clock of the machine. */
 function newest(axis: Axis | undefined): number {
   return axis?.last_sample ? Date.parse(axis.last_sample) / 1000 : Math.floor(Date.now() / 1000);
 }
@@ -91,7 +91,7 @@ function Head({ axis, age }: { axis: Axis; age: number | null }) {
     ...(gate === "" ? [] : [t.paused(gate)]),
     ...axis.outside_calibration.map((words) => t.outsideCalibration(localised(words))),
   ];
-  // What is not tested for that reason is named above.
+  // Parameters that are not tested for that reason are named above.
   const isTold = (words: string): boolean => axis.sentences.some(({ words: own, kind, values }) => own === words && kind === "not observed"
     && axis.parameters.some((p) => p.name === values["name"] && p.not_tested_reason === "not observed"));
   const confounded = axis.confounded.filter((words) => !isTold(words));
@@ -124,11 +124,11 @@ interface PanelProps {
 }
 
 function ParameterPanel({ p, id, history, alarms, range, monitored, changes, onRange, shadow }: PanelProps) {
-  // The history of the daemon is up to a minute behind: the end is what this page has seen.
+  // The history of the daemon is up to a minute behind, so that the end is what this page has received.
   const newestSeen = liveBuffer.after(id, 0).at(-1)?.time;
   const columns = useMemo(() => columnsOf(p.name, history, liveBuffer.after(id, 0)), [p.name, id, history, newestSeen]);
   const marks = useMemo(() => marksOf(alarms, p.name, monitored, range[0], range[1]), [alarms, p.name, range[0], range[1]]);
-  // The colour of its own alarm, or of one that has no parameter, which is drawn in all plots.
+  // The colour of its own alarm, or of one without a parameter, which is drawn in all plots.
   const drawn = alarms.filter((alarm) => alarm.active && (alarm.parameter === p.name || !monitored.includes(alarm.parameter)));
   const active = drawn.find((alarm) => alarm.parameter === p.name) ?? drawn[0];
   const inside = within(columns, range);

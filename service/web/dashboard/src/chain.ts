@@ -1,10 +1,10 @@
-// From the components of a drive to a chain: masses that turn together, what acts on them, what joins them.
+// Converts the components of a drive to a chain: masses that turn together, what acts on them, and what connects them.
 import type { Body } from "./ask";
 
 export type DriveModel = Body<"DriveModel">;
 export type Component = Body<"Component">;
 
-/** A shaft: components that turn together, and what acts on them. */
+/** A shaft: components that turn together, and those that act on them. */
 export interface Shaft {
   masses: Component[];
   /** Torques, friction, weights, sensors. */
@@ -12,12 +12,12 @@ export interface Shaft {
 }
 
 export interface Stage {
-  /** What joins it to the stage before; empty: it is the first. */
+  /** Components that connect it to the stage before; empty: it is the first one. */
   links: Component[];
   shaft: Shaft;
 }
 
-/** A row of stages; the first one of a branch goes off the shaft of `from`. */
+/** A row of stages; the first stage of a branch is connected to the shaft of `from`. */
 export interface Row {
   from: Shaft | null;
   stages: Stage[];
@@ -28,7 +28,7 @@ interface Link {
   parts: Component[];
 }
 
-/** The rows of a drive, from its motor outwards; the longest way is the first row, each branch is one more. */
+/** The rows of a drive, from its motor outwards; the longest path is the first row, each branch is a further row. */
 export function chainOf(components: Component[]): Row[] {
   const nodes = new Joined();
   for (const c of components) for (const node of c.nodes) nodes.root(node);
@@ -45,7 +45,7 @@ export function chainOf(components: Component[]): Row[] {
     const ends = [...new Set(c.nodes.map((n) => nodes.root(n)))].filter((root) => !fixed.has(root));
     const [a, b] = ends;
     if (a === undefined) continue;
-    // A damper that the ground holds is friction.
+    // A damper to the ground is friction.
     if (b === undefined && c.kind === "damper") shaftAt(a).attached.push({ ...c, kind: "viscous-friction" });
     else if (b === undefined) (c.kind === "inertia" ? shaftAt(a).masses : shaftAt(a).attached).push(c);
     else {
@@ -61,7 +61,7 @@ export function chainOf(components: Component[]): Row[] {
     return node === undefined ? undefined : nodes.root(node);
   };
   const motor = at("torque");
-  // A gain of the torque signal has no place of its own.
+  // A gain of the torque signal is not drawn separately.
   if (motor !== undefined) shafts.get(motor)?.attached.unshift(...components.filter((c) => c.kind === "gain"));
   return rowsOf(shafts, links, motor ?? at("inertia"));
 }
@@ -100,7 +100,7 @@ function rowsOf(shafts: Map<string, Shaft>, links: Link[], first: string | undef
   return rows;
 }
 
-/** Nodes, and which of them are one. */
+/** Nodes, and the sets of nodes that are connected. */
 class Joined {
   private readonly above = new Map<string, string>();
 
@@ -115,13 +115,13 @@ class Joined {
   }
 }
 
-/** The monitored parameters that are in a component. */
+/** The monitored parameters of a component. */
 export const monitoredIn = (c: Component, model: DriveModel): string[] => {
   const names = new Set(c.parameters.flatMap((p) => p.names));
   return model.monitored.filter((m) => m.names.some((name) => names.has(name))).map((m) => m.name);
 };
 
-/** Monitored parameters that are in no component: the delay of the torque, a load that is no part of the drawing. */
+/** Monitored parameters of no component: the delay of the torque, a load that is not in the drawing. */
 export const placeless = (model: DriveModel): string[] => {
   const placed = new Set(model.components.flatMap((c) => monitoredIn(c, model)));
   return model.monitored.map((m) => m.name).filter((name) => !placed.has(name));

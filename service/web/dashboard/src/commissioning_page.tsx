@@ -1,4 +1,4 @@
-// How far the robot is commissioned: a live check of the signals of each axis first, then the steps, reports and commands.
+// Progress of commissioning: first a live check of the signals of each axis, then the steps, reports and commands.
 import { useRef, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
 import { number, percent } from "./format";
@@ -53,7 +53,7 @@ function resultsOf({ axis, identified, calibrated, identification, calibration, 
   ];
 }
 
-/** One axis after the other, so that the daemon never looks at more than one. */
+/** One axis after the other, so that the daemon never checks more than one. */
 function Signals({ axes }: { axes: Body<"AxisCommissioning">[] }) {
   const c = t.commissioning;
   const [checks, setChecks] = useState<Record<string, Check | string>>({});

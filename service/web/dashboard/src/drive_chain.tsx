@@ -1,4 +1,4 @@
-// The drive as a chain: symbols of its components with their parameters; the one with an alarm is marked.
+// The drive as a chain: symbols of its components with their parameters; a component with an alarm is marked.
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Alarm, type Axis, type Parameter } from "./ask";
 import { chainOf, monitoredIn, placeless, type Component, type DriveModel, type Row, type Shaft } from "./chain";
@@ -12,7 +12,7 @@ interface Props {
 
 export function DriveChain({ axis, alarms }: Props) {
   const [model, set] = useState<DriveModel | null>(null);
-  // Another drive or epoch comes with another model.
+  // Another drive or epoch has another model.
   const key = JSON.stringify([axis.id, axis.model]);
   useEffect(() => {
     let dropped = false;
@@ -59,7 +59,7 @@ function Chain({ row, part }: { row: Row; part: (c: Component) => preact.JSX.Ele
 
 function Part({ c, axis, model, alarms }: Props & { c: Component; model: DriveModel }) {
   const monitored = monitoredIn(c, model);
-  // A sensor is drawn by what is measured there; the library has its drives with one of them.
+  // A sensor is drawn according to its measured quantity; the library has its drives with one of them.
   const kind = c.kind.endsWith("-sensor") ? (axis.model.output === "angle" ? "angle-sensor" : "speed-sensor") : c.kind;
   const found = monitored.map((name) => axis.parameters.find((p) => p.name === name));
   const out = found.find((p) => p?.status === "alarm");
@@ -80,7 +80,7 @@ function Part({ c, axis, model, alarms }: Props & { c: Component; model: DriveMo
   );
 }
 
-/** A monitored parameter: its name and state, for an alarm with the mark of its priority. */
+/** A monitored parameter: its name and state, in an alarm with the mark of its priority. */
 function Label({ p, name, alarms }: { p: Parameter | undefined; name: string; alarms: Alarm[] }) {
   const active = alarms.find((alarm) => alarm.active && alarm.parameter === name);
   const alarm = p?.status === "alarm";
@@ -93,7 +93,7 @@ function Label({ p, name, alarms }: { p: Parameter | undefined; name: string; al
   );
 }
 
-/** What is between two shafts, and masses, are on the line of the shaft at half the height; the others hang below it. */
+/** Masses and connections of two shafts are on the line of the shaft at half the height; the others hang below it. */
 const SYMBOLS: Record<string, string> = {
   shaft: "M-22 22H94",
   inertia: "M-22 22H18M18 5H54V39H18ZM54 22H94",

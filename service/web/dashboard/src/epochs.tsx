@@ -1,4 +1,4 @@
-// The epochs of an axis: since when which nominal values are in force; a new one after a repair, or back to an old one.
+// The epochs of an axis: times and nominal values; start of a new one after a repair, or return to a former one.
 import { useEffect, useState } from "preact/hooks";
 import { ActionForm } from "./action_form";
 import { ask, type Axis, type Body } from "./ask";
@@ -25,7 +25,7 @@ export function useEpochs(axis: Axis | undefined): [Epoch[], () => Promise<void>
     try {
       set((await ask<Body<"AxisEpochs">>(`/api/v1/axes/${encodeURIComponent(id)}/epochs`)).epochs);
     } catch {
-      // The header says that there is no answer.
+      // The header shows that there is no answer.
     }
   };
   useEffect(() => {

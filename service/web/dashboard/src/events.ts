@@ -1,4 +1,4 @@
-// Follows the server-sent events of the daemon. By fetch, as EventSource sends no token; a daemon without them is polled.
+// Follows the server-sent events of the daemon. By fetch, as EventSource sends no token; without events it is polled.
 import { authorization, type Axis } from "./ask";
 
 const PATH = "/api/v1/events";
@@ -11,11 +11,11 @@ export interface Takers {
   alarm: () => void;
 }
 
-/** Splits a stream of text into events; a part that is not complete waits. */
+/** Splits a stream of text into events; an incomplete part is kept. */
 export class EventParser {
   private rest = "";
 
-  /** The events that are complete with this text: their names and data. */
+  /** The events that this text completes: their names and data. */
   add(text: string): { event: string; data: string }[] {
     const blocks = (this.rest + text).replaceAll("\r\n", "\n").split("\n\n");
     this.rest = blocks.pop() ?? "";
@@ -41,10 +41,10 @@ export class Follower {
 
   constructor(private readonly takers: Takers) {}
 
-  /** Whether axes come by events now. */
+  /** Whether axes are received by events now. */
   isFollowing = (): boolean => this.following;
 
-  /** Begins to follow, unless it does, or the daemon has no events. */
+  /** Starts to follow, unless it already does, or the daemon has no events. */
   follow(): void {
     if (this.running || Date.now() < this.retryAt) return;
     this.running = true;

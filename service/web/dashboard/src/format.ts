@@ -1,22 +1,22 @@
-// Numbers, units and times as people read them, in the language of the page.
+// Numbers, units and times in readable form, in the language of the page.
 import { language } from "./language";
 
 const SUPERSCRIPTS: Record<string, string> = { "-": "⁻", 0: "⁰", 1: "¹", 2: "²", 3: "³", 4: "⁴", 5: "⁵", 6: "⁶", 7: "⁷", 8: "⁸", 9: "⁹" };
 const raise = (text: string | number): string => [...String(text)].map((c) => SUPERSCRIPTS[c] ?? c).join("");
 
-/** "kg m^2" as "kg m²", and nothing for the unit of a ratio. */
+/** "kg m^2" as "kg m²"; the unit of a ratio is empty. */
 export const unit = (text: string): string =>
   text === "1" ? "" : text.replace(/\^(-?\d+)/g, (_, n: string) => raise(n)).replaceAll(" ", "\u202f");
 
 const exponentOf = (x: number): number => (x === 0 ? 0 : Math.floor(Math.log10(Math.abs(x))));
 
-/** With the decimal sign of the language, and a real minus. */
+/** A number with the decimal sign of the language, and a real minus sign. */
 export const local = (digits: string): string => {
   const text = digits.replace("-", "−");
   return language() === "de" ? text.replace(".", ",") : text;
 };
 
-/** With so many decimals, after taking out 10^power. */
+/** A number with so many decimals, after division by 10^power. */
 function scaled(x: number, power: number, decimals: number): string {
   const digits = local((x / 10 ** power).toFixed(Math.max(0, decimals)));
   return power ? `${digits}·10${raise(power)}` : digits;
@@ -33,13 +33,13 @@ export function number(x: number | null): string {
   return scaled(x, power, 3 - e + power);
 }
 
-/** Numbers at equal distances, with the decimals that tell them apart, and one power of ten for all. */
+/** Equidistant numbers, with the decimals that distinguish them, and a common power of ten. */
 export function ticks(values: number[]): string[] {
   const step = Math.abs((values[1] ?? 1) - (values[0] ?? 0));
   const e = exponentOf(Math.max(...values.map(Math.abs), 0));
   const power = e < -3 || e > 4 ? e : 0;
   let decimals = Math.max(0, -exponentOf(step) + power);
-  // A step of 2.5 needs one more than a step of 2.
+  // A step of 2.5 needs one more decimal than a step of 2.
   const isWhole = (x: number): boolean => Math.abs(x - Math.round(x)) < 1e-6 * x;
   if (!isWhole((step / 10 ** power) * 10 ** decimals)) decimals += 1;
   return values.map((x) => scaled(x, power, decimals));
@@ -63,7 +63,7 @@ export function percent(share: number | null, sign = true): string {
   return `${sign && Number(text) > 0 ? "+" : ""}${local(text).replace(/^−(0[.,]?0*)$/, "$1")}\u00a0%`;
 }
 
-/** How many on average: "0", "< 0.01", "0.35". */
+/** A mean count: "0", "< 0.01", "0.35". */
 export const few = (x: number | null): string =>
   x === null || x === 0 || x >= 0.01 ? (x ? local(x.toFixed(2)) : number(x)) : `<\u00a0${local("0.01")}`;
 
@@ -85,7 +85,7 @@ export function span(s: number): string {
 
 const two = (n: number): string => String(n).padStart(2, "0");
 
-/** The date as the language writes it. */
+/** The date in the format of the language. */
 export function date(d: Date): string {
   const [y, m, day] = [d.getFullYear(), two(d.getMonth() + 1), two(d.getDate())];
   return language() === "de" ? `${day}.${m}.${y}` : `${y}-${m}-${day}`;
@@ -97,13 +97,13 @@ export function stamp(when: string | number | Date): string {
   return `${date(d)} ${two(d.getHours())}:${two(d.getMinutes())}:${two(d.getSeconds())}`;
 }
 
-/** The same; the date only where it is not today. */
+/** The same; with the date only if it is not today. */
 export function moment(when: string | number | Date): string {
   const text = stamp(when);
   return new Date(when).toDateString() === new Date().toDateString() ? text.slice(-8) : text;
 }
 
-/** "Europe/Berlin, UTC+01:00": the zone of this browser, at a time. */
+/** "Europe/Berlin, UTC+01:00": the time zone of this browser, at a time. */
 export function zone(at: Date = new Date()): string {
   const minutes = -at.getTimezoneOffset();
   const size = Math.abs(minutes);

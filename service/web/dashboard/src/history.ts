@@ -1,4 +1,4 @@
-// The history of an axis for the range of time that is shown, asked for again as the range moves.
+// The history of an axis for the shown range of time, requested again when the range moves.
 import { useEffect, useState } from "preact/hooks";
 import { ask } from "./ask";
 import type { History } from "./series";
@@ -11,7 +11,7 @@ const MARGIN = 0.5; // of the range on each side, so that a small move needs no 
 export function useHistory(id: string, [from, to]: [number, number], live: boolean): History | null {
   const [history, set] = useState<History | null>(null);
   const length = to - from;
-  // A range that follows the newest time is asked for when it has moved by a point; another one at once.
+  // A range that follows the newest time is requested when it has moved by a point; another range at once.
   const wait = Math.max(SHORTEST_WAIT_S, length / POINTS);
   const key = live ? `${id} ${length} ${Math.floor(to / wait)}` : `${id} ${from} ${to}`;
   useEffect(() => {

@@ -1,4 +1,4 @@
-// The language of the page: of the browser, or as it was chosen by the switch.
+// The language of the page: that of the browser, or the one chosen with the switch.
 export type Language = "en" | "de";
 
 const KEY = "axiswatch-language";

@@ -1,4 +1,4 @@
-// The present state of the daemon: polled each second, axes from its events where it has them. Pages subscribe.
+// The present state of the daemon: polled each second; axes from its events if it has them. Pages subscribe.
 import { useEffect, useState } from "preact/hooks";
 import { allowReports, ask, isSilence, TokenNeeded, type Alarm, type Axis, type Body, type Service } from "./ask";
 import { Follower } from "./events";
@@ -13,17 +13,17 @@ const ACTIVE = "/api/v1/alarms?active=true&limit=1000";
 export interface Live {
   service: Service | null;
   axes: Axis[];
-  /** When each axis arrived [ms]: its age grows from there. */
+  /** Time of arrival of each axis [ms], from which its age is counted. */
   arrived: Map<string, number>;
   active: Alarm[];
   activeTotal: number;
-  /** Of the last whole answer [ms]; null: none yet. */
+  /** Time of the last complete answer [ms]; null: none yet. */
   answered: number | null;
   /** Time from request to answer [ms]. */
   took: number | null;
-  /** Why there is no answer; empty: there is one. */
+  /** Reason why there is no answer; empty: there is one. */
   failure: string;
-  /** Why a token is needed; null: none is. */
+  /** Reason why a token is needed; null: none is needed. */
   locked: string | null;
   now: number;
 }
@@ -40,7 +40,7 @@ function set(changes: Partial<Live>): void {
   for (const listener of listeners) listener();
 }
 
-/** For how long nobody has answered [s]; null: there are answers. */
+/** Time without an answer [s]; null: there are answers. */
 export function silence(live: Live): number | null {
   const since = live.now - (live.answered ?? begun);
   const failed = live.failure !== "" && live.answered === null;
@@ -64,7 +64,7 @@ export function useLive(): Live {
   return seen;
 }
 
-/** Takes axes that have changed, or all of them; their places stay. */
+/** Takes over axes that have changed, or all of them; their order stays. */
 function take(axes: Axis[], all: boolean): void {
   const now = Date.now();
   for (const axis of axes) {
@@ -78,12 +78,12 @@ function take(axes: Axis[], all: boolean): void {
 
 let alarmsAt = 0;
 
-/** Asks now; called each second, and after something was changed. */
+/** Requests the state now; called each second, and after a change. */
 export async function refresh(): Promise<void> {
   const begin = Date.now();
   try {
     const following = events.isFollowing();
-    // The events say when a person or a cause changes the state of an alarm, not when it gets a name or a size.
+    // The events report changes of the state of an alarm, but not its name or size.
     const alarmsToo = !following || begin - alarmsAt > 1.5 * EVERY_MS;
     const [service, axes, active] = await Promise.all([
       ask<Service>("/api/v1/service"),
@@ -119,7 +119,7 @@ async function watch(): Promise<void> {
 
 export function start(): void {
   void watch();
-  // A request that hangs must not hide that nobody answers.
+  // A request that hangs must not hide that there is no answer.
   setInterval(() => {
     if (silence({ ...state, now: Date.now() }) !== null) set({});
   }, 500);

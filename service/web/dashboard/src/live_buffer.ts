@@ -1,15 +1,15 @@
-// The last minutes of the axes as this page has seen them: the live end of the plots.
+// The last minutes of the axes as received by this page: the newest end of the plots.
 import type { Axis, Parameter } from "./ask";
 
 const LENGTH_S = 120; // the history of the daemon is up to a minute late
 
-/** Numbers alone: the objects of three hundred axes would fill the memory. */
+/** Numbers only: the objects of three hundred axes would fill the memory. */
 export interface LivePoint {
   /** Time of the last sample [s since 1970]. */
   time: number;
-  /** Of the parameters. */
+  /** Names of the parameters. */
   names: string[];
-  /** As many of each parameter as NUMBERS; NaN: there is none. */
+  /** NUMBERS values of each parameter; NaN: there is none. */
   numbers: number[];
 }
 
@@ -21,13 +21,13 @@ const numbersOf = ({ estimate, standard_deviation, nominal, cusum, threshold }: 
 class LiveBuffer {
   private readonly points = new Map<string, LivePoint[]>();
 
-  /** Keeps an axis, if it has a sample that is newer than the last one kept. */
+  /** Stores an axis, if its sample is newer than the last one stored. */
   add(axis: Axis): void {
     if (axis.last_sample === null) return;
     const time = Date.parse(axis.last_sample) / 1000;
     const kept = this.points.get(axis.id) ?? [];
     const last = kept.at(-1);
-    // Twice a second at most, and never backwards: a clock that was set back begins anew.
+    // At most twice a second, and never backwards: after a clock was set back the buffer starts again.
     if (last && time > last.time && time < last.time + 0.5) return;
     if (last && time < last.time) kept.length = 0;
     if (last && time === last.time) return;

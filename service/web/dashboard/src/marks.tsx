@@ -1,4 +1,4 @@
-// What several pages draw: the mark of a state by its shape, the bar of a parameter, times.
+// Elements that several pages share: the mark of a state by its shape, the bar of a parameter, times.
 import type { Alarm, Parameter } from "./ask";
 import { local, moment, number, percent, stamp, unit, withMargin } from "./format";
 import { isHidden, type Item, type Need } from "./need";
@@ -13,7 +13,7 @@ const OUTLINES: Record<string, string> = {
   low: "M10 1 19 10 10 19 1 10Z",
 };
 
-/** Priority by shape, number and colour; an outline alone once it is acknowledged. */
+/** Priority by shape, number and colour; only an outline once the alarm is acknowledged. */
 export function AlarmMark({ alarm }: { alarm: Alarm }) {
   const idle = !alarm.active || isHidden(alarm) ? " idle" : "";
   const known = alarm.state === "acknowledged" ? " known" : "";
@@ -37,20 +37,20 @@ export function NeedMark({ need }: { need: Need }) {
 
 const HALF_WIDTH = 0.4; // the ends of a bar, in shares of nominal
 
-/** Estimate minus nominal; null where one of them is none. */
+/** Estimate minus nominal; null if one of them is missing. */
 export const deviationOf = (p: Parameter): number | null =>
   p.estimate === null || p.nominal === null ? null : p.estimate - p.nominal;
 
 export const arrow = (direction: string): string => (direction === "up" ? "▲" : "▼");
 
-/** Deviation as a share of nominal, or in its unit where nominal is zero. */
+/** Deviation as a share of nominal, or in its unit if nominal is zero. */
 export function deviationText(p: Parameter): string {
   const d = deviationOf(p);
   if (p.nominal) return percent(d === null ? null : d / Math.abs(p.nominal));
   return d === null ? "–" : `${withMargin(d, null, true)} ${unit(p.unit)}`;
 }
 
-/** The same in little room: where nominal is zero, two digits beside the estimate with its unit. */
+/** The same in short: if nominal is zero, two digits beside the estimate with its unit. */
 export function shareText(p: Parameter): string {
   const d = deviationOf(p);
   return p.nominal || d === null ? deviationText(p) : `${d > 0 ? "+" : ""}${local(String(Number(d.toPrecision(2))))}`;
@@ -65,7 +65,7 @@ export const stateOf = (p: Parameter): string =>
 export const estimateText = (p: Parameter): string =>
   p.status === "waiting" || p.estimate === null ? "–" : `${withMargin(p.estimate, Z95 * (p.standard_deviation ?? 0))} ${unit(p.unit)}`.trim();
 
-/** How a parameter is to be drawn. */
+/** State in which a parameter is drawn. */
 export const kindOf = (p: Parameter): string => (p.status === "alarm" ? "out" : p.tested ? "" : "untested");
 
 /** The deviation of a parameter with its 95 % band, on its normal band. */
@@ -87,11 +87,11 @@ export function Bar({ p }: { p: Parameter }) {
   );
 }
 
-/** What a bar says, in words. */
+/** The meaning of a bar, in words. */
 export const barText = (p: Parameter): string =>
   `${p.name} ${estimateText(p)}, ${p.status === "waiting" ? "" : `${deviationText(p)}, `}${stateOf(p)}`;
 
-/** A time; on paper always with its date, as tomorrow nobody knows when "today" was. */
+/** A time; on paper always with its date, since "today" is ambiguous there. */
 export function Time({ at }: { at: string }) {
   const [shown, dated] = [moment(at), stamp(at)];
   return (

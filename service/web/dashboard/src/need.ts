@@ -1,4 +1,4 @@
-// Which axis needs attention most: its need, and the order, filter and search of the overview.
+// Urgency of the axes: their need, and the order, filter and search of the overview.
 import type { Alarm, Axis, Parameter } from "./ask";
 
 /** From the most urgent to the least. */
@@ -8,7 +8,7 @@ export type Need = (typeof NEEDS)[number];
 export interface Item {
   axis: Axis;
   need: Need;
-  /** Its active alarms that are shown, the most urgent first, of these the earliest. */
+  /** The shown active alarms, the most urgent first, of equal ones the earliest first. */
   alarms: Alarm[];
 }
 
@@ -20,10 +20,10 @@ export const isHidden = (alarm: Alarm): boolean => ["shelved", "suppressed", "ou
 
 export const isSilent = (axis: Axis): boolean => axis.last_sample_age_s === null || axis.last_sample_age_s > OLD_S;
 
-/** Of an alarm, before and after it is recorded and whatever its name becomes. */
+/** Key of an alarm, which stays the same when it is recorded or gets another name. */
 export const keyOf = (alarm: Alarm): string => `${alarm.axis} ${alarm.raised} ${(alarm.past[0] ?? alarm).parameter}`;
 
-/** The smaller the more urgent: by priority; what is acknowledged comes last. */
+/** Smaller is more urgent: by priority; acknowledged alarms come last. */
 export const urgency = (alarm: Alarm): number => PRIORITIES.indexOf(alarm.priority) + (alarm.state === "acknowledged" ? 10 : 0);
 
 /** The larger one of the two test statistics, relative to its threshold; 0 where there is none. */
@@ -45,7 +45,7 @@ export function itemsOf(axes: Axis[], active: Alarm[]): Item[] {
     if (!isHidden(alarm)) shown.set(alarm.axis, [...(shown.get(alarm.axis) ?? []), alarm]);
   }
   return axes.map((axis) => {
-    // Of equal ones the first: what came later may follow from it.
+    // Of equal ones the first: later ones may be its consequence.
     const alarms = (shown.get(axis.id) ?? []).sort((a, b) => urgency(a) - urgency(b) || Date.parse(a.raised) - Date.parse(b.raised));
     return { axis, alarms, need: needOf(axis, alarms) };
   });
@@ -53,11 +53,11 @@ export function itemsOf(axes: Axis[], active: Alarm[]): Item[] {
 
 const byName = (a: Item, b: Item): number => a.axis.id.localeCompare(b.axis.id, undefined, { numeric: true });
 
-/** By need, then by urgency of the alarms, then by the evidence for a change; or by name alone. */
+/** By need, then by urgency of the alarms, then by the evidence for a change; or only by name. */
 export function ordered(items: Item[], order: "need" | "name"): Item[] {
   if (order === "name") return [...items].sort(byName);
   const first = ({ alarms }: Item): number => (alarms[0] ? urgency(alarms[0]) : 0);
-  // Rounded: axes that are equally well shall not change their places each second.
+  // Rounded, so that axes with nearly equal evidence do not change places each second.
   const strongest = ({ axis }: Item): number => Math.floor(4 * Math.max(0, ...axis.parameters.map(evidence)));
   return [...items].sort(
     (a, b) =>

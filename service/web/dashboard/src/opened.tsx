@@ -2,7 +2,7 @@
 import type { ComponentChildren } from "preact";
 import { useState } from "preact/hooks";
 
-/** What is in it is made, and asked for, only while it is open. */
+/** Its content is made and requested only while it is open. */
 export function Opened({ title, children }: { title: string; children: ComponentChildren }) {
   const [open, set] = useState(false);
   return (

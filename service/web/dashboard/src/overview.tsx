@@ -1,4 +1,4 @@
-// All axes on one screen, the one that needs most first.
+// All axes on one screen, the most urgent first.
 import { Component } from "preact";
 import { useEffect, useLayoutEffect, useMemo, useRef, useState } from "preact/hooks";
 import type { Alarm, Axis } from "./ask";
@@ -90,7 +90,7 @@ function AlarmLines({ alarms, axes }: { alarms: Alarm[]; axes: Axis[] }) {
   );
 }
 
-/** The size of the place for the tiles: the window below its upper edge. */
+/** The size of the area for the tiles: the window below its upper edge. */
 function usePlace(): [preact.RefObject<HTMLUListElement | null>, { width: number; height: number }] {
   const place = useRef<HTMLUListElement>(null);
   const [size, setSize] = useState({ width: 0, height: 0 });
@@ -147,7 +147,7 @@ function Tiles({ items }: { items: Item[] }) {
 
 const widths = new Map<string, number>();
 
-/** The width of a name in a small tile [px]. To ask for the font has all styles computed: each name is measured once. */
+/** The width of a name in a small tile [px]. Reading the font computes all styles, so each name is measured once. */
 function widthOf(name: string): number {
   let width = widths.get(name);
   if (width === undefined) {
@@ -158,7 +158,7 @@ function widthOf(name: string): number {
   return width;
 }
 
-/** The end of a name, which tells axes apart, as much as there is room for. A box of CSS that cuts would be a layer: where
+/** The end of a name, which distinguishes axes, as far as it fits. A CSS box that cuts the text would be a layer: if
  * layers lie in a tile, Chromium paints all tiles again when their order changes. */
 function endOf(name: string, room: number): string {
   const width = widthOf(name);
@@ -169,7 +169,7 @@ function endOf(name: string, room: number): string {
 
 const ageText = (age: number | null): string => (age === null ? t.noSample : t.lastSample(span(age)));
 
-/** A wide tile says since when there is an alarm, or what is being learnt, or how old the last sample is. */
+/** A wide tile shows since when there is an alarm, the progress of learning, or the age of the last sample. */
 function Age({ item: { axis, alarms }, age }: { item: Item; age: string }) {
   if (alarms[0]) return <span class="age">{t.since} <Time at={alarms[0].onset} /></span>;
   return <span class="age"><bdi>{epochWords(axis) || age}</bdi></span>;
@@ -177,7 +177,7 @@ function Age({ item: { axis, alarms }, age }: { item: Item; age: string }) {
 
 interface TileProps {
   item: Item;
-  /** Whether its turn has come; before that it is a name in its place. */
+  /** Whether the tile may be drawn; before that only its name is shown. */
   known: boolean;
   wide: boolean;
   /** For the name on a small one [px]. */
@@ -185,7 +185,7 @@ interface TileProps {
   age: string;
 }
 
-/** An axis that has not changed is not drawn again. */
+/** An unchanged axis is not drawn again. */
 class Tile extends Component<TileProps> {
   override shouldComponentUpdate = (next: TileProps): boolean => !sameTile(this.props, next);
   override render = (props: TileProps) => drawnTile(props);
@@ -194,7 +194,7 @@ class Tile extends Component<TileProps> {
 function drawnTile({ item, known, wide, room, age }: TileProps) {
   const { axis, need, alarms } = item;
   const words = needText(item) || epochWords(axis) || t.needs.normal;
-  // A wide one says all this in its own text.
+  // A wide tile shows all this in its own text.
   const label = wide || !known ? undefined : [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
   return (
     <li>

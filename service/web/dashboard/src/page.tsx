@@ -1,4 +1,4 @@
-// The dashboard: its header, and the page that the address names (#/, #/axes/ID, #/alarms, #/alarms/N, #/system); or /docs.
+// The dashboard: its header, and the page of the address (#/, #/axes/ID, #/alarms, #/alarms/N, #/system); or /docs.
 import { render } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import { AlarmList } from "./alarm_list";
@@ -60,7 +60,7 @@ function App() {
   );
 }
 
-/** The address is the page: a link to the content must not change it. */
+/** The address selects the page: a link to the content must not change it. */
 function toMain(event: MouseEvent): void {
   event.preventDefault();
   document.getElementById("main")?.focus();
@@ -131,7 +131,7 @@ function Gone({ live, gone }: { live: Live; gone: number }) {
 
 const MOST_SENTENCES = 3;
 
-/** Why not all is monitored, or recorded. */
+/** Reasons why not everything is monitored or recorded. */
 function reasonWords({ lack, name, state, since_s, alarms }: Body<"NotReady">, sentences: Body<"Sentence">[]): string {
   const since = since_s === null ? null : span(since_s);
   if (lack === "bus") return t.lacks.bus(name, translated(state, sentences) ?? state);
@@ -139,13 +139,13 @@ function reasonWords({ lack, name, state, since_s, alarms }: Body<"NotReady">, s
   return lack === "worker" ? t.lacks.worker(since ?? "?") : t.lacks.samples(name, since);
 }
 
-/** Of many, the first ones, and the others behind a click. */
+/** The first ones of many; the others appear after a click. */
 interface SentencesProps {
   id: string;
   label: string;
   kind: string;
   words: string[];
-  /** Where they are of the daemon, by which they can be put into the language of the page. */
+  /** Source of the texts in the daemon, from which they are translated to the language of the page. */
   by?: Body<"Sentence">[];
 }
 
@@ -163,7 +163,7 @@ function Sentences({ id, label, kind, words, by }: SentencesProps) {
   );
 }
 
-/** Reads out new alarms, and those that have got another name. */
+/** Announces new alarms, and alarms with a new name, to screen readers. */
 function News({ active, answered }: { active: Alarm[]; answered: boolean }) {
   const known = useRef<Map<string, string> | null>(null);
   const [words, say] = useState("");

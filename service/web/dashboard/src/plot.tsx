@@ -1,5 +1,5 @@
 // A plot over time or frequency: lines with a band, alarms as marks. All plots over time that have `onRange` share one
-// range, which each can change.
+// range, which each of them can change.
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
@@ -15,14 +15,14 @@ export interface Line {
   colour: string;
   dash?: number[];
   width?: number;
-  /** Points, and no line between them. */
+  /** Points without connecting lines. */
   points?: boolean;
 }
 
 export interface PlotProps {
   label: string;
   height: number;
-  /** What is along the plot: times [s since 1970], or frequencies [Hz] on a logarithmic axis. */
+  /** Quantity along the plot: times [s since 1970], or frequencies [Hz] on a logarithmic axis. */
   kind?: "time" | "frequency";
   time: number[];
   columns: (number | null)[][];
@@ -32,7 +32,7 @@ export interface PlotProps {
   marks?: Mark[];
   /** Times of changes of the nominal values, drawn as lines. */
   changes?: number[];
-  /** Places along the plot, each with its mark at the top. */
+  /** Positions along the plot, each with its mark at the top. */
   signs?: Sign[];
   range: Range;
   /** The range of the values. */
@@ -187,7 +187,7 @@ function drawChanges(u: uPlot, changes: number[]): void {
   ctx.restore();
 }
 
-/** A line at each place, dashed for what is nominal, and its mark above it. */
+/** A line at each position, dashed for nominal values, and its mark above it. */
 function drawSigns(u: uPlot, signs: Sign[]): void {
   const { ctx, bbox } = u;
   ctx.save();

@@ -5,7 +5,7 @@ import { t } from "./texts";
 
 type Sentence = Body<"Sentence">;
 
-/** What the language of the page has for a text, if one of these sentences is it; null: it is shown in English. */
+/** The text in the language of the page, if one of these sentences is it; null: it is shown in English. */
 export function translated(text: string, sentences: Sentence[]): string | null {
   const found = sentences.find((sentence) => sentence.words === text);
   return found === undefined ? null : inOwnWords(found);
@@ -20,13 +20,13 @@ function inOwnWords({ kind, values }: Sentence): string | null {
   return t.sentences[kind]?.replace(/\{(\w+)\}/g, (_, name: string) => shown(name, values[name] ?? "?")) ?? null;
 }
 
-/** A cause of alarms: a parameter by its name, a fault of a sensor in the language of the page. */
+/** A cause of alarms: a parameter by its name, a sensor fault in the language of the page. */
 export const causeName = (cause: string): string => t.cause[cause] ?? cause;
 
-/** Who has done something: a person by its name, or a part of the daemon. */
+/** Author of an action: a person by name, or a part of the daemon. */
 export const whoName = (who: string): string => t.who[who] ?? who;
 
-/** A value; its name says what it is: _s a time in seconds, `at` a point in time. */
+/** A value; its name tells its kind: _s a time in seconds, `at` a point in time. */
 function shown(name: string, value: string | Sentence): string {
   if (typeof value !== "string") return inOwnWords(value) ?? value.words;
   if (name.endsWith("_s")) return span(Number(value));
@@ -44,7 +44,7 @@ export function failure(error: unknown): string {
   return (error instanceof Refused ? translated(message, error.sentences) : null) ?? message;
 }
 
-/** A text of the daemon: in the language of the page, else in English; it may hold names of any script. */
+/** A text of the daemon: in the language of the page, else in English; it may contain names in any script. */
 export function Words({ children, by = [] }: { children: string; by?: Sentence[] }) {
   const own = translated(children, by);
   return own === null ? <bdi lang="en">{children}</bdi> : <bdi>{own}</bdi>;

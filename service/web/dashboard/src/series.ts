@@ -1,4 +1,4 @@
-// From the history of the API to columns that are plotted: gaps, numbers that are none, constant values.
+// Converts the history of the API to columns for plots: gaps, missing numbers, constant values.
 import type { Alarm, Body } from "./ask";
 import { NUMBERS, type LivePoint } from "./live_buffer";
 
@@ -42,7 +42,7 @@ function push(to: Columns, time: number, values: Row): void {
   for (const name of NAMES) to[name].push(values[name] ?? null);
 }
 
-/** The columns of one parameter: its history, then what the page itself has seen since. */
+/** The columns of one parameter: its history, then the values that the page itself has received since. */
 export function columnsOf(name: string, history: History | null, live: LivePoint[]): Columns {
   const columns = emptyColumns();
   const p = history?.parameters.find((one) => one.name === name);
@@ -51,7 +51,7 @@ export function columnsOf(name: string, history: History | null, live: LivePoint
   for (const point of live) {
     const last = columns.time.at(-1);
     if (last !== undefined && point.time <= last) continue;
-    // Nothing in between for some steps: a gap, not a line across it.
+    // No value for some steps: a gap, not a line across it.
     if (last !== undefined && point.time > last + 3 * step) push(columns, (last + point.time) / 2, {});
     addLive(columns, name, point);
   }
@@ -74,7 +74,7 @@ function addLive(to: Columns, name: string, { time, names, numbers }: LivePoint)
   push(to, time, row(estimate ?? null, sd ?? null, nominal ?? null, [up ?? null, down ?? null], h ?? null));
 }
 
-/** The range of an axis of a plot that shows all these values, with a margin; never empty, whatever they are. */
+/** The range of an axis of a plot that shows all these values, with a margin; never empty. */
 export function rangeOf(columns: Numbers[], least: [number, number] | null = null): [number, number] {
   let [low, high] = least ?? [Infinity, -Infinity];
   for (const column of columns) {
@@ -99,8 +99,8 @@ export interface Mark {
 }
 
 /**
- * The alarms of a parameter in a range of time [s since 1970], from onset to end; null: it has not ended. Those of no
- * monitored parameter, as a sensor fault, concern all.
+ * The alarms of a parameter in a range of time [s since 1970], from onset to end; null: not ended. Alarms without a
+ * monitored parameter, such as a sensor fault, apply to all.
  */
 export function marksOf(alarms: Alarm[], parameter: string, monitored: string[], from: number, to: number): Mark[] {
   return alarms

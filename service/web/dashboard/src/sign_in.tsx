@@ -1,4 +1,4 @@
-// Asks for the token of the daemon.
+// The form for the token of the daemon.
 import { keepToken } from "./ask";
 import { t } from "./texts";
 

@@ -1,4 +1,4 @@
-// The last seconds of the signals of an axis, joined from the answers to what the page has asked since the last one.
+// The last seconds of the signals of an axis, joined from several answers, each with the samples since the one before.
 import type { Body } from "./ask";
 
 export type Signals = Body<"Signals">;
@@ -14,7 +14,7 @@ export interface SignalColumns {
   measured: Numbers;
   predicted: Numbers;
   error: Numbers;
-  /** Errors of samples from which nothing was learned. */
+  /** Errors of samples that were not used for learning. */
   passed: Numbers;
 }
 
@@ -22,7 +22,7 @@ const NAMES = ["torque", "measured", "predicted", "error", "passed"] as const;
 
 export const emptySignals = (): SignalColumns => ({ time: [], torque: [], measured: [], predicted: [], error: [], passed: [] });
 
-/** The columns with those of an answer behind them, and without what is too old; from a time before, the answer alone. */
+/** The columns with those of an answer appended, without values that are too old; an earlier answer replaces them. */
 export function joined(before: SignalColumns, answer: Signals): SignalColumns {
   if (answer.begin === null) return before;
   const begin = Date.parse(answer.begin) / 1000;

@@ -1,4 +1,4 @@
-// Torque, motion, its prediction and the prediction error over the last seconds; asked for only while the panel is open.
+// Torque, motion, its prediction and the prediction error over the last seconds; requested while the panel is open.
 import { useEffect, useState } from "preact/hooks";
 import { ask, isSilence, type Axis } from "./ask";
 import { number, unit } from "./format";

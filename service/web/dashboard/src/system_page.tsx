@@ -1,4 +1,4 @@
-// The daemon itself: its load, buses, what was dropped and why, files, clocks, recordings, versions.
+// The daemon itself: its load, buses, dropped values and reasons, files, clocks, recordings, versions.
 import { useRef, useState } from "preact/hooks";
 import { Administration } from "./administration";
 import { Frames } from "./alarm_list";
@@ -48,7 +48,7 @@ export function SystemPage() {
 }
 
 function Buses({ live }: { live: Live }) {
-  // Frames a second, between two answers.
+  // Frames per second, between two answers.
   const before = useRef<{ taken: number; frames: Map<string, number> } | null>(null);
   const rates = useRef(new Map<string, number>());
   const { service } = live;
@@ -108,7 +108,7 @@ function clockOf(axis: Axis): Cells {
   return [<Name id={axis.id} />, t.clockKind[clock] ?? clock, ms(interval_s), ms(scatter_s), reasons(axis.clock)];
 }
 
-/** Processor time between two answers, memory, and what the daemon was built with. */
+/** Processor time between two answers, memory, and the build of the daemon. */
 function Process({ system }: { system: Body<"System"> }) {
   const before = useRef(system);
   const shown = useRef<number | null>(null);

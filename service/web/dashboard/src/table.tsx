@@ -1,4 +1,4 @@
-// A table, and what it shows asked for again from time to time.
+// A table whose content is requested again periodically.
 import { useEffect, useState } from "preact/hooks";
 import { ask } from "./ask";
 import { count } from "./format";
@@ -14,12 +14,12 @@ interface TableProps {
   label: string;
   columns: string[];
   rows: Cells[];
-  /** What tells the rows apart where they move; else their number. */
+  /** Key of the rows if they move; default: their number. */
   keys?: (string | number)[];
   /** A class of the table, and of each row. */
   kind?: string;
   tones?: string[];
-  /** So many rows at first, the others behind a click: they take a browser a while. */
+  /** Number of rows at first; the others appear after a click, since a browser needs time for them. */
   most?: number;
 }
 
@@ -47,13 +47,13 @@ export function Table({ label, columns, rows, keys = [], kind = "", tones = [], 
   );
 }
 
-/** Counts that are not zero: "gated 1200, gap 2"; a reason has its name in the metrics as its title. */
+/** Nonzero counts: "gated 1200, gap 2"; the title of a reason is its name in the metrics. */
 export const reasons = (counts: Record<string, number>): Cells => {
   const found = Object.entries(counts).filter(([, n]) => n > 0);
   return [found.length === 0 ? "–" : found.map(([reason, n]) => <span key={reason} class="reason" title={reason}>{t.reason[reason] ?? reason.replaceAll("_", " ")} {count(n)}</span>)];
 };
 
-/** An answer, why there is none, and what asks at once; the last answer stays. */
+/** An answer, the reason why there is none, and a function that requests it at once; the last answer stays. */
 export function usePolled<T>(path: string): [T | null, string, () => Promise<void>] {
   const [found, set] = useState<T | null>(null);
   const [problem, setProblem] = useState("");

@@ -1,12 +1,12 @@
-// How large the tiles of the overview are, so that all axes fit on one screen where that is possible.
+// Size of the tiles of the overview, such that all axes fit on one screen if possible.
 
 export interface Layout {
   columns: number;
-  /** Names of parameters with their numbers, or bars alone. */
+  /** Names of parameters with their numbers, or only bars. */
   wide: boolean;
   /** Height of a bar [px]. */
   bar: number;
-  /** By how much all in a tile is larger than usual. */
+  /** Magnification of everything in a tile. */
   zoom: number;
 }
 
@@ -23,18 +23,18 @@ const ZOOMS = [2, 1.5];
 
 const heightOf = (wide: boolean, parameters: number): number => (wide ? 74 + 36 * parameters : 27 + 9 * parameters);
 
-/** For so many axes, with so many parameters each at most, in a place of this size [px]. */
+/** The layout for a number of axes, with at most so many parameters each, in an area of this size [px]. */
 export function layoutOf(axes: number, parameters: number, width: number, height: number): Layout {
   // On a phone the page scrolls anyway: a few axes show all their numbers.
   if (axes <= FEW && width < PHONE) return { columns: Math.max(1, Math.floor(width / WIDE)), wide: true, bar: 14, zoom: 1 };
-  // On a screen on the wall, which is read from afar, a few axes are larger.
+  // On a large wall screen, which is read from a distance, a few axes are larger.
   for (const zoom of width < WALL ? [] : ZOOMS) {
     const found = fitted(axes, parameters, width / zoom, height / zoom);
     if (found?.wide) return { ...found, zoom };
   }
   const found = fitted(axes, parameters, width, height);
   if (found) return found;
-  // They do not fit: the page scrolls, a few with all numbers, many as small tiles whose names can be read.
+  // They do not fit, so that the page scrolls: a few with all numbers, many as small tiles with readable names.
   if (axes <= FEW) return { columns: Math.max(1, Math.floor(width / (WIDE + 40))), wide: true, bar: 14, zoom: 1 };
   const most = mostColumns(width);
   const nearly = Math.ceil(axes / most) * (heightOf(false, parameters) + GAP) <= NEARLY * height;

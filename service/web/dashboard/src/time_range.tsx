@@ -13,13 +13,13 @@ export interface Span {
 const SHORTEST_S = 5;
 const LONGEST_S = 10 * 366 * 86400;
 
-/** A span moved by a share of its length; beyond the newest time it follows that. */
+/** A span moved by a share of its length; beyond the newest time it follows that time. */
 export function moved(span: Span, share: number, now: number): Span {
   const end = (span.end ?? now) + share * span.length;
   return { ...span, end: end >= now ? null : end };
 }
 
-/** A span about its middle, longer by this factor; one that follows the newest time keeps its end. */
+/** A span scaled about its middle by this factor; one that follows the newest time keeps its end. */
 export function scaled(span: Span, factor: number, now: number): Span {
   const length = Math.min(LONGEST_S, Math.max(SHORTEST_S, span.length * factor));
   if (span.end === null) return { length, end: null };

@@ -1,4 +1,4 @@
-// From the trend of the API to columns that are plotted.
+// Converts the trend of the API to columns for plots.
 import type { Body } from "./ask";
 
 const DAY_S = 86400;

@@ -18,7 +18,7 @@ export function Trends({ id }: { id: string }) {
       try {
         set(await ask<Body<"Trend">>(`/api/v1/axes/${encodeURIComponent(id)}/trend?points=${POINTS}`));
       } catch {
-        // The header says that there is no answer.
+        // The header shows that there is no answer.
       }
     };
     set(null);

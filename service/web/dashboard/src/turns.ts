@@ -1,10 +1,10 @@
-// Draws many things in turns, some of them with each frame of the screen: style, layout and paint of all of them at
+// Draws many items in turns, some in each frame of the screen: style, layout and paint of all of them at
 // once would keep the page from answering to keys.
 import { useEffect, useRef, useState } from "preact/hooks";
 
 const AT_ONCE = 20;
 
-/** What is to be drawn of each item, by its name; so few that they take no time are drawn at once. */
+/** The items to draw, by name; if there are only a few, they are drawn at once. */
 export function useInTurns<T>(items: T[], nameOf: (item: T) => string, same: (a: T, b: T) => boolean): Map<string, T> {
   const drawn = useRef(new Map<string, T>());
   const [, redraw] = useState(0);

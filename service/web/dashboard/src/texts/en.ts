@@ -254,7 +254,7 @@ export const en = {
     phase: "Phase [°]",
     nominal: "nominal model, its resonances",
     present: "present model with its 95 % band, resonances that have moved",
-    none: "With the present estimates the drive makes no sense: there is no present model.",
+    none: "The present estimates give no valid drive: there is no present model.",
     without: (names: string) => `No valid estimate of ${names}: the present model has the nominal value.`,
     change: (db: string, hz: string) => `Largest change of the magnitude: ${db} at ${hz}`,
     moved: (was: string, now: string, share: string) => `Resonance: ${was} → ${now} (${share})`,
