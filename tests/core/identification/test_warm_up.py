@@ -39,6 +39,10 @@ def test_friction_that_falls_is_found_with_its_time_constant(seed: int) -> None:
     assert slope < -4 * sd
     heat = with_heat(record, found.model, found.starts[0]).signals["heat"]
     assert heat.max() == pytest.approx(found.model.largest)
+    # Five minutes are too short to judge the law.
+    assert not found.judged
+    half = {name: abs(slope) * found.model.largest / 2 for name, (slope, _) in found.slopes.items()}
+    assert found.errors == pytest.approx(half)
 
 
 def test_friction_that_is_steady_follows_nothing(seed: int) -> None:
