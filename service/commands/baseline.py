@@ -110,7 +110,8 @@ def _text(path: Path | None, option: str) -> str | None:
     try:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise typer.BadParameter(f"cannot read {path}: {error}", param_hint=option) from None
+        why = error.strerror if isinstance(error, OSError) else error
+        raise typer.BadParameter(f"cannot read {path}: {why}", param_hint=option) from None
 
 
 def _lines(e: Json) -> Iterator[str]:

@@ -67,6 +67,9 @@ class _LazyGroup(TyperGroup):
             )  # one of its subclasses, which typer does not export
             if missing and error.param is not None and error.param.name == "config":
                 error.message = NO_CONFIG
+            error.message = error.message.removeprefix(
+                "Value error, "
+            )  # of pydantic, by which typer checks choices
             raise
 
     def _command(self, cmd_name: str) -> Any:

@@ -263,6 +263,5 @@ def _unrecorded(state: AppState, alarm_id: int) -> RecordedAlarm | None:
 
 def _unknown(state: AppState, alarm_id: int) -> UnknownResourceError:
     latest, total = state.journal.query(limit=10)
-    return UnknownResourceError(
-        f"no alarm {alarm_id}; the journal holds {total}", [str(a.id) for a in latest]
-    )
+    others = f"; these are the latest of {total}" if total > len(latest) else ""
+    return UnknownResourceError(f"no alarm {alarm_id}{others}", [str(a.id) for a in latest])
