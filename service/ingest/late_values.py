@@ -11,7 +11,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock, concatenate
 from service.config.schema import AxisConfig, FurtherSignalConfig
-from service.ingest.quantities import ACCELERATION_LATE, HOLDS
+from service.ingest.acceleration import ACCELERATION_LATE, MAX_ERROR
 
 _NEAR = 0.5
 """Tolerance of the time difference in intervals; outside it, samples in between are missing."""
@@ -52,7 +52,7 @@ class LateValues:
         lost = self._behind(known.t_us[:count], known.t_us[later]) - ACCELERATION_LATE
         signals = known.signals[:count].copy()
         for place in self._accelerations:
-            signals[:, place] = np.where(lost < HOLDS, known.signals[later, place], np.nan)
+            signals[:, place] = np.where(lost < MAX_ERROR, known.signals[later, place], np.nan)
         return signals
 
     def _behind(self, first: Ints, later: Ints) -> Floats:

@@ -1,10 +1,6 @@
 """The quantities of an axis: their values from a signal on the bus or from a column of a table.
 
 Auxiliary signals are forward-filled: each sample gets the last received value, if that is not too old.
-
-The acceleration of another axis is that of the parabola that fits five values of its angle best (Savitzky and Golay
-1964).  It belongs to the middle of the five, so it is known some intervals later; ``late_values`` assigns it to the
-sample of its time.
 """
 
 import math
@@ -19,6 +15,7 @@ from service.can.decode_plan import Column
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
 from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
+from service.ingest.acceleration import acceleration_of
 
 
 class Quantity(NamedTuple):
@@ -54,62 +51,6 @@ def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: 
     assert signal is not None
     wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
     return Quantity(name, decoder.want(message, signal), message, signal, *source.scale, wrap_period)
-
-
-_PARABOLA = tuple(weight / 7 for weight in (2, -1, -2, -1, 2))
-"""Second difference of five values, by least squares: that in their middle"""
-_MIDDLE = len(_PARABOLA) // 2
-ACCELERATION_LATE = _MIDDLE + 1
-"""Intervals after which an acceleration is known: the other axis may send after the one that needs it."""
-HOLDS = 4.5
-"""Intervals by which an acceleration may be off: as many as one lost sample takes away, and the scatter of times."""
-_LATE = 0.5
-"""Intervals that the values may take longer, or one was lost"""
-_KEPT = 8
-"""Accelerations among which the one at a time is looked for"""
-
-
-class Acceleration:
-    """Second derivative of a signal by time from five values, of which none was lost."""
-
-    def __init__(self, interval_s: float) -> None:
-        before = len(_PARABOLA) - 1
-        self._values, self._t_us = np.full(before, np.nan), np.full(before, np.nan)
-        self._found, self._middle_us = np.full(_KEPT, np.nan), np.full(_KEPT, np.nan)
-        self._interval_s = interval_s
-
-    def take(self, values: Floats, t_us: Floats | Ints, come: Ints, at_us: Floats | Ints) -> Floats:
-        """What it was ACCELERATION_LATE intervals before these samples (M,); NaN: not known.
-
-        Args:
-            values: of the signal (N,), new ones.
-            t_us: when they were received or sampled (N,).
-            come: how many of them had come when a sample was complete (M,).
-            at_us: when the samples were received or sampled (M,).
-        """
-        y, t = np.concatenate([self._values, values]), np.concatenate([self._t_us, t_us])
-        second = np.zeros(len(values))
-        for place, weight in enumerate(_PARABOLA):
-            # Sums whose last bit does not depend on the length of the block
-            second += weight * y[place : place + len(values)]
-        span_s = 1e-6 * (t[len(_PARABOLA) - 1 :] - t[: len(values)])
-        known = (span_s >= 0) & (span_s < (len(_PARABOLA) - 1 + _LATE) * self._interval_s)
-        found = np.concatenate([self._found, np.where(known, second / self._interval_s**2, np.nan)])
-        middle_us = np.concatenate([self._middle_us, t[_MIDDLE : _MIDDLE + len(values)]])
-        self._values, self._t_us = y[len(values) :], t[len(values) :]
-        self._found, self._middle_us = found[len(values) :], middle_us[len(values) :]
-        last = come[:, np.newaxis] + np.arange(_KEPT)
-        wanted_us = at_us - 1e6 * ACCELERATION_LATE * self._interval_s
-        off_us = np.abs(middle_us[last] - wanted_us[:, np.newaxis])
-        off_us[~np.isfinite(found[last])] = np.inf
-        nearest, rows = off_us.argmin(axis=1), np.arange(len(come))
-        near = off_us[rows, nearest] <= 1e6 * HOLDS * self._interval_s
-        return np.where(near, found[last[rows, nearest]], np.nan)
-
-
-def acceleration_of(source: FurtherSignalConfig, interval_s: float) -> Acceleration | None:
-    """Of a signal whose values come at this interval; None: it is no acceleration."""
-    return Acceleration(interval_s) if source.acceleration else None
 
 
 class HeldSignal:
