@@ -18,7 +18,6 @@ from monitor_core.detection.multimodel.naming import (
     CausePosterior,
     ChangeDetected,
     Event,
-    Paths,
     Share,
 )
 from monitor_core.drive.axis_model import AxisModel
@@ -316,8 +315,7 @@ class HypothesisBank:
         self._start(lane if self._lasts() else 0)
 
     def _shares(self) -> tuple[Share, ...]:
-        when = self._memory.when[[ONSET, LATE], 1 : len(self._hypotheses)]
-        return self._causes.shares(self._evidence, Paths(*when))
+        return self._causes.shares(self._evidence)
 
     @property
     def _evidence(self) -> Floats:

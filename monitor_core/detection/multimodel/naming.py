@@ -3,11 +3,10 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Bools, Floats, Ints
+from monitor_core.arrays import Floats, Ints
 from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 
@@ -80,13 +79,6 @@ Event = ChangeDetected | CauseIdentified | CauseEnded
 # --- Isolation and size -----------------------------------------------------------------------------------------------
 
 
-class Paths(NamedTuple):
-    """Of the g of hypotheses (H,): when each was last zero, and last too small to be sure, us."""
-
-    zero: Ints
-    late: Ints
-
-
 class CausePosterior:
     """Posterior probabilities of the causes of hypotheses (H,), prepared for repeated use."""
 
@@ -97,20 +89,14 @@ class CausePosterior:
         self._prior = np.array([h.weight for h in hypotheses]) / np.bincount(self._of)[self._of]
         self._causes = [_Cause.from_hypotheses(name, hypotheses) for name in names]
 
-    def shares(self, evidence: Floats, paths: Paths | None = None) -> tuple[Share, ...]:
-        """The causes, the most likely first; ``evidence`` (H,) are log-likelihood ratios since the onset.
-
-        A g restarts at zero where its path has fallen below zero.  ``paths`` shows which g did so after the onset:
-        their evidence is too large.  None: no g did.
-        """
+    def shares(self, evidence: Floats) -> tuple[Share, ...]:
+        """The causes, the most likely first; ``evidence`` (H,): log-likelihood ratios since the onset."""
         with_none = np.append(evidence, 0.0)
-        zero, late = (np.append(times, 0) for times in paths or np.zeros((2, len(evidence)), np.int64))
-        found = list[Share]()
-        for cause, probability in zip(self._causes, self._probabilities(evidence).tolist(), strict=True):
-            own, best = with_none[cause.at], cause.at[with_none[cause.at].argmax()]
-            complete = (cause.at < 0) | (zero[cause.at] <= late[best])
-            found.append(Share(cause.name, probability, *cause.fitted(own, complete), cause.alike))
-        return tuple(sorted(found, key=lambda share: -share.probability))
+        shares = [
+            Share(cause.name, probability, *cause.fitted(with_none[cause.at]), cause.alike)
+            for cause, probability in zip(self._causes, self._probabilities(evidence).tolist(), strict=True)
+        ]
+        return tuple(sorted(shares, key=lambda share: -share.probability))
 
     def likeliest(self, evidence: Floats) -> tuple[str, float]:
         """The likeliest cause and its probability; faster than ``shares``, as no size is computed."""
@@ -150,40 +136,31 @@ class _Cause:
         is_gain = any(h.is_gain for h in hypotheses if h.cause == name)
         return cls(name, np.array(sizes), np.array([own[size] for size in sizes]), tuple(alike), is_gain)
 
-    def fitted(self, evidence: Floats, complete: Bools) -> tuple[float, float]:
+    def fitted(self, evidence: Floats) -> tuple[float, float]:
         """Size and its standard deviation: vertex and width of the parabola through the best size and its neighbours.
 
         The evidence for a change of a gain is a parabola over the factor minus one.  Over the logarithm, the size of a
-        change by a fifth would come out a twentieth too large.  A neighbour whose evidence is not ``complete`` (k,) is
-        replaced by no change.
+        change by a fifth would come out a twentieth too large.
         """
         if len(self.size) < 3:
             return float(self.size[evidence.argmax()]), math.nan
-        near = self._near(int(evidence.argmax()), complete)
         if not self.is_gain:
-            return _vertex(self.size, near, evidence)
-        change, sd = _vertex(np.expm1(self.size), near, evidence)
+            return vertex(self.size, evidence)
+        change, sd = vertex(np.expm1(self.size), evidence)
         return math.log1p(max(change, _MIN_CHANGE)), sd / (1 + max(change, _MIN_CHANGE))
 
-    def _near(self, best: int, complete: Bools) -> Ints:
-        """Places (3,) of the best size and its neighbours, or of one and of no change."""
-        middle = min(max(best, 1), len(self.size) - 2)
-        neighbours = np.arange(middle - 1, middle + 2)
-        known = {*neighbours[complete[neighbours]].tolist(), best, *np.flatnonzero(self.at < 0).tolist()}
-        return neighbours if complete[neighbours].all() or len(known) < 3 else np.array(sorted(known))
 
+def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:
+    """Vertex of the parabola through the largest of ``evidence`` (k,) and its neighbours, and the standard deviation.
 
-def _vertex(sizes: Floats, near: Ints, evidences: Floats) -> tuple[float, float]:
-    """Vertex of the parabola through the points ``near`` (3,) of evidence over size (k,), and the standard deviation.
-
-    The standard deviation is the square root of -1 / curvature.  ``sizes`` ascend.
+    The standard deviation is the square root of -1 / curvature.  ``size`` (k,) ascends; k > 2.
     """
-    size, evidence = sizes[near], evidences[near]
-    left, right = np.diff(size)
-    rise, fall = (evidence[1] - evidence[0]) / left, (evidence[1] - evidence[2]) / right
+    k = min(max(int(evidence.argmax()), 1), len(size) - 2)
+    left, right = size[k] - size[k - 1], size[k + 1] - size[k]
+    rise, fall = (evidence[k] - evidence[k - 1]) / left, (evidence[k] - evidence[k + 1]) / right
     curvature = 2 * (rise + fall) / (left + right)
     if not curvature > 0:
         return float(size[evidence.argmax()]), math.nan
-    top = size[1] + (rise * right - fall * left) / (left + right) / curvature
-    low, high = min(_MAX_EXTRAPOLATION * sizes[0], sizes[0]), _MAX_EXTRAPOLATION * sizes[-1]
+    top = size[k] + (rise * right - fall * left) / (left + right) / curvature
+    low, high = min(_MAX_EXTRAPOLATION * size[0], size[0]), _MAX_EXTRAPOLATION * size[-1]
     return float(np.clip(top, low, high)), float(math.sqrt(1 / curvature))

@@ -302,19 +302,6 @@ def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> No
     assert len(bank.active_faults) <= 2
 
 
-@pytest.mark.parametrize(("cause", "factor"), [("kT", 1.2), ("1/Ja", 1.2), ("kT", 0.85)])
-def test_sizes_between_two_hypotheses_are_right(cause: str, factor: float, bank: HypothesisBank) -> None:
-    """With little noise only the reading counts.  Where g was held at zero, kT was 12 % too large, 1/Ja 16 %."""
-    sizes = []
-    for k in range(8):
-        bank.reset()
-        rec = experiment(k, {cause: factor}, samples=6000, noise=0.3)
-        named = [e.shares[0] for e in bank.run(SampleBlock(*rec)) if isinstance(e, CauseIdentified)]
-        assert named[1].cause == cause
-        sizes.append(math.expm1(named[1].size) / (factor - 1))
-    assert np.median(sizes) == pytest.approx(1.0, abs=0.06)
-
-
 def test_friction_is_a_gain_where_its_effect_is_proportional_to_it() -> None:
     """Not in an output-error predictor, which remembers for as long as the friction lets it."""
     watched = lasting_changes.monitor()
