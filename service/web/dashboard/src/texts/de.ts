@@ -305,6 +305,7 @@ const SENTENCES: Record<string, string> = {
   proposal: "{reason} → {change}",
   "samples apart": "Die Messwerte liegen {found} s auseinander, nicht {configured} s",
   bunches: "Frames kommen in Bündeln an: ihre Empfangszeit ist nicht die der Messwerte; besser wird die Uhr der Steuerung angepasst",
+  scatter: "Mit gleichmäßigen Zeiten ist die Bewegung glatter als mit den Empfangszeiten, die streuen: die Uhr der Steuerung wird angepasst",
   "late torque": "das Moment kommt {seconds} s später als die Bewegung, die es bewirkt hat, wie ein gefilterter Strom",
   "wrong sign": "Moment und Bewegung haben entgegengesetzte Vorzeichen (oder das der Bewegung ändern)",
   wraps: "Der Winkel beginnt nach {period} von vorn",
