@@ -1,6 +1,7 @@
 """``axiswatch alarms``: the alarms of a running daemon, and the actions of operators on them."""
 
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 from typing import Annotated, Literal
 
 import typer
@@ -177,9 +178,12 @@ def _act(daemon: Daemon, alarm_ids: Sequence[int], action: AlarmAction, remark: 
 
 def _facts(a: Json) -> Iterator[str]:
     """Onset, size and certainty of an alarm as far as they are known, its recording, and its history."""
-    ends = [("from", a["onset_low"]), ("to", a["onset_high"])]
-    words = " ".join(f"{word} {short_time(end)}" for word, end in ends if end is not None)
-    yield f"onset: {short_time(a['onset'])}" + (f" (90 %: {words})" if words else "")
+    best = datetime.fromisoformat(a["onset"])
+    ends = [("-", a["onset_low"]), ("+", a["onset_high"])]
+    away = " ".join(
+        f"{sign}{abs(datetime.fromisoformat(end) - best).total_seconds():.1f}" for sign, end in ends if end
+    )
+    yield f"onset: {short_time(a['onset'])}" + (f" (90 %: {away} s)" if away else "")
     if a["size"] is not None:
         nominal = "" if a["nominal"] is None else f"; nominal value {a['nominal']:.4g}"
         sure = "" if a["size_sd"] is None else f" +- {Z95 * a['size_sd']:.2g} (95 %)"
