@@ -113,7 +113,10 @@ def test_two_parts_are_each_the_solution_of_their_time_constant() -> None:
     t_us = np.cumsum(np.where(np.arange(3000) == 2500, 120_000_000, H_US))
     y = np.random.default_rng(2).normal(0, 10, t_us.size)
     parts = [heat_of(axis, t_us, y) for axis in alone]
-    np.testing.assert_allclose(heat_of(both, t_us, y), (1 - share) * parts[0] + share * parts[1], rtol=1e-12)
+    mean = (1 - share) * parts[0] + share * parts[1]
+    np.testing.assert_allclose(heat_of(both, t_us, y), mean, rtol=1e-12)
+    assert both.thermal is not None
+    assert both.thermal.heat == pytest.approx(mean[-1])
 
 
 def test_two_parts_are_saved_and_restored() -> None:
