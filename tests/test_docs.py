@@ -28,3 +28,22 @@ def test_what_docs_says_of_api_and_metrics_is_the_programs(
 def test_every_command_is_in_the_documents(command: str) -> None:
     documents = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
     assert any(re.search(rf"axiswatch {command}\b", path.read_text(encoding="utf-8")) for path in documents)
+
+
+CHOSEN = sorted(
+    {
+        word
+        for path in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+        for chosen in re.findall(r"""-k ['"]?([\w ]+?)['"]""", path.read_text(encoding="utf-8"))
+        for word in chosen.split(" or ")
+    }
+)
+
+
+@pytest.mark.parametrize("word", CHOSEN)
+def test_a_test_that_the_documents_choose_is_there(word: str) -> None:
+    """As `-k` of pytest does, by the name of the file or of the test."""
+    assert any(
+        word in f"{path.stem} {' '.join(re.findall(r'def (test_[a-z_0-9]+)', path.read_text('utf-8')))}"
+        for path in (ROOT / "tests").rglob("test_*.py")
+    )
