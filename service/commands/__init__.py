@@ -1,4 +1,4 @@
-"""The command line: a module for each command (``main.COMMANDS``), and modules that several of them share.
+"""The command line: a module for each command (``main.PANELS``), and modules that several of them share.
 
 * Of the command line itself: ``options``, ``daemon_options``, ``output_files``, ``exit_codes``, ``progress``,
   ``signal_handling``.

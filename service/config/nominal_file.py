@@ -79,9 +79,9 @@ class ThermalTable(FoundTable):
 
     time_constant_s: Positive
     fast_time_constant_s: Positive | None = None
-    """Of a faster part of the heat; none: there is but one time constant"""
+    """time constant of the faster part of the heat; none: there is only one time constant"""
     fast_share: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.5
-    """Of that part, in the heat of a lasting motion"""
+    """share of the faster part in the heat of a lasting motion"""
     viscous_friction: NotNegative
     coulomb_friction: NotNegative
     largest_w: Positive

@@ -31,9 +31,9 @@ class Shape(NamedTuple):
     """Proportions of two time constants."""
 
     ratio: float = 1.0
-    """Of the slower to the faster one; 1: there is but one"""
+    """Slower time constant over the faster one; 1: there is only one"""
     share: float = 0.0
-    """Of the faster one"""
+    """Share of the faster part in the heat"""
 
     def fast(self, tau_s: float) -> Fast | None:
         """The faster part beside a slower time constant [s]."""
@@ -56,9 +56,9 @@ GROUP = 6
 _FEWEST_GROUPS, _SMALLEST_GROUP = 10, 2
 """Groups are smaller where they would be fewer."""
 _SHAPES = tuple(Shape(ratio, share) for ratio in (3.0, 6.0, 12.0) for share in (0.25, 0.5, 0.75))
-"""Of two time constants, that are tried"""
+"""Proportions of two time constants that are tried"""
 _SHOWS_TWO = 20.0
-"""Less squared error by two time constants than by one, in variances of the errors; 3 parameters are chosen for it."""
+"""Two time constants must reduce the squared errors by so many variances; they take 3 more parameters."""
 _SHORTEST_FAST_S = 30.0
 _TERMS = 3
 """Terms fitted to the groups for each parameter: a constant, one proportional to the power, one following the heat"""
@@ -124,7 +124,7 @@ def windows_of(
 
 
 def kept_by(model: ThermalModel, seconds: Floats) -> Floats:
-    """What is left of a heat (N,) after so long (N,)."""
+    """Share of the heat that is left after times (N,) without motion."""
     return np.asarray(sum(share * np.exp(-seconds / tau_s) for tau_s, share in model.parts))
 
 
@@ -156,7 +156,7 @@ class WarmUpFit(NamedTuple):
     """Number of groups of windows, whose scatter gives the standard deviations"""
     cost: float
     variance: float
-    """Of the errors, as the groups scatter, over that which they have if they are not correlated"""
+    """Variance of the errors by the scatter of the groups, over that of uncorrelated errors"""
 
     @property
     def chance(self) -> float:

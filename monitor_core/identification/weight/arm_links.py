@@ -175,7 +175,7 @@ class _Balance(WeightBalance):
             missing.remove(best)
 
     def uncouple(self, waves: Sequence[Term]) -> None:
-        """Take away the accelerations that explain nothing beside these terms, whose place they had taken."""
+        """Remove the accelerations that explain nothing in addition to these terms."""
         for term in self.coupled:
             left, every = self.left(waves), self.coupled
             self.coupled = tuple(other for other in every if other != term)

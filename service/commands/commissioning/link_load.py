@@ -103,7 +103,7 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
     """The angle of an arm's axis as a signal, with its name in the configuration, or that of the axis."""
     names = {s.axis: s.name for s in axis.config.signal if not s.acceleration}
     own = other.config.name
-    name = own if any(c.isalpha() for c in own) else f"axis{own}"  # a number is no signal
+    name = _lettered(own)
     name = names.get(own, f"{name}-angle" if name in names.values() else name)
     reason = f"the torque shows the weight of links, which follows the angle of {own}"
     ratio = 1.0 if own in names else given_values(other.config).get("r", 1.0)
@@ -117,16 +117,21 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
     return tuple(found)
 
 
+def _lettered(own: str) -> str:
+    """The name of an axis with a letter in it, as a number is no name of a signal."""
+    return own if any(c.isalpha() for c in own) else f"axis{own}"
+
+
 def _acceleration(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
-    """The acceleration of another axis that is sampled alike; none of one whose angle starts again."""
+    """The acceleration of another axis with the same sample interval; none if its angle wraps."""
     own, angle = other.config.name, other.config.angle
     if own == axis.config.name or angle is None or angle.wrap_period is not None:
         return ()
     if not other.config.is_sampled_as(axis.config):
         return ()
     given = {s.axis: s.name for s in axis.config.signal if s.acceleration}
-    name = f"{own}-acceleration" if any(c.isalpha() for c in own) else f"axis{own}-acceleration"
-    name, reason = given.get(own, name), f"the links couple the axis to the acceleration of {own}"
+    name = given.get(own, f"{_lettered(own)}-acceleration")
+    reason = f"the links couple the axis to the acceleration of {own}"
     return (
         Correction((SIGNAL, name, "axis"), own, reason),
         Correction((SIGNAL, name, "acceleration"), True, reason),

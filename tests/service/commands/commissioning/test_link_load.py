@@ -148,21 +148,22 @@ def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: C
     assert ratios == pytest.approx([R, R], rel=1 / 3)
 
 
-SCARA = """
+ONE_MASS = """
 [[robot]]
 name = "arm"
 [robot.defaults]
 sample_interval_s = 0.01
 time = { column = "t" }
 model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }
-[[robot.axis]]
+"""
+SCARA = f"""{ONE_MASS}[[robot.axis]]
 name = "inner"
-torque = { column = "u1" }
-angle = { column = "y1" }
+torque = {{ column = "u1" }}
+angle = {{ column = "y1" }}
 [[robot.axis]]
 name = "2"
-torque = { column = "u2" }
-angle = { column = "y2" }
+torque = {{ column = "u2" }}
+angle = {{ column = "y2" }}
 """
 
 
@@ -193,26 +194,19 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     assert link_load(SCARA, "arm.inner", [str(tmp_path / "a.csv")], tmp_path) is None
 
 
-POSITIONER = """
-[[robot]]
-name = "arm"
-[robot.defaults]
-sample_interval_s = 0.01
-time = { column = "t" }
-model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }
-signal = [{ name = "payload", column = "load" }]
+POSITIONER = f"""{ONE_MASS}signal = [{{ name = "payload", column = "load" }}]
 [[robot.axis]]
 name = "tilt"
-torque = { column = "tilt_u" }
-angle = { column = "tilt_y" }
+torque = {{ column = "tilt_u" }}
+angle = {{ column = "tilt_y" }}
 [[robot.axis]]
 name = "table"
-torque = { column = "table_u" }
-angle = { column = "table_y", factor = 0.0174532925, wrap_period = 360 }
+torque = {{ column = "table_u" }}
+angle = {{ column = "table_y", factor = 0.0174532925, wrap_period = 360 }}
 [[robot.axis]]
 name = "hoist"
-torque = { column = "hoist_u" }
-speed = { column = "hoist_w" }
+torque = {{ column = "hoist_u" }}
+speed = {{ column = "hoist_w" }}
 """
 
 
