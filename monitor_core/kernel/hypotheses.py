@@ -35,7 +35,13 @@ from monitor_core.kernel.admission import (
 from monitor_core.kernel.admission import GATED as CLOSED
 from monitor_core.kernel.compile import entry, kernel, outlined
 from monitor_core.kernel.friction import MiddleSpeed, hold_friction
-from monitor_core.kernel.likelihood import G, log_likelihood_ratios, restart_paths, update_sums
+from monitor_core.kernel.likelihood import (
+    G,
+    add_likelihood_ratios,
+    log_likelihood_ratios,
+    restart_paths,
+    update_sums,
+)
 from monitor_core.kernel.outliers import OutlierConstants, check_start, reject_outliers
 from monitor_core.kernel.predictors import (
     BACK,
@@ -84,7 +90,7 @@ class Memory(NamedTuple):
 
     x: Floats  # (n, H) at the last sample, after its correction
     u: Floats  # (m, H) inputs held since
-    sums: Floats  # (3, H) g; decrease of its path since the last mark; evidence in addition to g
+    sums: Floats  # (SUMS, H) rows of likelihood.py
     when: NDArray[np.int64]  # (2 + MARKS, H) us: g last 0; g last below SURE; marks, the latest first
     numbers: (
         Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
@@ -226,6 +232,8 @@ def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
     log_likelihood_ratios(lanes, P.own, int(P.axis[BACK, 0]), new_torque, new_output, w.eps, w.llr)
     watching = integers[PHASE, 0] == WATCHING
     crossed = update_sums(lanes, P.own, s.t[0], watching, w.llr, M.sums, M.when)
+    if not watching:
+        add_likelihood_ratios(lanes, P.own, w.eps, M.sums)
     integers[WAIT, 0] = (0 if crossed else 1) if watching else max(integers[WAIT, 0] - 1, 0)
 
 

@@ -5,7 +5,16 @@ from typing import Any
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.kernel.compile import kernel, outlined
-from monitor_core.kernel.predictors import FROZEN, LEVEL, LIMIT, PRECISION, STILL, TOLERATED, UNEXPLAINED
+from monitor_core.kernel.predictors import (
+    ALLOWANCE,
+    FROZEN,
+    LEVEL,
+    LIMIT,
+    PRECISION,
+    STILL,
+    TOLERATED,
+    UNEXPLAINED,
+)
 from monitor_core.kernel.state import NEVER
 
 SURE = math.log(2 / 0.1)
@@ -18,8 +27,9 @@ _STEP = SURE / (MARKS - 1)
 _CLIP = 36.0
 """Upper limit of squared innovations over their variance."""
 
-G, FALLEN, HELD_BACK = 0, 1, 2
-"""Rows of the sums: g; decrease of its path since the last mark; evidence in addition to g."""
+G, FALLEN, HELD_BACK, SINCE_DETECTION, SUMS = range(5)
+"""Rows of the sums: g; decrease of its path since the last mark; evidence in addition to g; logarithm of the likelihood
+ratio of the samples since the detection.  SUMS: number of rows."""
 ONSET, LATE, FIRST_MARK = 0, 1, 2
 """Rows of the times: g was last 0; g was last below SURE; marks, the latest first."""
 
@@ -71,6 +81,18 @@ def update_sums(
     if marked:
         _mark(t, sums, when)
     return crossed > 0
+
+
+@outlined
+def add_likelihood_ratios(lanes: Any, own: Floats, eps: Floats, sums: Floats) -> None:
+    """SINCE_DETECTION, the evidence for sizes: without allowances, which are no evidence, and without a limit at zero.
+
+    The samples before the detection do not count, as they were selected by it.
+    """
+    step = min(eps[0] * eps[0] * own[PRECISION, 0], _CLIP)
+    for a in range(len(lanes)):
+        there = min(eps[a] * eps[a] * own[PRECISION, a], _CLIP)
+        sums[SINCE_DETECTION, a] += 0.5 * (step - there) + own[LEVEL, a] + own[ALLOWANCE, a]
 
 
 @outlined

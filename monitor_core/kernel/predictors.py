@@ -26,12 +26,13 @@ from monitor_core.kernel.work_arrays import floats, ints, strided_product, table
     PRECISION,
     LEVEL,
     LIMIT,
+    ALLOWANCE,
     TOLERATED,
     UNEXPLAINED,
-) = range(12)
+) = range(13)
 """Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +
 offset; 1: the output repeats itself; 1: holds only while the measured torque does; 1 / lam_i; 1/2 log(lam_0 / lam_i) -
-allowance; h; the part of the allowance that counts as evidence of the cause all the same; share of the evidence
+allowance; h; allowance; the part of the allowance that counts as evidence of the cause all the same; share of the evidence
 against the healthy axis that the standing faults may leave unexplained."""
 INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, OUTLIER_LEAST, OUTLIER_CREDIT, SHORTEST, BACK = range(11)
 """Rows of ``axis``; SHORTEST: of the usual intervals, us; BACK: the lane of the healthy axis."""
@@ -56,8 +57,8 @@ class Predictors(NamedTuple):
     terms: Floats  # (USUAL H/8 n (TERMS + n + len(moving)) 8,) factors of what x_r becomes after each of them, in the
     #                order of ``propagate_usual``: of eight hypotheses side by side, so that memory is read as it lies
     moving: NDArray[np.int64]  # (..,) which of the inputs that depend on the motion, and of the weight, act
-    own: Floats  # (10, H)
-    axis: Floats  # (8, 1)
+    own: Floats  # (13, H)
+    axis: Floats  # (11, 1)
 
 
 class Torques(NamedTuple):

@@ -24,7 +24,15 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel.hypotheses import BankTrace, Block, Memory, run_hypotheses
-from monitor_core.kernel.likelihood import FIRST_MARK, HELD_BACK, LATE, MARKS, ONSET, G
+from monitor_core.kernel.likelihood import (
+    FIRST_MARK,
+    HELD_BACK,
+    LATE,
+    MARKS,
+    ONSET,
+    SINCE_DETECTION,
+    G,
+)
 from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
 from monitor_core.kernel.state import NEVER, USED
 from monitor_core.kernel.tables import Tables
@@ -163,6 +171,7 @@ class HypothesisBank:
         integers = self._memory.integers
         integers[kernel.PHASE, 0] = kernel.PENDING
         integers[kernel.CHECKS, 0], integers[kernel.SINCE, 0] = 0, since_us
+        self._memory.sums[SINCE_DETECTION] = 0.0
 
     @property
     def causes(self) -> tuple[str, ...]:
@@ -315,7 +324,11 @@ class HypothesisBank:
         self._start(lane if self._lasts() else 0)
 
     def _shares(self) -> tuple[Share, ...]:
-        return self._causes.shares(self._evidence)
+        """The causes; after a memory length their sizes are those that the samples since the detection show."""
+        integers = self._memory.integers
+        late = integers[kernel.PHASE, 0] == kernel.REFINING or integers[kernel.CHECKS, 0] >= LOOKS
+        since = self._memory.sums[SINCE_DETECTION, 1 : len(self._hypotheses)]
+        return self._causes.shares(self._evidence, since if late else None)
 
     @property
     def _evidence(self) -> Floats:

@@ -57,6 +57,7 @@ def lanes_of(
     own[predictors.LEVEL, : back + 1] -= tests.allowance
     for row, values in (
         (predictors.LIMIT, tests.h),
+        (predictors.ALLOWANCE, tests.allowance),
         (predictors.TOLERATED, tests.tolerated),
         (predictors.UNEXPLAINED, tests.unexplained),
     ):
@@ -93,7 +94,7 @@ def memory_of(tables: Tables, lanes: int) -> Memory:
     integers = np.zeros((kernel.COUNTS + len(COUNTERS), 1), np.int64)
     integers[kernel.LAST], integers[kernel.WAIT], integers[kernel.SINCE] = NEVER, 1, NEVER
     when = np.full((likelihood.FIRST_MARK + likelihood.MARKS, lanes), NEVER)
-    return Memory(np.zeros((n, lanes)), u, np.zeros((3, lanes)), when, numbers, integers)
+    return Memory(np.zeros((n, lanes)), u, np.zeros((likelihood.SUMS, lanes)), when, numbers, integers)
 
 
 class _Interval(NamedTuple):
@@ -141,7 +142,7 @@ def _lane(drives: _Drives, hypothesis: Hypothesis) -> dict[str, Floats]:
     torque, output = hypothesis.torque, hypothesis.output
     own = [
         delay, torque.scale, torque.offset, output.scale, output.offset, hypothesis.frozen, hypothesis.still,
-        1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0, 0.0, 0.0,
+        1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0, 0.0, 0.0, 0.0,
     ]  # fmt: skip
     found = {name: numbers[name] for name in ("weight", "rest", "rigid", "u_scale")}
     found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}

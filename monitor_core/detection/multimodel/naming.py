@@ -89,9 +89,14 @@ class CausePosterior:
         self._prior = np.array([h.weight for h in hypotheses]) / np.bincount(self._of)[self._of]
         self._causes = [_Cause.from_hypotheses(name, hypotheses) for name in names]
 
-    def shares(self, evidence: Floats) -> tuple[Share, ...]:
-        """The causes, the most likely first; ``evidence`` (H,): log-likelihood ratios since the onset."""
-        with_none = np.append(evidence, 0.0)
+    def shares(self, evidence: Floats, sizes_from: Floats | None = None) -> tuple[Share, ...]:
+        """The causes, the most likely first.
+
+        Args:
+            evidence: log-likelihood ratios (H,) since the onset, without what the allowances subtract; no less than 0.
+            sizes_from: the evidence (H,) that determines the sizes; None: the same.
+        """
+        with_none = np.append(evidence if sizes_from is None else sizes_from, 0.0)
         shares = [
             Share(cause.name, probability, *cause.fitted(with_none[cause.at]), cause.alike)
             for cause, probability in zip(self._causes, self._probabilities(evidence).tolist(), strict=True)
