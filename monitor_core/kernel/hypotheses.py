@@ -79,10 +79,10 @@ from monitor_core.kernel.work_arrays import copy_rows, floats, ints, table
 
 TORQUE_BEFORE, TORQUE_HELD, LAST_OUTPUT, CREDIT = range(4)
 LAST, SETTLED, IN_A_ROW, PHASE, WAIT, CHECKS, SINCE, COUNTS = range(8)
-WATCHING, PENDING, REFINING = 0, 1, 2
+WATCHING, PENDING, REFINING, CORRECTING = range(4)
 """Phases.  WATCHING: the first g > h stops a run.  PENDING: a change was detected and its cause is not known.
-REFINING: the cause is known and its size becomes more certain.  In the last two the WAIT-th tested sample from now
-stops a run."""
+REFINING: the cause is known and its size becomes more certain.  CORRECTING: as WATCHING, while the finer steps around
+that size show its error.  In the last three the WAIT-th tested sample from now stops a run."""
 
 
 class Memory(NamedTuple):
@@ -230,11 +230,14 @@ def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
     numbers, integers = M.numbers, M.integers
     new_torque, new_output = s.u[0] != numbers[TORQUE_HELD, 0], s.y[0] != numbers[LAST_OUTPUT, 0]
     log_likelihood_ratios(lanes, P.own, int(P.axis[BACK, 0]), new_torque, new_output, w.eps, w.llr)
-    watching = integers[PHASE, 0] == WATCHING
+    phase = integers[PHASE, 0]
+    watching = phase in (WATCHING, CORRECTING)
     crossed = update_sums(lanes, P.own, s.t[0], watching, w.llr, M.sums, M.when)
-    if not watching:
+    if phase != WATCHING:
+        integers[WAIT, 0] = max(integers[WAIT, 0] - 1, 0)
         add_likelihood_ratios(lanes, P.own, w.eps, M.sums)
-    integers[WAIT, 0] = (0 if crossed else 1) if watching else max(integers[WAIT, 0] - 1, 0)
+    if watching and crossed:
+        integers[WAIT, 0] = 0
 
 
 @kernel

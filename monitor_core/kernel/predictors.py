@@ -32,8 +32,8 @@ from monitor_core.kernel.work_arrays import floats, ints, strided_product, table
 ) = range(13)
 """Rows of ``own``: delay s; the acting torque is scale * measured + offset, N m; the measured output scale * true +
 offset; 1: the output repeats itself; 1: holds only while the measured torque does; 1 / lam_i; 1/2 log(lam_0 / lam_i) -
-allowance; h; allowance; the part of the allowance that counts as evidence of the cause all the same; share of the evidence
-against the healthy axis that the standing faults may leave unexplained."""
+allowance; h; allowance; the part of the allowance that counts as evidence of the cause all the same; share of the
+evidence against the healthy axis that the active faults may leave unexplained."""
 INTERVAL, LAM, LAM0, GAP, SETTLES, LOST, OUTLIER, OUTLIER_LEAST, OUTLIER_CREDIT, SHORTEST, BACK = range(11)
 """Rows of ``axis``; SHORTEST: of the usual intervals, us; BACK: the lane of the healthy axis."""
 USUAL = 3

@@ -47,6 +47,11 @@ class ActiveFaults:
         """Causes that may be active."""
         return tuple(dict.fromkeys(hypothesis.cause for hypothesis in self.hypotheses))
 
+    @property
+    def latest(self) -> Hypothesis:
+        """The fault that was added last."""
+        return next(reversed(self._active.values()))
+
     def clear(self) -> None:
         """End all active faults."""
         self._active = {}
@@ -77,7 +82,7 @@ class ActiveFaults:
 
     def _adapted(self, hypothesis: Hypothesis) -> Hypothesis:
         """A hypothesis adapted to the active faults: finer steps for the same cause, less weight for another cause."""
-        if hypothesis.cause in self._active and hypothesis.K is None and not math.isnan(hypothesis.size):
+        if hypothesis.cause in self._active and hypothesis.has_steps:
             return self._of_size(hypothesis.cause, hypothesis.size * FINE_STEP)
         other = self._active and hypothesis.cause not in self._active
         return replace(hypothesis, weight=hypothesis.weight * SECOND_CAUSE_PRIOR) if other else hypothesis
@@ -106,7 +111,7 @@ class ActiveFaults:
 
     def join(self, best: Share, likeliest: Hypothesis) -> None:
         """Add a change to the active fault of its cause; ``likeliest``: the likeliest hypothesis of that cause."""
-        before = self._active.get(best.cause)
+        before = self._active.pop(best.cause, None)
         own_gain = likeliest.K is not None
         size = likeliest.size if own_gain else best.size + (before.size if before else 0.0)
         self._active[best.cause] = self._of_size(best.cause, size)

@@ -74,6 +74,11 @@ class Hypothesis:
                 f"a hypothesis of {self.cause!r} with numbers that are not finite, or not positive"
             )
 
+    @property
+    def has_steps(self) -> bool:
+        """Whether there are hypotheses of other sizes around this one."""
+        return self.K is None and not math.isnan(self.size)
+
     def after(self, base: "Hypothesis") -> "Hypothesis":
         """This change in addition to ``base``."""
         factors = {

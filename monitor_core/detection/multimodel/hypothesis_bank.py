@@ -19,6 +19,7 @@ from monitor_core.detection.multimodel.naming import (
     ChangeDetected,
     Event,
     Share,
+    SizeCorrected,
 )
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
@@ -268,7 +269,10 @@ class HypothesisBank:
         if phase == kernel.REFINING:
             yield from self._settle(now_us)
             return
-        if phase == kernel.WATCHING:
+        if phase == kernel.CORRECTING and (share := self._more_of_latest()) is not None:
+            yield from self._correct_size(now_us, share)
+            return
+        if phase in (kernel.WATCHING, kernel.CORRECTING):
             self._await_name(now_us)
             self._restart_changed_signs()
             yield ChangeDetected(now_us, self.onset(), self._shares())
@@ -289,7 +293,7 @@ class HypothesisBank:
         cause, probability = self._causes.likeliest(self._evidence)
         sure, resort = probability >= self.sure, cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            integers[kernel.PHASE, 0], integers[kernel.WAIT, 0] = kernel.REFINING, round(MEMORIES * memory)
+            self._wait(kernel.REFINING)
             shares = self.active_faults.with_total_sizes(self._shares())
             yield CauseIdentified(now_us, since, self.onset(), shares, sure)
 
@@ -309,7 +313,8 @@ class HypothesisBank:
         shares, onset, since = self._shares(), self.onset(), int(self._memory.integers[kernel.SINCE, 0])
         best, lane = shares[0], self._lane_of(shares[0])
         over = self.active_faults.ended(best) if self._lasts() else [HEALTHY]
-        if best.cause != HEALTHY and not over:
+        joined = best.cause != HEALTHY and not over
+        if joined:
             yield CauseIdentified(
                 now_us,
                 since,
@@ -322,11 +327,40 @@ class HypothesisBank:
             self.active_faults.end(cause)
             yield CauseEnded(now_us, since, cause)
         self._start(lane if self._lasts() else 0)
+        if joined and self.active_faults.latest.has_steps:
+            self._wait(kernel.CORRECTING)
+
+    def _more_of_latest(self) -> Share | None:
+        """The error of the size of the latest fault; None: it has ended, or something else has changed."""
+        share = next(share for share in self._shares() if share.cause == self.active_faults.latest.cause)
+        likeliest, _ = self._causes.likeliest(self._evidence)
+        changed = self._crossed() and (likeliest != share.cause or self.active_faults.ended(share))
+        return None if changed else share
+
+    def _correct_size(self, now_us: int, error: Share) -> Iterator[Event]:
+        """Correct the size of the latest fault by its error; once more, if that was large enough to be detected."""
+        crossed, since_us = self._crossed(), int(self._memory.integers[kernel.SINCE, 0])
+        (total,) = self.active_faults.with_total_sizes((error,))
+        if math.isfinite(total.size_sd):
+            yield SizeCorrected(now_us, since_us, total)
+            self.active_faults.join(error, self._hypotheses[self._lane_of(error)])
+        self._start(0)
+        if crossed:
+            self._wait(kernel.CORRECTING)
+
+    def _crossed(self) -> bool:
+        many = len(self._hypotheses)
+        return bool((self._memory.sums[G, :many] > self._predictors.own[LIMIT, :many]).any())
+
+    def _wait(self, phase: int) -> None:
+        """Stop the run some memory lengths from now, for the decision that ends this phase."""
+        wait = round(MEMORIES * self.settings.memory)
+        self._memory.integers[[kernel.PHASE, kernel.WAIT], 0] = phase, wait
 
     def _shares(self) -> tuple[Share, ...]:
         """The causes; after a memory length their sizes are those that the samples since the detection show."""
         integers = self._memory.integers
-        late = integers[kernel.PHASE, 0] == kernel.REFINING or integers[kernel.CHECKS, 0] >= LOOKS
+        late = integers[kernel.PHASE, 0] != kernel.PENDING or integers[kernel.CHECKS, 0] >= LOOKS
         since = self._memory.sums[SINCE_DETECTION, 1 : len(self._hypotheses)]
         return self._causes.shares(self._evidence, since if late else None)
 

@@ -37,7 +37,13 @@ from monitor_core.detection.multimodel.candidates import (
 )
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event, Share
+from monitor_core.detection.multimodel.naming import (
+    CauseIdentified,
+    ChangeDetected,
+    Event,
+    Share,
+    SizeCorrected,
+)
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
@@ -225,6 +231,8 @@ class MultiModelDetector:
             yield from self._change(event, open_alarms)
         elif isinstance(event, CauseIdentified):
             yield from self._name(event, open_alarms)
+        elif isinstance(event, SizeCorrected):
+            yield from self._correct_size(event, open_alarms)
         else:  # an unnamed alarm ends with the cause, as nothing else has changed
             ends = (a for a in open_alarms if a.since_us == event.since_us or a.parameter == event.cause)
             yield from (a.ended(event.time_us) for a in ends)
@@ -258,6 +266,13 @@ class MultiModelDetector:
         else:
             alarm = self._raised(event.since_us, event)
             yield replace(alarm, stage="named", updated_us=event.time_us, **facts)
+
+    def _correct_size(self, event: SizeCorrected, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
+        share, same = event.share, _named_alarm(open_alarms, event.share.cause)
+        if same is not None:
+            size, size_sd = self._size(share)
+            direction = direction_of(share.size)
+            yield same.named(event.time_us, share.cause, direction, size=size, size_sd=size_sd)
 
     def _size(self, share: Share) -> tuple[float | None, float | None]:
         """Size of a cause and its standard deviation; None: the cause has no size, or the size is not known."""

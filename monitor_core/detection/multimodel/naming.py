@@ -73,7 +73,16 @@ class CauseEnded:
     cause: str
 
 
-Event = ChangeDetected | CauseIdentified | CauseEnded
+@dataclass(frozen=True, slots=True)
+class SizeCorrected:
+    """The total size of an active fault, from finer steps around the size with which it was named."""
+
+    time_us: int
+    since_us: int
+    share: Share
+
+
+Event = ChangeDetected | CauseIdentified | CauseEnded | SizeCorrected
 
 
 # --- Isolation and size -----------------------------------------------------------------------------------------------

@@ -20,7 +20,14 @@ from monitor_core.detection.multimodel.multimodel_detector import (
     MultiModelDetector,
     bank_of,
 )
-from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified, ChangeDetected, Event, Share
+from monitor_core.detection.multimodel.naming import (
+    CauseEnded,
+    CauseIdentified,
+    ChangeDetected,
+    Event,
+    Share,
+    SizeCorrected,
+)
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
@@ -88,6 +95,14 @@ def test_an_alarm_is_raised_named_corrected_once_and_ended() -> None:
     assert corrected.past == (Name(12, "changed", "kT", "up"), Name(20, "named", "fm", "up"))
     assert (ended.ended_us, ended.first, ended.raised_us) == (30, ("kT", "up"), 10)
     assert book.open == ()
+
+
+def test_a_corrected_size_belongs_to_the_open_alarm_of_its_cause() -> None:
+    book, (_, (before,)) = feed(changed(10, "kT"), named(12, 10, share("kT", 0.2)))
+    (after,) = book.take(SizeCorrected(20, 10, share("kT", 0.1)))
+    assert after == replace(before, updated_us=20, size=after.size, size_sd=after.size_sd)
+    assert after.size == pytest.approx(np.expm1(0.1))
+    assert book.take(SizeCorrected(30, 10, share("fm", 0.1))) == []
 
 
 def test_a_cause_whose_evidence_began_after_the_alarm_leaves_its_onset() -> None:

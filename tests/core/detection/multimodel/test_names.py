@@ -25,10 +25,17 @@ from monitor_core.detection.alarm import (
 from monitor_core.detection.multimodel.candidates import default_hypotheses, hypothesis_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import least_delay
-from monitor_core.detection.multimodel.naming import CauseEnded, CauseIdentified, ChangeDetected, Event
+from monitor_core.detection.multimodel.naming import (
+    CauseEnded,
+    CauseIdentified,
+    ChangeDetected,
+    Event,
+    SizeCorrected,
+)
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment, faulty
+from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel.likelihood import SURE
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
@@ -95,6 +102,52 @@ def test_another_payload_is_named_where_no_inertia_is_monitored(seed: int) -> No
     assert [event.shares[0].cause for event in named].count(INERTIA) >= 9
     sizes = [math.expm1(event.shares[0].size) for event in named]
     assert np.median(sizes) == pytest.approx(0.3, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "off"),
+    soaked(
+        [("1/Ja", 1.25, 0.08), ("1/Ja", 0.8, 0.08), ("kT", 1.2, 0.25), ("fm", 1.5, 0.25)],
+        ("1/Ja", 1.25, 0.08),
+    ),
+)
+def test_the_corrected_size_is_that_of_the_change(
+    name: str, factor: float, off: float, bank: HypothesisBank, seed: int
+) -> None:
+    """The mean of ten, off by more in 1 of 10 000; by a parabola over wide steps 1/Ja +25 % would be 14 % too large."""
+    sizes = list[float]()
+    for _, events in events_of(bank, range(seed, seed + 10), {name: factor}, FAULT_AT + 3000):
+        corrected = [event.share for event in events if isinstance(event, SizeCorrected)]
+        sizes += [math.expm1(share.size) for share in corrected[-1:] if share.cause == name]
+    print(f"{name} {factor - 1:+.0%}: {np.round(sizes, 3).tolist()}, mean {np.mean(sizes):+.1%}")
+    assert len(sizes) >= 9
+    assert np.mean(sizes) == pytest.approx(factor - 1, rel=off)
+
+
+@pytest.mark.parametrize(("then", "ended"), [({}, True), ({"kT": 1.3, "1/Ja": 1.5}, False)])
+def test_what_changes_while_a_size_is_corrected_is_not_taken_for_its_error(
+    then: Mapping[str, float], ended: bool, bank: HypothesisBank, seed: int
+) -> None:
+    """kT +30 % is over again, or 1/Ja changes, too."""
+    bank.reset()
+    healthy, fault = experiment(seed, samples=6000, fault_at=5999), {"kT": 1.3}
+    drive, rng = three_mass("speed"), np.random.default_rng(seed)
+    values, x, events = faulty(REFERENCE_VALUES, {}), None, list[Event]()
+    for k in range(0, 6000, 20):
+        if k == FAULT_AT:
+            values = faulty(REFERENCE_VALUES, fault)
+        if bank.memory.integers[kernel.PHASE, 0] == kernel.CORRECTING:
+            values = faulty(REFERENCE_VALUES, then)
+        u = healthy.u[k : k + 20]
+        y, x = simulate_linear(drive, values, u[:, np.newaxis], INTERVAL_S, x)
+        events += bank.run(SampleBlock(healthy.t_us[k : k + 20], u, y[:, 0] + rng.standard_normal(20)))
+    print([(type(e).__name__, e.time_us * 1e-6) for e in events])
+    corrected = [event.share for event in events if isinstance(event, SizeCorrected)]
+    over = [event.cause for event in events if isinstance(event, CauseEnded)]
+    second = [e.shares[0].cause for e in events if isinstance(e, CauseIdentified)][-1]
+    assert ("kT" in over) == ended
+    assert ended or second == "1/Ja"
+    assert all(abs(math.expm1(share.size) - 0.3) < 0.1 for share in corrected if share.cause == "kT")
 
 
 def test_the_onset_and_its_latest_time_are_read_off_the_evidence(bank: HypothesisBank, seed: int) -> None:
