@@ -43,7 +43,10 @@ from monitor_core.settings import Settings
 SURE_ENOUGH = 0.999
 """Probability from which the likeliest cause is named."""
 MEMORIES = 3
-"""If no cause reaches that probability, the likeliest is named after this number of memory lengths."""
+"""If no cause reaches that probability, the likeliest is named after this number of memory lengths; as many later the
+size is refined."""
+CORRECTED_AFTER = 6
+"""Memory lengths after that until the size is corrected."""
 LOOKS = 20
 """Number of checks of the probabilities per memory length."""
 PATIENCE = 2
@@ -293,7 +296,7 @@ class HypothesisBank:
         cause, probability = self._causes.likeliest(self._evidence)
         sure, resort = probability >= self.sure, cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            self._wait(kernel.REFINING)
+            self._wait(kernel.REFINING, MEMORIES)
             shares = self.active_faults.with_total_sizes(self._shares())
             yield CauseIdentified(now_us, since, self.onset(), shares, sure)
 
@@ -328,7 +331,7 @@ class HypothesisBank:
             yield CauseEnded(now_us, since, cause)
         self._start(lane if self._lasts() else 0)
         if joined and self.active_faults.latest.has_steps:
-            self._wait(kernel.CORRECTING)
+            self._wait(kernel.CORRECTING, CORRECTED_AFTER)
 
     def _more_of_latest(self) -> Share | None:
         """The error of the size of the latest fault; None: it has ended, or something else has changed."""
@@ -346,15 +349,15 @@ class HypothesisBank:
             self.active_faults.join(error, self._hypotheses[self._lane_of(error)])
         self._start(0)
         if crossed:
-            self._wait(kernel.CORRECTING)
+            self._wait(kernel.CORRECTING, CORRECTED_AFTER)
 
     def _crossed(self) -> bool:
         many = len(self._hypotheses)
         return bool((self._memory.sums[G, :many] > self._predictors.own[LIMIT, :many]).any())
 
-    def _wait(self, phase: int) -> None:
-        """Stop the run some memory lengths from now, for the decision that ends this phase."""
-        wait = round(MEMORIES * self.settings.memory)
+    def _wait(self, phase: int, memories: int) -> None:
+        """Stop the run this number of memory lengths from now, for the decision that ends the phase."""
+        wait = round(memories * self.settings.memory)
         self._memory.integers[[kernel.PHASE, kernel.WAIT], 0] = phase, wait
 
     def _shares(self) -> tuple[Share, ...]:

@@ -116,7 +116,7 @@ def test_the_corrected_size_is_that_of_the_change(
 ) -> None:
     """The mean of ten, off by more in 1 of 10 000; by a parabola over wide steps 1/Ja +25 % would be 14 % too large."""
     sizes = list[float]()
-    for _, events in events_of(bank, range(seed, seed + 10), {name: factor}, FAULT_AT + 3000):
+    for _, events in events_of(bank, range(seed, seed + 10), {name: factor}, FAULT_AT + 3600):
         corrected = [event.share for event in events if isinstance(event, SizeCorrected)]
         sizes += [math.expm1(share.size) for share in corrected[-1:] if share.cause == name]
     print(f"{name} {factor - 1:+.0%}: {np.round(sizes, 3).tolist()}, mean {np.mean(sizes):+.1%}")
