@@ -49,7 +49,7 @@ from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
 from monitor_core.settings import Settings
 
-SCHEMA = 3
+SCHEMA = 4
 """Version of the saved state; states of other versions are not read."""
 
 
