@@ -15,7 +15,7 @@ from service.pipeline import publishing
 from service.pipeline import worker as worker_module
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import states_of
-from service.pipeline.publishing import READ_S, UNREAD_S
+from service.pipeline.publishing import BOUNDS_S, READ_S, UNREAD_S, ProcessingTime
 from service.pipeline.snapshot import Snapshot
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL
 from service.simulation.robot import Fault
@@ -396,3 +396,12 @@ def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: Stand
     assert worker.error is None
     assert worker.snapshot.checkpoint_us is None
     assert "the state of the monitors cannot be saved" in worker.snapshot.messages[0]
+
+
+def test_processing_times_are_counted_by_their_upper_bounds() -> None:
+    time = ProcessingTime()
+    for duration_s in (0.0, BOUNDS_S[0], BOUNDS_S[0] * 1.01, 1e9):
+        time.observe(duration_s)
+    found = time.histogram()
+    assert (found.counts[0], found.counts[1], found.counts[-1]) == (2, 1, 1)
+    assert len(found.counts) == len(found.bounds) + 1
