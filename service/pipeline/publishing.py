@@ -89,7 +89,8 @@ class Publisher:
         self._started_us = now_us()
         self._views = dict[str, AxisView]()
         self._was_read = False
-        self._published: Snapshot
+        self.newest: Snapshot
+        """The newest snapshot; who reads it here is no reader for whom newer ones are made more often"""
         self._published_s = self._making_s = 0.0
         self.processing = ProcessingTime()
         self.prepare: Callable[[Snapshot], object] = lambda _: None
@@ -99,7 +100,7 @@ class Publisher:
     def snapshot(self) -> Snapshot:
         """The newest snapshot, from any thread.  A reader that polls every second gets none that is older than that."""
         self._was_read = True
-        return self._published
+        return self.newest
 
     def show_axes(self, axes: Sequence[NamedAxis], new: Iterable[str]) -> None:
         """Include exactly these axes from now on; ``new``: ids of the axes whose monitor is new."""
@@ -125,7 +126,7 @@ class Publisher:
         news = self._news(buses, compiling)
         age_s = perf_counter() - self._published_s
         due_s = min(UNREAD_S, max(READ_S, PAUSE_FACTOR * self._making_s)) if self._was_read else UNREAD_S
-        if at_once or age_s >= due_s or news.is_urgent(self._published):
+        if at_once or age_s >= due_s or news.is_urgent(self.newest):
             self._was_read = False
             self._replace(news, prepare=age_s >= UNREAD_S / 2)
 
@@ -134,7 +135,7 @@ class Publisher:
         new = self._snapshot(news)
         if prepare:
             self.prepare(new)
-        self._published = new
+        self.newest = new
         self._published_s = perf_counter()
         self._making_s = self._published_s - start
 

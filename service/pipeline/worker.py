@@ -46,6 +46,11 @@ COMPILING_MULTIMODEL = sentence(
 log = structlog.get_logger(__name__)
 
 
+def next_block_s(block_s: float, took_s: float) -> float:
+    """Time in which the next block is collected [s]; ``took_s``: processor time of the last one [s]."""
+    return max(block_s, min(BLOCK_FACTOR * took_s, LONGEST_BLOCK_S))
+
+
 class Compiled(NamedTuple):
     """Futures that are done when a kernel is ready.  Estimates need not wait for the multi-model detectors."""
 
@@ -187,11 +192,10 @@ class Worker:
         try:
             while not self._stop.is_set():
                 start_s = perf_counter()
-                busy = self._tick()
+                busy = self.turn()
                 self.turns += 1
                 if not busy:
-                    longer_s = min(BLOCK_FACTOR * self._last_block_s, LONGEST_BLOCK_S)
-                    self._await_frames(start_s + max(self._block_s, longer_s))
+                    self._await_frames(start_s + next_block_s(self._block_s, self._last_block_s))
             self._finish()
         except BaseException as error:
             self.error = error
@@ -206,8 +210,8 @@ class Worker:
         if self._arrived_s < early_s and not self._stop.is_set():
             self._arrived.wait(2 * BLOCK_S)
 
-    def _tick(self) -> bool:
-        """Process one block; returns whether frames may still wait."""
+    def turn(self) -> bool:
+        """Process one block, in the thread of the worker; returns whether frames may still wait."""
         acted = bool(self._actions)
         while self._actions:
             self._actions.popleft().run()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from service.commands.exit_codes import MISTAKE
 from tests.end_to_end.processes import PATIENCE_S, PROGRAM, ROOT, alarms_shown, demo, demo_config, wait_for
-from tests.service.commands.commissioning.test_commission import AXIS, H, configured, table
+from tests.service.commands.commissioning.two_mass_tables import AXIS, H, configured, table
 
 
 def test_demo_shows_a_page_and_its_report_and_names_its_fault(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from service.ingest.bus_samples import Ingest
 from tests.conftest import ROOT
 from tests.end_to_end.test_readme import TOML, shown
 from tests.service.command_line import axiswatch, refused
-from tests.service.commands.commissioning.test_commission import table
+from tests.service.commands.commissioning.two_mass_tables import table
 from tests.service.commands.live_robots import moving
 from tests.service.ingest.plant import fed
 

@@ -24,7 +24,7 @@ from tests.conftest import no_pictures
 from tests.end_to_end.processes import PATIENCE_S, ROOT, demo_config, edit
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
-from tests.service.commands.commissioning.test_commission import FEW, table
+from tests.service.commands.commissioning.two_mass_tables import FEW, table
 from tests.service.commands.live_robots import configured, moving
 from tests.service.commands.test_demo import as_shipped
 from tests.service.identification.conftest import write_record, write_robot

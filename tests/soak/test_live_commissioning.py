@@ -17,7 +17,7 @@ from service.commands import commission
 from service.config import load
 from tests.end_to_end.processes import daemon, edit, wait_for
 from tests.service.command_line import axiswatch
-from tests.service.commands.commissioning.test_commission import FEW
+from tests.service.commands.commissioning.two_mass_tables import FEW
 from tests.service.commands.live_robots import configured, moving
 from tests.service.commands.moving_axes import VALUES, moves
 

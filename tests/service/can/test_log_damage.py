@@ -18,13 +18,21 @@ from tests.service.can.log_damage import damaged, log_bytes, read_all
 KINDS = [*(suffix for suffix in LOG_SUFFIXES if suffix != ".mf4"), ".log.gz", ".blf.gz"]
 
 
+SOAKED = pytest.param([(1, 600), (20, 600), (200, 400), (2000, 70)], marks=pytest.mark.soak, id="many")
+
+
+@pytest.mark.parametrize("sizes", [pytest.param([(120, 100)], id="some"), SOAKED])
 @pytest.mark.parametrize("kind", KINDS)
-def test_any_damage_gives_frames_and_counters_or_an_error(tmp_path: Path, kind: str, seed: int) -> None:
+def test_any_damage_gives_frames_and_counters_or_an_error(
+    tmp_path: Path, kind: str, sizes: list[tuple[int, int]], seed: int
+) -> None:
+    """``sizes``: frames in a log, and how often it is damaged."""
     rng, path = random.Random(seed), tmp_path / f"a{kind}"
-    content = log_bytes(path, rng, 120)
-    for _ in range(100):
-        path.write_bytes(damaged(content, rng))
-        read_all(path)
+    for frames, logs in sizes:
+        content = log_bytes(path, rng, frames)
+        for _ in range(logs):
+            path.write_bytes(damaged(content, rng))
+            read_all(path)
 
 
 @pytest.mark.parametrize("kind", [".log", ".asc", ".trc", ".log.gz"])

@@ -23,7 +23,7 @@ from service.reports.commissioning_report import Outcome
 from service.simulation.robot import Fault, columns_of, table_lines
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch
-from tests.service.commands.commissioning.test_commission import FEW
+from tests.service.commands.commissioning.two_mass_tables import FEW
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 
 pytestmark = pytest.mark.usefixtures("without_pictures")

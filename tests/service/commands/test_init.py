@@ -11,7 +11,7 @@ from service.config import load
 from service.ingest.roles_by_name import role_of
 from tests import golden
 from tests.service.command_line import session, shown
-from tests.service.commands.commissioning.test_commission import read_rows, table, write_rows
+from tests.service.commands.commissioning.two_mass_tables import read_rows, table, write_rows
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from service.config import load
 from service.ingest.axis_records import silent_in
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.commands import can_logs
-from tests.service.commands.commissioning.test_commission import table
+from tests.service.commands.commissioning.two_mass_tables import table
 from tests.service.commands.live_robots import configured, moving
 
 MORE = """

@@ -2,14 +2,14 @@
 
 import shutil
 import socket
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from service.store.journal import Journal
+from tests import golden
 from tests.end_to_end.processes import edit
-from tests.service.command_line import axiswatch
+from tests.service.command_line import refused, session
 from tests.service.robot_tables import HEAD, configured
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -28,87 +28,53 @@ def record(tmp_path: Path) -> Path:
     return file
 
 
-def refused(code: int, words: Sequence[str], *command: object) -> None:
-    result = axiswatch(*command)
-    assert result.exit_code == code, result.output
-    lines = " ".join(result.stderr.replace("│", " ").split())  # the box around a message breaks it anywhere
-    for word in words:
-        assert word in lines
-
-
 @pytest.mark.parametrize("command", ["run", "listen", "simulate", "play"])
 def test_a_bus_that_cannot_be_opened(command: str, config: Path, record: Path) -> None:
     bus = ('interface = "virtual"\nchannel = "mistakes"', 'interface = "socketcan"\nchannel = "can9"')
     given: list[Path | str] = [record] if command == "play" else []
     given += ["--yes"] if command in ("play", "simulate") else []
-    refused(3, ["bus can0:", "no network interface can9"], command, "--config", edit(config, bus), *given)
+    message = refused(command, "--config", edit(config, bus), *given, code=3)
+    assert "bus can0: there is no network interface can9" in message
 
 
 def test_what_a_daemon_needs_is_taken(config: Path, tmp_path: Path) -> None:
     """Its port; its state directory by another daemon, or by a file."""
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
-        refused(4, [f"port {port}", "taken"], "run", "--config", config, "--port", port)
+        message = refused("run", "--config", config, "--port", port, code=4)
+        assert f"port {port}" in message
+        assert "taken" in message
     state = tmp_path / "state"
     journal = Journal(state / "alarms.sqlite")
-    refused(4, ["is in use by process"], "run", "--config", config, "--port", "0")
+    assert "is in use by process" in refused("run", "--config", config, "--port", "0", code=4)
     journal.close()
     shutil.rmtree(state)
     state.write_text("", encoding="utf-8")
-    refused(4, [str(state)], "run", "--config", config, "--port", "0")
+    assert str(state) in refused("run", "--config", config, "--port", "0", code=4)
 
 
 @pytest.mark.parametrize(("name", "word"), [("there.log", "exists already"), ("new.csv", ".log")])
 def test_a_recording_that_cannot_be(name: str, word: str, config: Path, tmp_path: Path) -> None:
     (tmp_path / "there.log").write_text("kept", encoding="utf-8")
-    refused(2, [name, word], "run", "--config", config, "--port", "0", "--record", tmp_path / name)
+    message = refused("run", "--config", config, "--port", "0", "--record", tmp_path / name)
+    assert name in message
+    assert word in message
     assert (tmp_path / "there.log").read_text(encoding="utf-8") == "kept"
 
 
-RECORDS = [
-    ("none.csv", None, ("none.csv", "No such file")),
-    ("table.xlsx", b"x", ("table.xlsx", ".csv .parquet .mat .log .asc .blf .trc .mf4")),
-    ("a.csv", b"t,u\n0,1\n", ("a.csv", "phi", "the angle of axis demo.axis1")),
-    ("a.log", b"(0.0) can0 181#00\nthis is no frame at all ###\n", ("a.log", "line 2")),
-]
-
-
-@pytest.mark.parametrize(("name", "content", "words"), RECORDS, ids=[name for name, _, _ in RECORDS])
-def test_a_record_that_cannot_be_replayed(
-    name: str, content: bytes | None, words: tuple[str, ...], config: Path, tmp_path: Path
-) -> None:
-    if content is not None:
-        (tmp_path / name).write_bytes(content)
-    refused(2, words, "replay", "--config", config, tmp_path / name)
-
-
-def test_a_record_that_cannot_be_played(config: Path, record: Path, tmp_path: Path) -> None:
-    refused(2, ["none.log", "No such file"], "play", "--config", config, tmp_path / "none.log")
-    record.write_text(HEAD + "0.0,0.1,0.2\n0.005,99.0,0.2\n", encoding="utf-8")
-    words = [record.name, "does not fit into signal"]
-    refused(2, words, "play", "--config", config, "--speed", "0", record)
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("simulate --fault fm", ["--fault", "PARAMETER=FACTOR"]),
-        ("simulate --fault fn=1.3", ["no parameter 'fn' in axis demo.axis1; there is Jm, Jg"]),
-        ("simulate --fault fm=1.3 --fault-axis axis9", ["axis9", "demo.axis1"]),
-        ("run --port 99999", ["--port"]),
-        ("demo --axes 7", ["--axes"]),
-        ("play --speed -1 a.log", ["--speed"]),
-        ("ruin", ["ruin", "run"]),
-    ],
-)
-def test_options_that_make_no_sense(arguments: str, words: list[str], config: Path) -> None:
-    command, *rest = arguments.split()
-    refused(
-        2, words, command, *(["--config", config] if command in ("simulate", "run", "play") else []), *rest
+def test_records_and_options_that_make_no_sense(folder: Path, config: Path, record: Path) -> None:
+    """A file that cannot be written is found before the record is run."""
+    (folder / "table.xlsx").write_bytes(b"x")
+    (folder / "b.csv").write_text("t,u\n0,1\n", encoding="utf-8")
+    (folder / "a.log").write_text("(0.0) can0 181#00\nthis is no frame at all ###\n", encoding="utf-8")
+    (folder / "large.csv").write_text(HEAD + "0.0,0.1,0.2\n0.005,99.0,0.2\n", encoding="utf-8")
+    own = f"--config {config.name}"
+    records = ("none.csv", "table.xlsx", "b.csv", "a.log", f"{record.name} --json no/a.json")
+    text = session("replay", *(f"{own} {words}" for words in records))
+    text += session(
+        "play", *(f"{own} {words}" for words in ("none.log", "--speed 0 large.csv", "--speed -1 a.log"))
     )
-
-
-def test_json_that_cannot_be_written(config: Path, record: Path) -> None:
-    """Found before the record is run."""
-    words = ["a.json cannot be written", "is no folder"]
-    refused(2, words, "replay", "--config", config, record, "--json", record.parent / "no" / "a.json")
+    faults = ("fm", "fn=1.3", "fm=1.3 --fault-axis axis9")
+    text += session("simulate", *(f"{own} --fault {words}" for words in faults))
+    text += session("run", f"{own} --port 99999") + session("demo", "--axes 7") + session("ruin", "")
+    golden.check(text, Path(__file__).parent / "golden" / "mistakes.txt")

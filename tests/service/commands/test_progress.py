@@ -1,13 +1,15 @@
-"""Progress of several axes: bars on a terminal, else a line where one enters a phase."""
+"""Progress of several axes: bars on a terminal, else a line where one enters a phase; work beside the caller's."""
 
 import sys
+from collections.abc import Callable
 from io import StringIO
 from threading import Event
 
 import pytest
 
 from service.commands import progress
-from service.commands.progress import announced, axes_bars
+from service.commands.progress import Background, announced, axes_bars
+from tests.end_to_end.processes import PATIENCE_S
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -65,3 +67,53 @@ def test_what_takes_a_while_is_announced(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(progress, "_SOON_S", 0.0)
     assert announced("compiling", lambda: stream.event.wait(30)) is True  # it ends when the line is there
     assert stream.getvalue() == "compiling ...\n"
+
+
+# --- work beside the caller's -------------------------------------------------------------------------------
+
+
+def test_what_came_of_it_and_how_far_it_was() -> None:
+    seen, reported = Event(), list[float]()
+
+    def work(tell: Callable[[float], None]) -> int:
+        tell(0.5)
+        assert seen.wait(PATIENCE_S)
+        return 7
+
+    def progress(part: float) -> None:
+        reported.append(part)
+        if part == 0.5:
+            seen.set()
+
+    with Background(work) as beside:
+        assert beside(progress) == 7
+    assert reported[-1] == 0.5
+
+
+def test_what_it_raises_is_raised() -> None:
+    def work(_: object) -> None:
+        raise ValueError("nothing was tested")
+
+    with Background(work) as beside, pytest.raises(ValueError, match="nothing was tested"):
+        beside(lambda _: None)
+
+
+def test_it_ends_when_the_caller_fails() -> None:
+    begun, ended = Event(), Event()
+
+    def work(tell: Callable[[float], None]) -> None:
+        try:
+            while True:
+                tell(0.1)
+                begun.set()
+        finally:
+            ended.set()
+
+    def call() -> None:
+        with Background(work):
+            assert begun.wait(PATIENCE_S)
+            raise KeyError("the caller's")
+
+    with pytest.raises(KeyError, match="the caller's"):
+        call()
+    assert ended.is_set()

@@ -4,6 +4,7 @@ Scales are powers of two, so that decoded values are exact.
 """
 
 import itertools
+import struct
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,6 +21,8 @@ from service.config.base_table import Reading
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 
+START_US = 1_760_000_000_000_000
+ANGLE_ID = 0x18FF0100
 DBC = """VERSION ""
 
 NS_ :
@@ -77,6 +80,19 @@ class Sample(NamedTuple):
     signals: tuple[float, ...] = ()
 
 
+def torque1(t_us: int, torque: float, count: int = 0) -> Frame:
+    return Frame(t_us, 0x100, False, struct.pack("<hBx", round(torque * 1024), count % 256))
+
+
+def angle1(t_us: int, angle: float, count: int = 0) -> Frame:
+    return Frame(t_us, ANGLE_ID, True, struct.pack("<iB3x", round(angle * 65536), count % 256))
+
+
+def both2(t_us: int, torque: float, speed: float, count: int = 0) -> Frame:
+    data = struct.pack("<hiH", round(torque * 1024), round(speed * 65536), count % 65536)
+    return Frame(t_us, 0x110, False, data)
+
+
 def rows_of(block: SampleBlock) -> list[Sample]:
     """The samples of a block."""
     signals = block.signals.tolist() if block.signals is not None else [()] * block.size
@@ -127,6 +143,14 @@ def axis3(**other: Any) -> Axis:
 def axis4(**other: Any) -> Axis:
     """Torque and speed in one CAN FD message."""
     return axis("four", ("Wide4", "Torque"), ("Wide4", "Speed"), "speed", **other)
+
+
+def counted(message: str) -> dict[str, str]:
+    return {"counter_message": message, "counter_signal": "Count"}
+
+
+def axis_drops(ingest: Ingest, axis_id: str) -> dict[str, int]:
+    return {reason: n for reason, n in ingest.axes[axis_id].dropped.items() if n}
 
 
 def write_table(path: Path, columns: Mapping[str, Any]) -> Path:

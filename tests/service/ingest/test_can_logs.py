@@ -18,8 +18,7 @@ from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import load
 from service.ingest.records import read_record
-from tests.service.ingest.plant import axis1, axis2, fed, make_config
-from tests.service.ingest.test_pipeline import angle1, both2, torque1
+from tests.service.ingest.plant import angle1, axis1, axis2, both2, fed, make_config, torque1
 from tests.shares import soaked
 
 SUFFIXES = [suffix for suffix in LOG_SUFFIXES if suffix != ".mf4"]  # that has a test of its own

@@ -16,8 +16,20 @@ from hypothesis import strategies as st
 from service.can.frames import Frame, FrameBlock
 from service.config import Config
 from service.ingest.bus_samples import Ingest
-from tests.service.ingest.plant import axis1, axis2, axis3, axis4, fed, flushed, make_config
-from tests.service.ingest.test_pipeline import START_US, angle1, both2, counted, torque1
+from tests.service.ingest.plant import (
+    START_US,
+    angle1,
+    axis1,
+    axis2,
+    axis3,
+    axis4,
+    both2,
+    counted,
+    fed,
+    flushed,
+    make_config,
+    torque1,
+)
 
 CYCLE_US = 5000
 HEAT = {"name": "heat", "message": "Other", "signal": "Something", "max_age_s": 0.1}

@@ -10,8 +10,20 @@ import pytest
 from monitor_core.sampling.controller_clocks import WINDOW
 from service.can.frames import Frame
 from service.ingest.bus_samples import Ingest
-from tests.service.ingest.plant import Sample, axis1, axis2, axis3, fed, flushed, make_config
-from tests.service.ingest.test_pipeline import START_US, angle1, axis_drops, both2, torque1
+from tests.service.ingest.plant import (
+    START_US,
+    Sample,
+    angle1,
+    axis1,
+    axis2,
+    axis3,
+    axis_drops,
+    both2,
+    fed,
+    flushed,
+    make_config,
+    torque1,
+)
 
 CYCLE_US = 5000
 LATEST_US = 1500

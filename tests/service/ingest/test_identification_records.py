@@ -18,8 +18,16 @@ from service.config.schema import Config
 from service.ingest.axis_records import Wanted, wanted
 from service.ingest.loaded_records import Loaded, load, load_samples
 from service.ingest.records import read_record, samples_of
-from tests.service.ingest.plant import axis1, axis2, make_config, write_table
-from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
+from tests.service.ingest.plant import (
+    START_US,
+    angle1,
+    axis1,
+    axis2,
+    both2,
+    make_config,
+    torque1,
+    write_table,
+)
 
 N = 20_000  # more than one block of rows
 SPEED = {"name": "speed", "message": "Both2", "signal": "Speed", "column": "w", "factor": 2.0, "offset": 1.0}

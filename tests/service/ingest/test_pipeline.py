@@ -9,31 +9,26 @@ import pytest
 from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import IngestError
 from service.ingest.bus_samples import Ingest
-from tests.service.ingest.plant import Sample, axis1, axis2, axis3, axis4, fed, make_config
-
-START_US = 1_760_000_000_000_000
-ANGLE_ID = 0x18FF0100
-
-
-def torque1(t_us: int, torque: float, count: int = 0) -> Frame:
-    return Frame(t_us, 0x100, False, struct.pack("<hBx", round(torque * 1024), count % 256))
-
-
-def angle1(t_us: int, angle: float, count: int = 0) -> Frame:
-    return Frame(t_us, ANGLE_ID, True, struct.pack("<iB3x", round(angle * 65536), count % 256))
-
-
-def both2(t_us: int, torque: float, speed: float, count: int = 0) -> Frame:
-    data = struct.pack("<hiH", round(torque * 1024), round(speed * 65536), count % 65536)
-    return Frame(t_us, 0x110, False, data)
+from tests.service.ingest.plant import (
+    ANGLE_ID,
+    START_US,
+    Sample,
+    angle1,
+    axis1,
+    axis2,
+    axis3,
+    axis4,
+    axis_drops,
+    both2,
+    counted,
+    fed,
+    make_config,
+    torque1,
+)
 
 
 def drops(ingest: Ingest) -> dict[str, int]:
     return {reason: n for reason, n in ingest.dropped.items() if n}
-
-
-def axis_drops(ingest: Ingest, axis_id: str) -> dict[str, int]:
-    return {reason: n for reason, n in ingest.axes[axis_id].dropped.items() if n}
 
 
 def test_two_axes_of_one_bus(tmp_path: Path) -> None:
@@ -111,10 +106,6 @@ def test_values_that_no_motor_ever_had(
         assert bool(fed(ingest, frames)) == (k == len(values))
     ingest.flush()
     assert axis_drops(ingest, "r.three") == {reason: len(values), "unpaired": len(values)}
-
-
-def counted(message: str) -> dict[str, str]:
-    return {"counter_message": message, "counter_signal": "Count"}
 
 
 @pytest.mark.parametrize("message", ["Torque1", "Angle1"])

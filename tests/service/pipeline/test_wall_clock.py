@@ -86,7 +86,7 @@ def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame]
     bench.compile()
     while reader.frames:
         reader.go_on()
-        bench.worker._tick()
+        bench.worker.turn()
     (alarm,) = bench.journal.query("demo.axis1")[0]
     assert alarm.ended_us is not None
     assert alarm.raised_us < alarm.updated_us <= alarm.ended_us

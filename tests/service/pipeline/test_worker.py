@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
 import pytest
 from structlog.testing import capture_logs
 
@@ -15,9 +16,9 @@ from service.pipeline import publishing
 from service.pipeline import worker as worker_module
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import states_of
-from service.pipeline.publishing import READ_S, UNREAD_S
-from service.pipeline.snapshot import Snapshot
-from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL
+from service.pipeline.publishing import BOUNDS_S, READ_S, UNREAD_S, ProcessingTime
+from service.pipeline.snapshot import Histogram, Snapshot
+from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, next_block_s
 from service.simulation.robot import Fault
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -61,25 +62,8 @@ def test_a_block_has_some_samples_of_the_fastest_axis(
     assert demo(tmp_path, 2, block_s=0.5).block_s == 0.5
 
 
-def test_a_block_that_takes_long_is_followed_by_a_longer_one(
-    bench: StandingCore, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    worker, took_s, dues_s = bench.worker, iter((0.001, 0.06, 3.0)), list[float]()
-
-    def tick() -> bool:
-        worker._last_block_s = next(took_s)
-        return False
-
-    def wait(due_s: float) -> None:
-        dues_s.append(due_s)
-        if len(dues_s) == 3:
-            worker._stop.set()
-
-    monkeypatch.setattr(worker, "_tick", tick)
-    monkeypatch.setattr(worker, "_await_frames", wait)
-    monkeypatch.setattr(worker_module, "perf_counter", lambda: 100.0)
-    worker._run()
-    assert dues_s == pytest.approx([100.1, 100.24, 100.5])
+def test_a_block_that_takes_long_is_followed_by_a_longer_one() -> None:
+    assert [next_block_s(0.1, took_s) for took_s in (0.001, 0.06, 3.0)] == pytest.approx([0.1, 0.24, 0.5])
 
 
 def test_answers_are_prepared_before_their_snapshot_is_shown(
@@ -162,21 +146,21 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
         nonlocal clock
         while clock < end_s:
             clock += 0.125
-            shown = worker.publisher._published
-            worker._tick()
-            if worker.publisher._published is not shown:
+            shown = worker.publisher.newest
+            worker.turn()
+            if worker.publisher.newest is not shown:
                 new.append(clock)
             if look:
-                assert worker.snapshot is worker.publisher._published
+                assert worker.snapshot is worker.publisher.newest
 
-    worker._tick()  # the kernel is ready, which is news
-    worker.publisher._published_s = 0.0
+    worker.turn()  # the kernel is ready, which is news
     turn_until(2.0, look=False)
     turn_until(3.0, look=True)
-    assert new == [1.0, 2.0, 2.25, 2.5, 2.75, 3.0]
+    turn_until(5.0, look=False)  # nobody looks any more
+    assert new == [1.0, 2.0, 2.25, 2.5, 2.75, 3.0, 3.25, 4.25]
     while bench.core.monitors.by_id["demo.axis1"].open_alarms == ():
-        worker._tick()
-    shown = worker.publisher._published
+        worker.turn()
+    shown = worker.publisher.newest
     assert (
         [a.parameter for a in shown.alarms.standing]
         == [e.parameter for e in shown.axes[0].open_alarms]
@@ -189,24 +173,28 @@ def test_a_pause_between_snapshots_is_ten_times_as_long_as_one_takes_but_at_most
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, making_s: float, pause_s: float
 ) -> None:
     bench = StandingCore(tmp_path, demo(tmp_path, 2), Waiting())
-    clock, step_s, pauses = 0.0, 0.01, list[float]()
+    clock, step_s, made_s = 0.0, 0.01, list[float]()
     monkeypatch.setattr(publishing, "perf_counter", lambda: clock)
-    worker, make = bench.worker, bench.worker.publisher._snapshot
+    worker, histogram = bench.worker, bench.worker.publisher.processing.histogram
 
-    def make_slowly(*news: Any) -> Snapshot:
+    def slowly() -> Histogram:
+        """A part of each snapshot, and so of the time that it takes."""
         nonlocal clock
-        pauses.append(clock - worker.publisher._published_s)
         clock += making_s
-        return make(*news)
+        return histogram()
 
-    monkeypatch.setattr(worker.publisher, "_snapshot", make_slowly)
+    monkeypatch.setattr(worker.publisher.processing, "histogram", slowly)
     bench.compile()
-    while len(pauses) < 5:
+    while len(made_s) < 5:
         clock += step_s
-        worker._tick()
-        assert worker.snapshot is worker.publisher._published
+        shown = worker.publisher.newest
+        worker.turn()
+        if worker.publisher.newest is not shown:
+            made_s.append(clock)
+        assert worker.snapshot is worker.publisher.newest
     # The first one is of what is news: the kernel is ready.
-    assert pauses[-3:] == pytest.approx([pause_s] * 3, abs=1.01 * step_s)
+    pauses_s = np.diff(made_s)[1:] - making_s
+    assert pauses_s == pytest.approx([pause_s] * 3, abs=1.01 * step_s)
     bench.close()
 
 
@@ -396,3 +384,12 @@ def test_a_state_that_cannot_be_saved_is_said_and_the_old_one_stays(bench: Stand
     assert worker.error is None
     assert worker.snapshot.checkpoint_us is None
     assert "the state of the monitors cannot be saved" in worker.snapshot.messages[0]
+
+
+def test_processing_times_are_counted_by_their_upper_bounds() -> None:
+    time = ProcessingTime()
+    for duration_s in (0.0, BOUNDS_S[0], BOUNDS_S[0] * 1.01, 1e9):
+        time.observe(duration_s)
+    found = time.histogram()
+    assert (found.counts[0], found.counts[1], found.counts[-1]) == (2, 1, 1)
+    assert len(found.counts) == len(found.bounds) + 1

@@ -20,6 +20,7 @@ interface Props {
   /** Fields before the comment, and a confirmation after the work order. */
   children?: ComponentChildren;
   confirm?: string | undefined;
+  /** Called a moment after the dialog has closed: by then another form may be open, which must stay. */
   close: () => void;
   done: () => Promise<unknown>;
 }

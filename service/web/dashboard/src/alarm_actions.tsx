@@ -33,7 +33,8 @@ export function AlarmButtons({ alarm, done }: { alarm: Alarm; done: () => Promis
         </button>
       ))}
       {opened && (
-        <ActionForm label={t.actions[opened]} title={title} either={opened === "comment"} path={`/api/v1/alarms/${id}/${opened}`} close={() => open(null)}
+        <ActionForm key={opened} label={t.actions[opened]} title={title} either={opened === "comment"} path={`/api/v1/alarms/${id}/${opened}`}
+          close={() => open((now) => (now === opened ? null : now))}
           body={(given) => (opened === "shelve" ? { duration_s: Number(given.get("duration")) } : {})}
           done={() => Promise.all([done(), refresh()])}>
           <p class="quiet"><AlarmWords alarm={alarm} /></p>

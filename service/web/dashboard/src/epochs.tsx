@@ -69,7 +69,9 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
       </p>
       <Table label={t.epochs.title} columns={[number, state, source, since, who, values, t.columns.action]} rows={epochs.map(cellsOf)}
         keys={epochs.map((epoch) => epoch.number)} />
-      {wanted && <EpochForm {...{ axis, wanted, refresh }} close={() => want(null)} />}
+      {wanted && (
+        <EpochForm key={JSON.stringify(wanted)} {...{ axis, wanted, refresh }} close={() => want((now) => (now === wanted ? null : now))} />
+      )}
     </section>
   );
 }

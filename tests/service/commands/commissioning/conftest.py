@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from service.commands import commission
-from tests.service.commands.commissioning.test_commission import FEW
+from tests.service.commands.commissioning.two_mass_tables import FEW
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ from service.config import load
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands import can_logs
-from tests.service.commands.commissioning.test_commission import table
+from tests.service.commands.commissioning.two_mass_tables import table
 from tests.service.commands.live_robots import configured, moving
 
 LOOK_S = 1.0

@@ -14,7 +14,7 @@ from service.commands.commissioning.axis_commissioning import Order, commission_
 from service.commands.commissioning.signal_proposals import exchanged, review
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
-from tests.service.commands.commissioning.test_commission import (
+from tests.service.commands.commissioning.two_mass_tables import (
     AXIS,
     FEW,
     VALUES,

@@ -1,9 +1,7 @@
-"""Commands that say or prepare something, and work beside the caller's."""
+"""The program: its version, its help, its end, and what warm compiles."""
 
 import subprocess
 import sys
-import threading
-from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 
@@ -12,7 +10,6 @@ from typer.testing import CliRunner
 
 from service.commands.exit_codes import EXIT_CODES, MISTAKE
 from service.commands.main import COMMANDS, app
-from service.commands.progress import Background
 from service.config import load
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.identification.conftest import write_record, write_robot
@@ -102,53 +99,3 @@ def test_nothing_is_left_to_compile(tmp_path: Path, seed: int) -> None:
     lines = [line.split(" ", 1) for line in done.stdout.splitlines() if line.startswith(("BEFORE", "NEW"))]
     assert [name for what, name in lines if what == "NEW"] == []
     assert int(lines[0][1]) >= 4
-
-
-# --- work beside the caller's -------------------------------------------------------------------------------
-
-
-def test_what_came_of_it_and_how_far_it_was() -> None:
-    seen, reported = threading.Event(), list[float]()
-
-    def work(tell: Callable[[float], None]) -> int:
-        tell(0.5)
-        assert seen.wait(PATIENCE_S)
-        return 7
-
-    def progress(part: float) -> None:
-        reported.append(part)
-        if part == 0.5:
-            seen.set()
-
-    with Background(work) as beside:
-        assert beside(progress) == 7
-    assert reported[-1] == 0.5
-
-
-def test_what_it_raises_is_raised() -> None:
-    def work(_: object) -> None:
-        raise ValueError("nothing was tested")
-
-    with Background(work) as beside, pytest.raises(ValueError, match="nothing was tested"):
-        beside(lambda _: None)
-
-
-def test_it_ends_when_the_caller_fails() -> None:
-    begun, ended = threading.Event(), threading.Event()
-
-    def work(tell: Callable[[float], None]) -> None:
-        try:
-            while True:
-                tell(0.1)
-                begun.set()
-        finally:
-            ended.set()
-
-    def call() -> None:
-        with Background(work):
-            assert begun.wait(PATIENCE_S)
-            raise KeyError("the caller's")
-
-    with pytest.raises(KeyError, match="the caller's"):
-        call()
-    assert ended.is_set()

@@ -24,8 +24,7 @@ from service.ingest.encode import FrameEncoder, Values
 from service.ingest.quantities import HeldColumns
 from service.ingest.records import read_record
 from tests.service.ingest import plant
-from tests.service.ingest.plant import axis1, axis2, axis4, make_config
-from tests.service.ingest.test_pipeline import START_US, angle1, both2, torque1
+from tests.service.ingest.plant import START_US, angle1, axis1, axis2, axis4, both2, make_config, torque1
 
 HEAT = {"name": "heat", "message": "Other", "signal": "Something", "factor": 0.5, "offset": -10.0}
 ACCELERATION = {"name": "one-acceleration", "axis": "one", "acceleration": True, "factor": 3.0}

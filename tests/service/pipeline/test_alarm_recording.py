@@ -1,4 +1,4 @@
-"""Times of processing; alarms are shown though the disk is full, and are recorded later."""
+"""Alarms are shown though the disk is full, and are recorded later."""
 
 import sqlite3
 from collections.abc import Iterator
@@ -13,7 +13,6 @@ from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
 from service.config import load
 from service.config.schema_model import AlarmsConfig
 from service.pipeline.alarm_recording import RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
-from service.pipeline.publishing import BOUNDS_S, ProcessingTime
 from service.store import database
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
@@ -197,12 +196,3 @@ def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journ
     with locked(path):
         alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
     assert alarms.open(AXIS) == (episode(),)
-
-
-def test_processing_times_are_counted_by_their_upper_bounds() -> None:
-    time = ProcessingTime()
-    for duration_s in (0.0, BOUNDS_S[0], BOUNDS_S[0] * 1.01, 1e9):
-        time.observe(duration_s)
-    found = time.histogram()
-    assert (found.counts[0], found.counts[1], found.counts[-1]) == (2, 1, 1)
-    assert len(found.counts) == len(found.bounds) + 1

@@ -1,4 +1,7 @@
-"""Random buses: a DBC of random messages, axes that use any of their signals, and random frames."""
+"""Random frames on random buses: nothing but samples comes out, and every frame is accounted for.
+
+A bus has a DBC of random messages, and axes that use any of their signals.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from cantools.database.can import Database, Message, Signal
 from cantools.database.conversion import BaseConversion
 from cantools.database.errors import Error
@@ -146,3 +150,15 @@ def feed_random_frames(bus: RandomBus, rng: random.Random, count: int, most: int
     look(ingest.flush())
     assert (ingest.dropped["unwanted"], ingest.dropped["too_short"]) == (unwanted, too_short)
     return found + Counter(ingest.dropped)
+
+
+@pytest.mark.parametrize(
+    ("buses", "frames", "most"), [(10, 1000, 200), pytest.param(200, 5000, 500, marks=pytest.mark.soak)]
+)
+def test_random_frames_on_random_buses(tmp_path: Path, seed: int, buses: int, frames: int, most: int) -> None:
+    rng, found = random.Random(seed), Counter[str]()
+    for _ in range(buses):
+        found += feed_random_frames(random_bus(tmp_path, rng), rng, frames, most)
+    assert found["frames"] == buses * frames
+    for what in ("samples", "unwanted", "too_short", "signal_absent"):
+        assert found[what] > found["frames"] / 100
