@@ -82,8 +82,13 @@ def link_weights(
     balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
     before = balance.explained(())
     balance.couple(map(_plain, accelerations))
-    chosen = _waves(*(balance.sums() if angles else ()))
-    chosen = _with_loads(balance, chosen, _waves(((1, own),)) if angles else [], loads)
+    alone = _waves(((1, own),)) if angles else []
+    chosen = _with_loads(balance, _waves(*(balance.sums() if angles else ())), alone, loads)
+    for load in loads if angles else ():
+        balance.carried = _plain(load)
+        carrying = _with_loads(balance, balance.waves(*balance.sums()), alone, loads)
+        if balance.left(carrying) < _SIMPLER * balance.left(chosen):
+            chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
         return None
@@ -159,6 +164,14 @@ class _Balance(WeightBalance):
         self._columns: dict[Term, Floats] = {}
         self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
         self.coupled: tuple[Term, ...] = ()
+        self.carried: Term | None = None
+        """A load that is tried with each weight: as it comes and goes, it hides the weights that it hangs on"""
+
+    def waves(self, *sums: Sum) -> list[Term]:
+        """The weights that turn with these sums of angles, each also times the load that is carried, if any."""
+        own = _waves(*sums)
+        load = () if self.carried is None else self.carried.factors
+        return [*own, *(Term((*load, *wave.factors)) for wave in own if load)]
 
     def couple(self, accelerations: Iterable[Term]) -> None:
         """Put the accelerations of other axes beside all terms that explain what was not fitted.
@@ -213,7 +226,7 @@ class _Balance(WeightBalance):
         least = np.inf
         for count in range(_MOST_OTHERS + 1):
             tried = [angles for angles in self._sums(count) if angles not in chosen]
-            with_it = [self.left(_waves(*chosen, angles)) for angles in tried]
+            with_it = [self.left(self.waves(*chosen, angles)) for angles in tried]
             if with_it and min(with_it) < _SIMPLER * least:
                 least, best = min(with_it), tried[int(np.argmin(with_it))]
         return best, least

@@ -146,6 +146,21 @@ def test_a_measured_load_adds_itself_or_multiplies(
     assert set(found.terms) == terms
 
 
+def test_a_load_that_comes_and_goes_hides_no_link(seed: int) -> None:
+    """At a wrist, what the hand carries is most of the torque, and turns with the sum of three angles."""
+    rng = np.random.default_rng(seed)
+    count = round(SECONDS * RATE_HZ)
+    load = np.repeat(rng.permutation(np.tile([0.0, 4.0, 0.0, 7.0], 6)), count // 24)
+    record = recorded(
+        lambda q: (1 + load) * np.cos(q["q2"] + q["q3"] + q["q4"]) + 2 * np.cos(q["q3"] + q["q4"]), rng, "q4"
+    )
+    record = replace(record, signals={**record.signals, "load": load})
+    found = link_weights([record], "q4", ANGLES, ("load",))
+    assert found is not None
+    assert set(found.terms) >= {"load * cos(q2 + q3 + q4)", "cos(q3 + q4)"}
+    assert found.explained > 0.85
+
+
 def test_of_axes_that_stand_still_nothing_can_be_told(seed: int) -> None:
     """The weight of all links turns with the one axis that moves: the simplest sum says all."""
 
