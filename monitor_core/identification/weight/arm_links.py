@@ -24,7 +24,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
-from monitor_core.identification.torque_balance.torque_windows import GridPart
+from monitor_core.identification.torque_balance.torque_windows import GridPart, of_unit_length
 from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 
 _MOST_OTHERS = 2
@@ -82,8 +82,13 @@ def link_weights(
     balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
     before = balance.explained(())
     balance.couple(map(_plain, accelerations))
-    chosen = _waves(*(balance.sums() if angles else ()))
-    chosen = _with_loads(balance, chosen, _waves(((1, own),)) if angles else [], loads)
+    alone = _waves(((1, own),)) if angles else []
+    chosen = _with_loads(balance, _waves(*(balance.sums() if angles else ())), alone, loads)
+    for load in loads if angles else ():
+        balance.carried = _plain(load)
+        carrying = _with_loads(balance, balance.waves(*balance.sums()), alone, loads)
+        if balance.left(carrying) < _SIMPLER * balance.left(chosen):
+            chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
         return None
@@ -92,6 +97,7 @@ def link_weights(
         fewer = [w for w in needed if w != wave]
         if (fewer or balance.coupled) and balance.left(fewer) < _NEEDED * left:
             needed = fewer
+    balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
     explained = balance.explained(needed)
     if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
         return None
@@ -159,6 +165,14 @@ class _Balance(WeightBalance):
         self._columns: dict[Term, Floats] = {}
         self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
         self.coupled: tuple[Term, ...] = ()
+        self.carried: Term | None = None
+        """A load that is tried with each weight: as it comes and goes, it hides the weights that it hangs on"""
+
+    def waves(self, *sums: Sum) -> list[Term]:
+        """The weights that turn with these sums of angles, each also times the load that is carried, if any."""
+        own = _waves(*sums)
+        load = () if self.carried is None else self.carried.factors
+        return [*own, *(Term((*load, *wave.factors)) for wave in own if load)]
 
     def couple(self, accelerations: Iterable[Term]) -> None:
         """Put the accelerations of other axes beside all terms that explain what was not fitted.
@@ -181,6 +195,39 @@ class _Balance(WeightBalance):
             self.coupled = tuple(other for other in every if other != term)
             if self._matters(left, self.left(waves), 1, True):
                 self.coupled = every
+
+    def couple_for_inertia(self, waves: Sequence[Term], accelerations: Sequence[Term]) -> None:
+        """Add the fewest accelerations with which the inertia is positive, if it is negative beside these terms.
+
+        Where axes move together, as in a program, what accelerates another one hides in the inertia of this one: at a
+        wrist it is more than that, and has the other sign.  So it matters even where it explains little of the torque.
+        """
+        if max(self._inertias(waves)) >= 0:
+            return
+        left, before = self.left(waves), self.coupled
+        missing = [term for term in accelerations if term not in before]
+        for count in range(1, len(missing) + 1):
+            trials = dict[float, tuple[Term, ...]]()
+            for more in combinations(missing, count):
+                self.coupled = (*before, *more)
+                if min(self._inertias(waves)) > 0:
+                    trials[self.left(waves)] = self.coupled
+            if trials and min(trials) < left:
+                self.coupled = trials[min(trials)]
+                return
+        self.coupled = before
+
+    def _inertias(self, waves: Sequence[Term]) -> tuple[float, float]:
+        """The inertia by each half of the equations, in any unit."""
+        half = len(self.torque) // 2
+        rows = of_unit_length(
+            np.column_stack([self.rows, *(self._column(wave) for wave in (*waves, *self.coupled))])
+        )
+        first, last = (
+            float(np.linalg.lstsq(rows[part], self.torque[part])[0][0])
+            for part in (slice(half), slice(half, None))
+        )
+        return first, last
 
     def sums(self) -> list[Sum]:
         """Sums of angles, one after the other, as long as the next one explains what was not fitted.
@@ -213,7 +260,7 @@ class _Balance(WeightBalance):
         least = np.inf
         for count in range(_MOST_OTHERS + 1):
             tried = [angles for angles in self._sums(count) if angles not in chosen]
-            with_it = [self.left(_waves(*chosen, angles)) for angles in tried]
+            with_it = [self.left(self.waves(*chosen, angles)) for angles in tried]
             if with_it and min(with_it) < _SIMPLER * least:
                 least, best = min(with_it), tried[int(np.argmin(with_it))]
         return best, least

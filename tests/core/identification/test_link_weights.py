@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -146,6 +147,21 @@ def test_a_measured_load_adds_itself_or_multiplies(
     assert set(found.terms) == terms
 
 
+def test_a_load_that_comes_and_goes_hides_no_link(seed: int) -> None:
+    """At a wrist, what the hand carries is most of the torque, and turns with the sum of three angles."""
+    rng = np.random.default_rng(seed)
+    count = round(SECONDS * RATE_HZ)
+    load = np.repeat(rng.permutation(np.tile([0.0, 4.0, 0.0, 7.0], 6)), count // 24)
+    record = recorded(
+        lambda q: (1 + load) * np.cos(q["q2"] + q["q3"] + q["q4"]) + 2 * np.cos(q["q3"] + q["q4"]), rng, "q4"
+    )
+    record = replace(record, signals={**record.signals, "load": load})
+    found = link_weights([record], "q4", ANGLES, ("load",))
+    assert found is not None
+    assert set(found.terms) >= {"load * cos(q2 + q3 + q4)", "cos(q3 + q4)"}
+    assert found.explained > 0.85
+
+
 def test_of_axes_that_stand_still_nothing_can_be_told(seed: int) -> None:
     """The weight of all links turns with the one axis that moves: the simplest sum says all."""
 
@@ -185,6 +201,30 @@ def test_what_accelerates_another_axis_is_found_beside_a_weight_or_alone(seed: i
         found = link_weights([record], "q2", ANGLES, (), names)
         assert found is not None
         assert set(found.terms) == terms
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_what_accelerates_other_axes_is_taken_where_it_hides_the_inertia(number: int, seed: int) -> None:
+    """All axes move together, to places and with pauses; the coupling of the wrist is more than its own inertia."""
+    rng = np.random.default_rng(seed + number)
+    s = np.linspace(0, 1, RATE_HZ)
+    places = rng.uniform(-1, 1, (120, len(ANGLES)))
+    places[:, 3] = 0.5 * places[:, 3] - 0.7 * (places[:, 1] + places[:, 2])  # the hand stays about level
+    moves = [a + (b - a) * (10 * s**3 - 15 * s**4 + 6 * s**5)[:, None] for a, b in pairwise(places)]
+    q = dict(zip(ANGLES, np.concatenate(moves).T, strict=True))
+    speed = {n: np.gradient(v) * RATE_HZ for n, v in q.items()}
+    accel = {f"{n}_accel": np.gradient(v) * RATE_HZ for n, v in speed.items()}
+    own = 0.02 * accel["q4_accel"] + 0.06 * accel["q3_accel"] + 0.06 * accel["q2_accel"]
+    held = 12 * np.cos(q["q2"] + q["q3"] + q["q4"]) + 0.5 * np.tanh(speed["q4"] / 0.05)
+    torque = own + held + rng.normal(0, 0.2, len(held))
+    t = np.arange(len(torque)) / RATE_HZ
+    others = {name: values for name, values in accel.items() if name != "q4_accel"}
+    record = Record(t, torque, q["q4"], "angle", signals={**q, **others})
+    found = link_weights([record], "q4", ANGLES, (), tuple(others))
+    assert found is not None
+    print(found)
+    assert {"q2_accel", "q3_accel"} <= set(found.terms)
+    assert "q1_accel" not in found.terms
 
 
 def test_the_gear_ratio_shows_beside_a_coupled_axis(seed: int) -> None:
