@@ -94,10 +94,6 @@ class Settings:
     joint_state: bool = False
     """The state is corrected together with theta, as in the extended Kalman filter for both.  This allows memories far
     below the slowest time constant of the predictor.  False: as in the paper."""
-    random_walk: bool = False
-    """Parameters are independent random walks, P <- P + (1 - lambda) diag(P(0)), as in a Kalman filter.  Forgetting,
-    P <- P / lambda, assumes instead that changes are most likely in the direction that is known least.  A single
-    parameter is followed equally fast; correlated ones scatter less.  P(0) is found with forgetting in both cases."""
     covariance_reset: float = 0.0
     """After an alarm P_ii is at least this many times P(0)_ii, so that the changed parameter converges faster (the
     paper's remark on P(0) in change detection).  0: P stays."""
@@ -154,8 +150,8 @@ class Settings:
 
     @property
     def divisor(self) -> float:
-        """Divisor of lambda_0 P that gives the covariance of the estimates: 1 + lambda; 2 for a random walk."""
-        return 2.0 if self.random_walk else 1 + self.lam
+        """Divisor of lambda_0 P that gives the covariance of the estimates."""
+        return 1 + self.lam
 
     @property
     def seed_updates(self) -> int:

@@ -50,15 +50,13 @@ class Past(NamedTuple):
     d: Floats  # (N, p)
     P: Floats  # (N, p, p)
     lam: float
-    """lambda to the power of the samples of a stretch; 1 if parameters are random walks"""
-    walk: Floats
-    """Increase of the diagonal of P in a stretch by the random walk (p,); 0 without one"""
+    """lambda to the power of the samples of a stretch"""
     lam0: float
     lag_us: float
     """Longest delay from a change of a parameter until its estimate moves: the predictor's slowest time constant"""
 
 
-def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: float, lag_us: float) -> Past:
+def past_of(t_us: Ints, kept: Floats, p: int, lam: float, lam0: float, lag_us: float) -> Past:
     """Past from the arrays of the kernel: t_us (N,), NEVER for empty entries; kept (N, p + p (p + 1) / 2).
 
     The past begins where the clock was last set back, as earlier times cannot be ordered.
@@ -67,7 +65,7 @@ def past_of(t_us: Ints, kept: Floats, p: int, lam: float, walk: Floats, lam0: fl
     set_back = np.flatnonzero(np.diff(t_us) < 0)
     first = max(first, int(set_back[-1]) + 1 if set_back.size else 0)
     known = kept[first:]
-    return Past(t_us[first:].copy(), known[:, :p].copy(), known[:, _square(p)], lam, walk, lam0, lag_us)
+    return Past(t_us[first:].copy(), known[:, :p].copy(), known[:, _square(p)], lam, lam0, lag_us)
 
 
 @cache
@@ -100,7 +98,8 @@ def lately(past: Past, stretches: int) -> tuple[Floats, Floats] | None:
 
 def _of_stretches(past: Past) -> tuple[Floats, Floats]:
     """Information dR (N, p, p) and dR theta (N, p) of each single stretch."""
-    R, before = _inverses(past.P), past.lam * _inverses(past.P[:-1] + np.diag(past.walk))
+    R = _inverses(past.P)
+    before = past.lam * R[:-1]
     ds = np.einsum("kij,kj->ki", R[1:], past.d[1:]) - np.einsum("kij,kj->ki", before, past.d[:-1])
     return R[1:] - before, ds
 

@@ -32,7 +32,6 @@ from monitor_core.kernel.sample_interval import (
     divide_by_interval,
     interval_gain,
     mark_sampled,
-    random_walk,
     restart_integral,
     split_at_delay,
     split_at_mean,
@@ -201,7 +200,7 @@ def run(
         # The arrays are created here and not passed in, so that the compiler knows that they do not overlap.
         C_, F_, I_ = take_columns(C, a0, W), take_columns(F, a0, W), take_columns(I, a0, W)
         roles = Roles(ints(W), ints(W), ints(W), ints(W))
-        w = Work(roles, ints(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W),
+        w = Work(roles, ints(W), floats(W), floats(W), floats(W), floats(W), floats(W), floats(W),
                  table(p, W), table(p, W), table(p, W), table(p, W), table(p, W), ints(W), ints(W), ints(W),
                  flags(p, W), (table(p, p), table(p, p), table(p, p)))  # fmt: skip
         # These arrays are computed later in each sample; until then they serve as scratch.
@@ -246,7 +245,7 @@ def _run_samples(
     X, G, V, X_, G_, V_, mode, theta = x.X, x.G, x.V, x.X_flat, x.G_flat, x.V_flat, w.roles.mode, st.theta
     K, acting, du, steps, terms, norm, h = x.K, x.acting, x.du, x.steps, x.terms, x.norm, i.h
     timing = Timing(con.gap_us, con.settle_us, con.interval, con.lost_us)
-    joint, drift = any_positive(con.joint), any_positive(con.drift)
+    joint = any_positive(con.joint)
     delay = theta[T.late] if T.late >= 0 else con.delay
     count_until_kept(lanes, con.span, st.learned, w.until)
     copy_rows(con.V0, V)
@@ -264,8 +263,6 @@ def _run_samples(
             time_since_correction(lanes, con.interval, h, st.in_a_row, i.ago)
             interval_gain(lanes, con.interval, con.lam, con.K, h, i.ago, lam, K)
             gain_of_speed(lanes, timing, con.rest, con.rigid, t, st.settled, h, mode, i.is_first, K)
-            if drift:
-                random_walk(lanes, con.drift, st.seed_left, lam, w.share)
             evaluate_coefficients(lanes, T.terms, con.V0, con.coef, theta, V)
             copy_rows(st.u, acting)
             if T.friction.number:
@@ -288,7 +285,7 @@ def _run_samples(
             if T.mean >= 0:
                 divide_by_interval(lanes, i.over, yhat, psi)
             gain(lanes, lam, st.P, psi, w.Ppsi, S)
-            update_estimates(lanes, con, st, w, X, drift)
+            update_estimates(lanes, con, st, w, X)
             follow_first(lanes, i.is_first, roles.moves, st.in_a_row)
             correct(lanes, K, X, eps, psi, roles.moves)
             if joint:
@@ -330,8 +327,8 @@ def compile_parts(
         np.zeros(W, np.int64),
         np.zeros((p, W), np.int64),
     )
-    w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
+    w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
     compile_part(propagate, lanes, T.product, x, x, x, k, k, x, x, x)
-    compile_part(update_estimates, lanes, con, st, w, xs, False)
+    compile_part(update_estimates, lanes, con, st, w, xs)
     compile_part(update_tests, lanes, con, st, w, 0, reset, kept, events, noted)
     compile_part(hold_inputs, lanes, T, con.u_scale, con.rest, k, x, x, x, k, st.t, st.u, st.torque_before)

@@ -107,14 +107,6 @@ def update_P(lanes: Any, lam: Floats, P: Floats, Ppsi: Floats, S: Floats, on: In
 
 
 @kernel
-def drift_P(lanes: Any, share: Floats, P_nom: Floats, P: Floats, fit: Ints) -> None:
-    """P = P + share diag(P(0)): the random walk over the interval, for lanes whose P was updated (``fit``)."""
-    for i in range(P.shape[0]):
-        for a in range(len(lanes)):
-            P[i, i, a] += share[a] * P_nom[i, a] if fit[a] else 0.0
-
-
-@kernel
 def correct(lanes: Any, K: Floats, X: Floats, eps: Floats, psi: Floats, on: Ints) -> None:
     """x = x + K eps and z_i = z_i - K psi_i: the innovations form; K = 0 is the paper."""
     n, p = K.shape[0], psi.shape[0]

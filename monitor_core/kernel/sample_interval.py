@@ -14,18 +14,6 @@ _EQUAL_S = 1e-9
 
 
 @kernel
-def random_walk(lanes: Any, drift: Floats, seed_left: Ints, lam: Floats, share: Floats) -> None:
-    """For lanes with a random walk, set lambda (W,) to 1; a ``share`` 1 - lambda of P(0) is added to P instead.
-
-    Then P_ii of a single parameter has the same steady value as with forgetting: psi^2 = (1 - lambda) / P in both.
-    """
-    for a in range(len(lanes)):
-        walks = drift[a] > 0.0 and seed_left[a] == 0
-        share[a] = 1.0 - lam[a] if walks else 0.0
-        lam[a] = 1.0 if walks else lam[a]
-
-
-@kernel
 def time_since_correction(lanes: Any, interval: Floats, h: Floats, in_a_row: Ints, ago: Floats) -> None:
     """Time since the last correction of the state (W,): h, plus an interval for each outlier rejected since then."""
     for a in range(len(lanes)):

@@ -180,7 +180,6 @@ def constant_views(c: Floats, tables: Tables) -> Constants:
         c[b + 15],
         c[b + 16],
         c[b + 17],
-        c[b + 18],
     )
 
 

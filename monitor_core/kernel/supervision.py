@@ -45,7 +45,6 @@ class FloorConstants(NamedTuple):
     min_excitation: Floats
     span: Floats
     lam: Floats
-    drift: Floats
     scale: Floats
 
 
@@ -95,9 +94,7 @@ def apply_information_floor(
     With N = P scaled by diag(P(0)), the sum is  (N^-1 + c I)^-1 = N - c N (I + c N)^-1 N;  I + c N = L L' can always be
     factored unless rounding has destroyed N, which then becomes I.  ``N``, ``L`` and ``Y`` (p, p) are scratch.
     """
-    floor, least, span, lam, drift, scale = (
-        con.floor, con.min_excitation, con.span, con.lam, con.drift, con.scale
-    )  # fmt: skip
+    floor, least, span, lam, scale = con.floor, con.min_excitation, con.span, con.lam, con.scale
     P, P_nom, since, unobserved, observed = st.P, st.P_nom, st.since, st.unobserved, st.observed
     p = P.shape[0]
     for a in range(len(lanes)):
@@ -107,10 +104,8 @@ def apply_information_floor(
         # While a direction is unobserved, the span is shorter, so that new information in it is used soon.
         if since[a] < (span[a] if unobserved[a] == 0 else span[a] // _CLOSER):
             continue
-        # P stays below the bound until the next span: it grows like lambda^-t, or by (1 - lambda) P(0) t.
+        # P stays below the bound until the next span: it grows like lambda^-t.
         c = (lam[a] ** -since[a] - 1.0) * floor[a]
-        if drift[a] > 0.0:
-            c = since[a] * (1.0 - lam[a]) * floor[a] * floor[a]
         since[a] = 0
         for i in range(p):
             for j in range(p):

@@ -138,7 +138,6 @@ class Constants(NamedTuple):
     outlier_least: Floats  # (W,) lower bound of that limit, in the unit of the output
     outlier_credit: Floats  # (W,) number of outliers in a row that are rejected
     joint: Floats  # (W,) 1: the state is corrected together with theta
-    drift: Floats  # (W,) 1: parameters are random walks, instead of forgetting
     tested: Floats  # (W,) 0: no test runs
     widen: Floats  # (W,) least P_ii / P(0)_ii after an alarm; 0: P stays
     span: Floats  # (W,) updates between two applications of the information floor
@@ -146,4 +145,4 @@ class Constants(NamedTuple):
 
 def constant_rows(t: Tables) -> int:
     """Number of rows of the array of the Constants of a batch."""
-    return t.slots + t.terms.slot.size + t.A_row.size + (GAINS + 2) * t.n + 8 * t.p + t.m + 20
+    return t.slots + t.terms.slot.size + t.A_row.size + (GAINS + 2) * t.n + 8 * t.p + t.m + 19

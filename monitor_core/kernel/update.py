@@ -20,7 +20,7 @@ from monitor_core.kernel.outliers import (
     reject_outliers,
     update_running_variance,
 )
-from monitor_core.kernel.recursion import drift_P, find_P0, update_P, update_theta
+from monitor_core.kernel.recursion import find_P0, update_P, update_theta
 from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import (
     OUTLIER,
@@ -52,7 +52,6 @@ class Work(NamedTuple):
     believed: Floats  # (W,) innovation that updates theta
     S: Floats  # (W,) lambda + psi' P psi
     lam: Floats  # (W,) forgetting factor over the interval
-    share: Floats  # (W,) share of P(0) that a random walk adds to P
     psi: Floats  # (p, W)
     Ppsi: Floats  # (p, W)
     moved: Floats  # (p, W) change of theta
@@ -66,7 +65,7 @@ class Work(NamedTuple):
 
 
 @part
-def update_estimates(lanes: Any, con: Constants, st: State, w: Work, X: Floats, drift: bool) -> None:
+def update_estimates(lanes: Any, con: Constants, st: State, w: Work, X: Floats) -> None:
     """Update theta and P (eq. 11-13), or P(0), from the prediction."""
     roles, eps, S, lam, mode = w.roles, w.eps, w.S, w.lam, w.roles.mode
     # fmt: off
@@ -78,8 +77,6 @@ def update_estimates(lanes: Any, con: Constants, st: State, w: Work, X: Floats, 
     update_theta(lanes, con.lower, con.upper, st.theta, st.observed, w.believed, w.Ppsi, S, roles.tracks, w.hit,
                  w.moved)
     update_P(lanes, lam, st.P, w.Ppsi, S, roles.learns, w.fit)
-    if drift:
-        drift_P(lanes, w.share, st.P_nom, st.P, w.fit)
     find_P0(lanes, con.min_excitation, con.P_uninformed, con.seed, st.seed_left, st.P_nom, st.P, mode, st.observed)
     update_running_variance(lanes, lam, con.lam_slow, st.lam0_running, eps, S, mode)
     # fmt: on
@@ -101,7 +98,7 @@ def update_tests(
     tracks, d, (N, L, Y) = w.roles.tracks, w.d, w.floor
     # fmt: off
     known = Observation(st.P, st.P_nom, st.since, st.unobserved, st.observed)
-    floor = FloorConstants(con.floor, con.min_excitation, con.span, con.lam, con.drift, con.scale)
+    floor = FloorConstants(con.floor, con.min_excitation, con.span, con.lam, con.scale)
     tests = TestConstants(con.theta0, con.alpha1, con.allowance, con.lam0, con.h, con.widen, con.naming_samples)
     cusum = TestState(st.theta, st.P, st.P_nom, st.shift, st.g, st.onset, st.left, st.noting)
     evidence = EvidenceState(st.theta, st.P, st.lam0_running, st.observed, st.left, st.noting, st.learned, con.span,

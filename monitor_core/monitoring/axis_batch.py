@@ -89,9 +89,10 @@ class AxisBatch:
         """Part of nu that allows for more than chance (p, W); ``allow`` changes it"""
         self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
         """Lower and upper bounds of theta (p, W): those of the models, narrowed to where the predictors are stable."""
-        judged = named.lower, named.upper, self.state.P_nom
         self._untraced = self._trace(0)
-        self._judges = tuple(EvidenceBuilder(m, s, *(rows[:, a] for rows in judged)) for a, (m, s) in pairs)
+        self._judges = tuple(
+            EvidenceBuilder(m, s, *(rows[:, a] for rows in self.limits)) for a, (m, s) in pairs
+        )
         for a, (model, setting) in pairs:
             fill(named, a, constants_of(assembly, model, setting))
             self._start(a, model, setting)
@@ -260,7 +261,7 @@ class AxisBatch:
 
 
 def standard_deviation(s: Settings, P_ii: float) -> float:
-    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda)); for a random walk, lambda is 1."""
+    """Standard deviation of an estimate: sqrt(lambda_0 P_ii / (1 + lambda))."""
     return math.sqrt(s.lam0 * P_ii / s.divisor)
 
 
@@ -306,7 +307,6 @@ def constants_of(assembly: Assembly, model: AxisModel, s: Settings) -> dict[str,
         "outlier_least": s.least_outlier,
         "outlier_credit": s.outlier_credit,
         "joint": s.joint_state,
-        "drift": s.random_walk,
         "tested": not s.unidentifiable,
         "widen": s.covariance_reset,
         "span": s.span,

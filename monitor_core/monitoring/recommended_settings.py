@@ -29,7 +29,7 @@ DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES = 1.0, 10
 """Default memory [s], and the least number of samples in it."""
 
 _COPIED_OPTIONS = (
-    *("alpha1", "alpha2", "P0", "information_floor", "min_excitation", "outlier_limit", "random_walk"),
+    *("alpha1", "alpha2", "P0", "information_floor", "min_excitation", "outlier_limit"),
     *("largest_error", "covariance_reset", "unidentifiable"),
 )
 """Options that are copied to the settings"""
@@ -54,7 +54,6 @@ class MonitoringOptions:
         lam: forgetting factor per sample; None: from ``memory_s``.
         memory_s: memory of the estimates [s].
         joint_state: whether the state is corrected together with theta; None: yes if the memory is short.
-        random_walk: whether parameters are modelled as random walks instead of forgetting.
         information_floor: share of the information at commissioning that is never forgotten.
         min_excitation: share of the usual excitation below which the estimates are not updated.
         outlier_limit: an innovation beyond this number of standard deviations is rejected.
@@ -78,7 +77,6 @@ class MonitoringOptions:
     lam: float | None = None
     memory_s: float | None = None
     joint_state: bool | None = None
-    random_walk: bool = False
     information_floor: float = 0.05
     min_excitation: float = 0.05
     outlier_limit: float = 6.0

@@ -125,7 +125,6 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
         output_error=p.kind == "output-error",
         lam=config.forgetting,
         joint_state=e.joint_state,
-        random_walk=e.random_walk,
         information_floor=e.information_floor,
         min_excitation=e.min_excitation,
         outlier_limit=e.outlier_limit,

@@ -110,6 +110,7 @@ REMOVED_KEYS: Mapping[str, str] = {
     "forgetting": "give memory_s = sample_interval_s / (1 - forgetting) instead",
     "history_length_s": "the history is kept in a file: give history_raw_days instead",
     "gain": "follows from torque_noise and output_noise, or from an identification: give nominal_file",
+    "random_walk": "the parameters are always followed with forgetting (memory_s): leave it out",
     "password": "a secret does not belong here: write it into a file, and give password_file, or password_env",
     "secret": "a secret does not belong here: write it into a file, and give secret_file, or secret_env",
     "speed_noise": "angle and speed are no longer used together: give one of the two tables, and output_noise for it",

@@ -116,8 +116,6 @@ class EstimatorConfig(Table):
     joint_state: bool | None = Field(None, strict=True)
     """whether the state moves with the estimates, as in a joint Kalman filter; default: if the memory is shorter than
     2.5 times the slowest time constant of the predictor"""
-    random_walk: bool = Field(False, strict=True)
-    """whether each parameter is modelled as a separate random walk, as in a Kalman filter; for many parameters"""
     torque_noise: Positive | None = None
     """standard deviation of the torque per sample [N m], for the Kalman gain"""
     output_noise: Positive | None = None

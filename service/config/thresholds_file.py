@@ -88,7 +88,6 @@ def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
         "min_excitation": settings.min_excitation,
         "outlier_limit": settings.outlier_limit,
         "joint_state": settings.joint_state,
-        "random_walk": settings.random_walk,
     }
 
 
@@ -109,7 +108,8 @@ def with_thresholds(settings: Settings, model: AxisModel, found: ThresholdsFile)
 
 
 def _difference(left: Mapping[str, object], right: Mapping[str, object]) -> str:
-    for name, value in left.items():
+    # A setting of an earlier version is off where it is not known any more.
+    for name, value in {**dict.fromkeys(right, False), **left}.items():
         other = right.get(name)
         if not alike(value, other):
             return f"{name} = {_shown(other)}, now it is {_shown(value)}"

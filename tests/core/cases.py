@@ -35,7 +35,6 @@ class Case(NamedTuple):
     speed_scale: float = 1.0
     lost_s: float = 0.0
     joint: bool = False
-    drift: bool = False
     within: float | None = None  # share of their sizes by which the monitored parameters may change
 
     @property
@@ -56,7 +55,6 @@ class Case(NamedTuple):
             "K": tuple(gain) if self.torque_noise else (),
             "lost_s": self.lost_s,
             "joint_state": self.joint,
-            "random_walk": self.drift,
             "lam0": lam0,
             "delay_s": self.delay_s,
             "max_gap_s": 0.05,
@@ -95,8 +93,6 @@ CASES = (
     Case("mean-speed-output-error", "mean speed", PAPER, REFERENCE_VALUES, torque_noise=0.0, drive=averaged),
     Case("speed-joint", "speed", ("kT", "fc", "ka"), torque_noise=0.0, joint=True),
     Case("angle-joint", "angle", ("Jm", "fc", "kg"), delay_s=0.001, joint=True),
-    Case("speed-drift", "speed", ("Jm", "ka", "fm"), drift=True),
-    Case("angle-drift", "angle", ("kT", "fc", "kg"), delay_s=0.002, joint=True, drift=True),
     Case("angle-paper", "angle", PAPER, REFERENCE_VALUES, torque_noise=0.01),
     Case("angle-friction", "angle", ("fc", "tau0", "1/kT"), zero=("fc", "tau0"), delay_s=0.002),
     Case("angle-gear", "angle", ("r", "Jg", "da")),

@@ -23,7 +23,6 @@ WAYS: tuple[Way, ...] = (
     {"joint_state": True},
     {"outlier_limit": 3.0},
     {"covariance_reset": 20.0},
-    {"random_walk": True},
     {
         "information_floor": 0.05,
         "min_excitation": 0.05,
@@ -31,7 +30,7 @@ WAYS: tuple[Way, ...] = (
         "outlier_limit": 4.0,
         "covariance_reset": 5.0,
     },
-    {"information_floor": 0.1, "min_excitation": 0.05, "joint_state": True, "random_walk": True},
+    {"information_floor": 0.1, "min_excitation": 0.05, "joint_state": True},
 )
 seeds = st.integers(0, 2**32 - 1)
 cases = st.sampled_from(CASES)

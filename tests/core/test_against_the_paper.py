@@ -148,7 +148,7 @@ def any_masses(masses: int, seed: int) -> Situation:
 
 
 OWN = (Threshold(0.7, 1.5, 0.02), Threshold(0.4, 3.0), Threshold(0.0, 2.5, 0.1))
-PAUSES = ("paper", "speed-springs", "angle-paper", "angle-friction", "speed-drift", "angle-drift")
+PAUSES = ("paper", "speed-springs", "angle-paper", "angle-friction")
 STRUCK = {"paper": False, "angle-skew": False, "angle-gear": True, "mean-speed": True}
 """With a gain that grows over samples that are passed over, or the same."""
 SITUATIONS: dict[str, Callable[[int], Situation]] = {
@@ -169,8 +169,8 @@ SITUATIONS: dict[str, Callable[[int], Situation]] = {
 SLOW = {
     *("speed-output-error-late", "speed-springs", "mean-speed-output-error", "angle-paper", "angle-alone"),
     *("angle-gear", "speed-behind-the-gear", "search for P(0), paper", "five-masses-angle"),
-    *("speed-joint", "speed-drift", "angle-drift", "alarms"),
-    *(f"pause, {name}" for name in PAUSES if name != "angle-drift"),
+    *("speed-joint", "alarms"),
+    *(f"pause, {name}" for name in PAUSES if name != "angle-friction"),
     *("outliers, angle-skew", "outliers, mean-speed"),
     *(f"any {n} masses" for n in (2, 3, 5, 6)),
 }

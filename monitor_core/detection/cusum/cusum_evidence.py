@@ -102,21 +102,18 @@ BatchEvent = CusumEvent | Reading
 class EvidenceBuilder:
     """Makes the evidence of one axis.
 
-    ``lower`` and ``upper`` (p,): bounds of theta.  ``P_nom`` (p,): diagonal of P(0).  All are views into the batch,
-    which are read when there is evidence.
+    ``lower`` and ``upper`` (p,): bounds of theta, views into the batch, which are read when there is evidence.
     """
 
-    def __init__(
-        self, model: AxisModel, settings: Settings, lower: Floats, upper: Floats, P_nom: Floats
-    ) -> None:
-        self._names, self._s, self._bounds, self._P_nom = model.monitored, settings, (lower, upper), P_nom
+    def __init__(self, model: AxisModel, settings: Settings, lower: Floats, upper: Floats) -> None:
+        self._names, self._s, self._bounds = model.monitored, settings, (lower, upper)
         self._theta0, self._divisor = model.theta0, settings.divisor
         self._dissipates = np.array([model.drive.parameter(name).nonnegative for name in model.monitored])
         # Number of samples between two columns, and between two kept deviations.
         naming, self._span = settings.naming_samples, settings.span
         self._span_s, self._correlation = naming * settings.interval_s, settings.lam**naming
         self._stretches = max(1, naming // self._span)
-        self._lam = 1.0 if settings.random_walk else settings.lam**self._span
+        self._lam = settings.lam**self._span
         alpha1 = settings.tests(len(self._names))[0]
         self._tolerance = float(alpha1.max() * np.sqrt(self._divisor))
         self._allowed = np.diag((settings.size_errors(len(self._names)) * model.scale) ** 2)
@@ -152,15 +149,10 @@ class EvidenceBuilder:
             tolerance=self._tolerance,
             excess=running / s.lam0,
             held=tuple(held.tolist()),
-            past=past_of(noted.t[c], noted.before[c], p, self._lam, self._walk(), s.lam0, self._lag_us),
+            past=past_of(noted.t[c], noted.before[c], p, self._lam, s.lam0, self._lag_us),
             stretches=self._stretches,
             alike=self._alike,
         )
-
-    def _walk(self) -> Floats:
-        """Increase of the diagonal of P (p,) between two kept deviations by the random walk, if there is one."""
-        s = self._s
-        return self._span * (1 - s.lam) * self._P_nom if s.random_walk else np.zeros(len(self._names))
 
     def _held(self, theta: Floats, nominal: Floats, sd: Floats) -> Ints:
         """Flags (p,): -1 at the lower bound, or for friction or damping below zero; 1 at the upper bound; else 0."""

@@ -221,11 +221,9 @@ class Paper:
         self.z[late] += self.B @ step
 
     def _update(self, eps: float, psi: Array) -> None:
-        walks = self.s.random_walk and len(self.diagonals) >= self.s.seed_updates
-        lam = 1.0 if walks else self.lam
-        S = lam + psi @ self.P @ psi
+        S = self.lam + psi @ self.P @ psi
         L = self.P @ psi / S  # (12)
-        self.P = (self.P - np.outer(self.P @ psi, psi @ self.P) / S) / lam  # (13)
+        self.P = (self.P - np.outer(self.P @ psi, psi @ self.P) / S) / self.lam  # (13)
         if not self.seeding:
             step = np.where(self.unseen, 0.0, L * eps)
             self.theta = np.clip(self.theta + step, *self.limits)
@@ -240,8 +238,6 @@ class Paper:
         if self.seeding:
             self._seed()
             return
-        if self.s.random_walk:
-            self.P = self.P + (1 - self.lam) * np.diag(self.P_nom)
         if self.s.information_floor or self.s.min_excitation:
             self._look()
         self._cusum()
@@ -256,8 +252,7 @@ class Paper:
 
     def _expected(self, psi: Array) -> float:
         """Var eps over lambda_0: 1 + psi' P psi / (1 + lambda)."""
-        walks = self.s.random_walk and len(self.diagonals) >= self.s.seed_updates
-        return float(1 + psi @ self.P @ psi / (2 if walks else 1 + self.lam))
+        return float(1 + psi @ self.P @ psi / (1 + self.lam))
 
     def _sift(self, eps: float, known: float) -> tuple[bool, bool, float]:
         """Whether it is an outlier, whether it is passed over, what is believed.
@@ -304,8 +299,6 @@ class Paper:
         self.since += 1
         if self.since >= (self.s.span // 4 if self.starved else self.s.span):
             more = (self.s.lam**-self.since - 1) * self.s.information_floor
-            if self.s.random_walk:
-                more = self.since * (1 - self.s.lam) * self.s.information_floor**2
             self.since, self.looks = 0, self.looks + 1
             self.P = np.linalg.inv(np.linalg.inv(self.P) + np.diag(more / self.P_nom))
             size = np.sqrt(self.P_nom)

@@ -97,7 +97,7 @@ def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
 def _healthy(time_us: int, names: tuple[str, ...]) -> Evidence:
     """Evidence that nothing has deviated for long."""
     p, t_us = len(names), time_us + np.arange(-20, 1, dtype=np.int64)
-    past = Past(t_us, np.zeros((21, p)), np.ones((21, p, p)), 0.9, np.zeros(p), 1.0, 0.0)
+    past = Past(t_us, np.zeros((21, p)), np.ones((21, p, p)), 0.9, 1.0, 0.0)
     return Evidence(
         time_us, names, np.zeros(p), 1e-6 * np.eye(p), np.zeros((p, p)), 4.0, 1.0, (0,) * p, past, 12
     )

@@ -40,7 +40,7 @@ def evidence(
     """Deviations in standard deviations; kT and fm are correlated by r."""
     V = np.array(((1.0, 0.0, r), (0.0, 1.0, 0.0), (r, 0.0, 1.0)))
     t_us = time_us + np.arange(-OLD_US, 1, dtype=np.int64)
-    nothing_learned = Past(t_us, np.zeros((12, 3)), np.ones((12, 3, 3)), 0.9, np.zeros(3), 1.0, 0.0)
+    nothing_learned = Past(t_us, np.zeros((12, 3)), np.ones((12, 3, 3)), 0.9, 1.0, 0.0)
     return Evidence(
         time_us, NAMES, np.array(d), V, np.zeros((3, 3)), TOLERANCE, excess, held, nothing_learned, OLD_US + 1
     )

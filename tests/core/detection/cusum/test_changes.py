@@ -68,7 +68,7 @@ def past(seed: int) -> Past:
     rng = np.random.default_rng(seed)
     t_us = 1_000_000 * np.arange(STRETCHES, dtype=np.int64)
     d = np.sqrt(0.5) * rng.standard_normal((STRETCHES, PARAMETERS))
-    return Past(t_us, d, np.tile(np.eye(PARAMETERS), (STRETCHES, 1, 1)), 0.01, np.zeros(PARAMETERS), 1.0, 0.0)
+    return Past(t_us, d, np.tile(np.eye(PARAMETERS), (STRETCHES, 1, 1)), 0.01, 1.0, 0.0)
 
 
 @pytest.mark.parametrize("alone", [True, False])
