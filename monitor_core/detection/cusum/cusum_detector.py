@@ -159,9 +159,10 @@ def _second_change(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[
         yield from (a.ended(e.time_us) for a in (new, *later))
         changed = [_named(first, e, alone, alone=True)]
     elif others.stands_out(e.tolerance):
-        new = _named(new, e, others, alone=False)
-        yield new
-        changed = [*named, new]
+        # Each alarm once: a cause that is reopened continues an ended alarm.
+        *older, newest = _resized(e, [*named, _named(new, e, others, alone=False)])
+        yield from (newest, *older)
+        return
     else:
         yield new.ended(e.time_us)
         changed = [first.detected_again(new.updated_us, new.crossings), *later]

@@ -228,6 +228,20 @@ def test_the_time_of_the_crossing_decides_however_late_the_name_comes() -> None:
     assert [a.stage for a in late.take(crossing("fm", 41 + REOPEN_US))] == ["changed"]
 
 
+def test_the_same_cause_beside_another_alarm_is_reopened_once() -> None:
+    book = ended_alarm()
+    book.take(crossing("fm", 45))
+    book.take(evidence(55, 0.0, 0.0, 9.0))
+    book.take(crossing("kT", 60))
+    changes = book.changes(evidence(70, 8.0, 0.0, 9.0))
+    assert [(c.kind, c.alarm.key) for c in changes] == [
+        ("reopened", (10, "kT", "up")),
+        ("updated", (45, "fm", "up")),
+    ]
+    assert names(book) == [("fm", "up", "named"), ("kT", "up", "named")]
+    assert len(book.take(evidence(75, 8.0, 0.0, 9.0))) == 2
+
+
 @pytest.mark.parametrize(
     ("time_us", "d"), [(60, (0.0, 0.0, 9.0)), (60, (-9.0, 0.0, 0.0)), (200, (9.0, 0.0, 0.0))]
 )
