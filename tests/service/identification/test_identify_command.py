@@ -12,8 +12,9 @@ import pytest
 from typer.testing import Result
 
 from service.config import ConfigErrors, load
+from tests import golden
 from tests.end_to_end.processes import edit
-from tests.service.command_line import axiswatch
+from tests.service.command_line import axiswatch, session
 from tests.service.identification.conftest import FREE, write_record, write_robot
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -76,32 +77,19 @@ def test_files_where_they_are_wanted_and_json_alone_on_standard_output(directory
     assert sorted(p.name for p in (directory / "out").iterdir()) == ["nominal.toml", "report.html"]
 
 
-@pytest.mark.usefixtures("directory")
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ("none.csv", "cannot read none.csv: No such file"),
-        ("robot.toml", "no such kind of record"),
-        ("healthy.csv@5:2", "ends before its start"),
-        ("healthy.csv@100:200", "healthy.csv"),
-        ("healthy.csv@3:3.1", "refused: healthy.csv: only 21 measured samples"),
-        ("healthy.csv@2:2.2 second.csv@1:1.1", "second.csv: only 21"),  # and of the first
-        ("healthy.csv --validate none.csv", "cannot read none.csv"),
-        ("healthy.csv --validate healthy.csv@3:3.1", "refused: healthy.csv: only 21"),
-        ("healthy.csv --axis axis9", "axis9 is not there; there is demo.axis1"),
-        ("healthy.csv --free jm", 'did you mean "Jm"'),
-        ("healthy.csv --free Jm --fix Jm", "cannot be both free and fixed"),
-        (f"healthy.csv --free kT,{NAMES}", "only 8 numbers"),
-        ("healthy.csv --predictor arx", "innovations"),
-        ("healthy.csv --predictor output-error --disturbance 1", "no disturbance"),
-        ("healthy.csv --disturbance 0", "0.001"),
-        ("healthy.csv -o none/nominal.toml", "none is no folder"),
-        ("healthy.csv -o x --report x", "files of their own"),
-        ("", "RECORD"),
-    ],
-)
-def test_a_mistake_is_named(arguments: str, words: str) -> None:
-    assert words in refused(arguments)
+def test_a_mistake_is_named(directory: Path) -> None:
+    own = "--start values --config robot.toml"
+    mistakes = (
+        *("none.csv", "robot.toml", "healthy.csv@5:2", "healthy.csv@100:200", "healthy.csv@3:3.1"),
+        *("healthy.csv@2:2.2 second.csv@1:1.1", "healthy.csv --validate none.csv"),
+        *("healthy.csv --validate healthy.csv@3:3.1", "healthy.csv --axis axis9", "healthy.csv --free jm"),
+        *("healthy.csv --free Jm --fix Jm", f"healthy.csv --free kT,{NAMES}", "healthy.csv --predictor arx"),
+        *("healthy.csv --predictor output-error --disturbance 1", "healthy.csv --disturbance 0"),
+        *("healthy.csv -o none/nominal.toml", "healthy.csv -o x --report x", ""),
+    )
+    text = session("identify", *(f"{own} {words}".rstrip() for words in mistakes))
+    golden.check(text, Path(__file__).parent / "golden" / "identify_mistakes.txt")
+    assert not (directory / "nominal.toml").exists()
 
 
 @pytest.mark.parametrize(
