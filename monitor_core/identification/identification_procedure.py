@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from monitor_core.identification.holding import hold_offset, hold_undetermined
 from monitor_core.identification.identification_result import (
     IdentificationOptions,
     IdentificationResult,
+    Rejection,
     Start,
 )
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
@@ -30,6 +32,7 @@ from monitor_core.identification.starting import (
     fit_from_scratch,
     fit_from_torque_balance,
     grow,
+    hold_balanced_inertia,
 )
 from monitor_core.identification.thermal.warm_up import (
     LEAST_MOTION_S,
@@ -77,15 +80,42 @@ def identify(
             numbers of masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    found = _identify(problem, records, validation, options, progress or _silent)
-    if Effect.SLOW not in found.verdict.missing:
+    report = progress or _silent
+    found = _identify(problem, records, validation, options, report)
+    if Effect.SLOW in found.verdict.missing:
+        faster = replace(problem, min_speed=found.verdict.slow)
+        found = _unless_rejected(found, faster, records, validation, options, report)
+    if found.rejection is not Rejection.POOR or options.start != "records":
         return found
-    faster = replace(problem, min_speed=found.verdict.slow)
+    torques = problem.drive.constant_torques()
+    terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
+    rigid = hold_balanced_inertia(problem, records, terms)
+    if rigid is None:
+        return found
+    held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
+    unknown = tuple(name for name in options.unknown if name not in held)
+    known = replace(options, start="values", unknown=unknown)
+    return _unless_rejected(found, rigid, records, validation, known, report, held)
+
+
+_BALANCED = "the next sample is predicted nearly without it; that of the torque balance"
+
+
+def _unless_rejected(
+    found: IdentificationResult,
+    problem: Problem,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    options: IdentificationOptions,
+    report: Progress,
+    held: Mapping[str, str] = MappingProxyType({}),
+) -> IdentificationResult:
+    """Another try; what was found before, if that is no better."""
     try:
-        again = _identify(faster, records, validation, options, progress or _silent)
+        again = _identify(problem, records, validation, options, report)
     except IdentificationError:
         return found
-    return found if again.rejection else again
+    return found if again.rejection else replace(again, held={**held, **again.held})
 
 
 def _identify(
