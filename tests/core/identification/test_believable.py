@@ -308,7 +308,8 @@ def test_where_the_torque_rings_the_inertia_is_that_of_the_torque_balance(seed: 
         + VALUES["fc"] * np.tanh(speed / SCALE)
         + 0.1
     )
-    rec = Record(t, u + ringing, y + 2e-5 * rng.standard_normal(t.size), "angle", "axis")
+    u = np.asarray(u + ringing, np.float64)
+    rec = Record(np.asarray(t, np.float64), u, y + 2e-5 * rng.standard_normal(t.size), "angle", "axis")
     result = found([rec], start="records")
     e = result.estimate
     print(result.verdict, result.held, e.values)
