@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import LOAD, split_name
 from monitor_core.identification.assessment.bode import bode_of
 from monitor_core.identification.assessment.outlook import Outlook, Watched
-from monitor_core.identification.assessment.verdict import Effect, verdict_of
+from monitor_core.identification.assessment.verdict import Effect, Quality, Verdict, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_offset, hold_undetermined
@@ -84,8 +83,10 @@ def identify(
     found = _identify(problem, records, validation, options, report)
     if Effect.SLOW in found.verdict.missing:
         faster = replace(problem, min_speed=found.verdict.slow)
-        found = _unless_rejected(found, faster, records, validation, options, report)
-    if found.rejection is not Rejection.POOR or options.start != "records":
+        if again := _unless_rejected(faster, records, validation, options, report):
+            return again
+    doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not Quality.GOOD
+    if not doubtful or options.start != "records":
         return found
     torques = problem.drive.constant_torques()
     terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
@@ -95,27 +96,34 @@ def identify(
     held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
     unknown = tuple(name for name in options.unknown if name not in held)
     known = replace(options, start="values", unknown=unknown)
-    return _unless_rejected(found, rigid, records, validation, known, report, held)
+    again = _unless_rejected(rigid, records, validation, known, report)
+    if again is None or not (found.rejection or _is_better(again.verdict, found.verdict)):
+        return found
+    return replace(again, held={**held, **again.held})
 
 
+_BETTER = 0.8
+"""Another fit leaves at most this part of what one that can be used leaves unexplained, or it is not taken."""
 _BALANCED = "the next sample is predicted nearly without it; that of the torque balance"
 
 
 def _unless_rejected(
-    found: IdentificationResult,
     problem: Problem,
     records: Sequence[Record],
     validation: Sequence[Record],
     options: IdentificationOptions,
     report: Progress,
-    held: Mapping[str, str] = MappingProxyType({}),
-) -> IdentificationResult:
-    """Another try; what was found before, if that is no better."""
+) -> IdentificationResult | None:
+    """Another try; None: it cannot be used."""
     try:
         again = _identify(problem, records, validation, options, report)
     except IdentificationError:
-        return found
-    return found if again.rejection else replace(again, held={**held, **again.held})
+        return None
+    return None if again.rejection else again
+
+
+def _is_better(verdict: Verdict, other: Verdict) -> bool:
+    return verdict.measure is other.measure and 100 - verdict.per_cent < _BETTER * (100 - other.per_cent)
 
 
 def _identify(
