@@ -11,13 +11,14 @@ from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import LOAD, split_name
 from monitor_core.identification.assessment.bode import bode_of
 from monitor_core.identification.assessment.outlook import Outlook, Watched
-from monitor_core.identification.assessment.verdict import Effect, verdict_of
+from monitor_core.identification.assessment.verdict import Effect, Quality, Verdict, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_offset, hold_undetermined
 from monitor_core.identification.identification_result import (
     IdentificationOptions,
     IdentificationResult,
+    Rejection,
     Start,
 )
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
@@ -30,6 +31,7 @@ from monitor_core.identification.starting import (
     fit_from_scratch,
     fit_from_torque_balance,
     grow,
+    hold_balanced_inertia,
 )
 from monitor_core.identification.thermal.warm_up import (
     LEAST_MOTION_S,
@@ -77,15 +79,51 @@ def identify(
             numbers of masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    found = _identify(problem, records, validation, options, progress or _silent)
-    if Effect.SLOW not in found.verdict.missing:
+    report = progress or _silent
+    found = _identify(problem, records, validation, options, report)
+    if Effect.SLOW in found.verdict.missing:
+        faster = replace(problem, min_speed=found.verdict.slow)
+        if again := _unless_rejected(faster, records, validation, options, report):
+            return again
+    doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not Quality.GOOD
+    if not doubtful or options.start != "records":
         return found
-    faster = replace(problem, min_speed=found.verdict.slow)
+    torques = problem.drive.constant_torques()
+    terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
+    rigid = hold_balanced_inertia(problem, records, terms)
+    if rigid is None:
+        return found
+    held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
+    unknown = tuple(name for name in options.unknown if name not in held)
+    known = replace(options, start="values", unknown=unknown)
+    again = _unless_rejected(rigid, records, validation, known, report)
+    if again is None or not (found.rejection or _is_better(again.verdict, found.verdict)):
+        return found
+    return replace(again, held={**held, **again.held})
+
+
+_BETTER = 0.8
+"""Another fit leaves at most this part of what one that can be used leaves unexplained, or it is not taken."""
+_BALANCED = "the next sample is predicted nearly without it; that of the torque balance"
+
+
+def _unless_rejected(
+    problem: Problem,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    options: IdentificationOptions,
+    report: Progress,
+) -> IdentificationResult | None:
+    """Another try; None: it cannot be used."""
     try:
-        again = _identify(faster, records, validation, options, progress or _silent)
+        again = _identify(problem, records, validation, options, report)
     except IdentificationError:
-        return found
-    return found if again.rejection else again
+        return None
+    return None if again.rejection else again
+
+
+def _is_better(verdict: Verdict, other: Verdict) -> bool:
+    return verdict.measure is other.measure and 100 - verdict.per_cent < _BETTER * (100 - other.per_cent)
 
 
 def _identify(

@@ -15,4 +15,5 @@ from monitor_core.identification.starting.starting_fits import (
     fit_from,
     fit_from_scratch,
     fit_from_torque_balance,
+    hold_balanced_inertia,
 )

@@ -21,8 +21,9 @@ from monitor_core.identification.starting.search import (
     explained,
     search,
 )
-from monitor_core.identification.torque_balance.rigid_body import rigid_fits
+from monitor_core.identification.torque_balance.rigid_body import rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import POSE
+from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 
 _FEWER = 20
 """Largest number of searches around a chain that does not explain the response."""
@@ -87,19 +88,57 @@ def fit_from_torque_balance(problem: Problem, records: Sequence[Record]) -> Esti
     Raises:
         ValueError: the drive is not one free inertia, or the torque balance explains nothing; as ``fit``.
     """
-    units = {split_name(name)[0]: problem.drive.parameter(split_name(name)[0]).unit for name in problem.free}
-    inertias, dampers = ([n for n, unit in units.items() if unit == u] for u in (INERTIA, DAMPING))
-    elastic = any(p.unit == STIFFNESS for p in problem.drive.parameters)
     (found,) = rigid_fits(records, [POSE], problem.speed_scale)
-    if elastic or len(inertias) != 1 or found is None or found.inertia <= 0:
+    if _rigid_inertia_of(problem) is None or found is None or found.inertia <= 0:
         raise ValueError("the torque balance of the records gives no starting values of this drive")
-    # Scale the inertia as seen by the motor, as it may be behind a gear, or the torque constant may differ from 1.
-    nominal = {**problem.nominal, **dict.fromkeys(dampers, 1.0)}  # without friction it has no time constant
-    nominal[inertias[0]] *= found.inertia / rigid_inertia(problem.drive, nominal)
-    for name in dampers[:1]:
-        nominal[name] = max(found.torques["viscous"], 0.0)
+    nominal = _with_rigid_mass(problem, found.inertia, max(found.torques["viscous"], 0.0))
     fitted = fit(replace(problem, nominal=nominal), records)
     return replace(fitted, started_from="Started from the torque balance of the records as one mass.")
+
+
+def hold_balanced_inertia(
+    problem: Problem, records: Sequence[Record], terms: Sequence[str]
+) -> Problem | None:
+    """The problem with the inertia held that the torque balance shows; None: no rigid drive, or it shows none.
+
+    A torque that rings with the arm, which the motor hardly follows, is noise to one mass.  The next sample is then
+    predicted best with little torque, so with an inertia far too large.  Over longer times the torque explains the
+    motion.
+
+    ``terms``: signals that act on the drive as torques, too.
+    """
+    inertia = _rigid_inertia_of(problem)
+    parts, window = slow_parts(records, terms)
+    if inertia is None or not parts:
+        return None
+    balance = WeightBalance(parts, window, speed_scales(records)[1])
+    found = balance.rigid_mass([balance.column(part.signals[term] for part in parts) for term in terms])
+    if found is None:
+        return None
+    free = tuple(name for name in problem.free if split_name(name)[0] != inertia)
+    return replace(problem, nominal=_with_rigid_mass(problem, *found), free=free)
+
+
+def _rigid_inertia_of(problem: Problem) -> str | None:
+    """The inertia of a rigid drive, if just one is free."""
+    elastic = any(p.unit == STIFFNESS for p in problem.drive.parameters)
+    inertias = _free_of(problem, INERTIA)
+    return None if elastic or len(inertias) != 1 else inertias[0]
+
+
+def _free_of(problem: Problem, unit: str) -> list[str]:
+    """The free parameters of this unit."""
+    bases = dict.fromkeys(split_name(name)[0] for name in problem.free)
+    return [name for name in bases if problem.drive.parameter(name).unit == unit]
+
+
+def _with_rigid_mass(problem: Problem, inertia: float, viscous: float) -> Mapping[str, float]:
+    """The nominal values with these of one mass, as the motor sees it."""
+    name, dampers = _free_of(problem, INERTIA)[0], _free_of(problem, DAMPING)
+    # Scale the inertia as seen by the motor, as it may be behind a gear, or the torque constant may differ from 1.
+    nominal = {**problem.nominal, **dict.fromkeys(dampers, 1.0)}  # without friction it has no time constant
+    nominal[name] *= inertia / rigid_inertia(problem.drive, nominal)
+    return nominal | dict.fromkeys(dampers[:1], viscous)
 
 
 def _fit(

@@ -49,6 +49,8 @@ class Rigid(NamedTuple):
     """N m per unit of each term"""
     explained: float
     """part of the variance of the windowed torque that the model explains, 1: all"""
+    expected: float = 0.0
+    """the same of as many other windows: fitted to few, any model explains much"""
 
     @property
     def sureness(self) -> float:
@@ -116,15 +118,15 @@ def unexplained(
     """Sum of squares of the windowed torque that a balance does not explain, and that of the torque about its mean.
 
     Of an axis that moves in one direction only it is that of the torque itself, whose mean is friction.
-    The window is the one in which these terms, fitted, explain most; without standstill, and what is slower than
-    ``min_speed`` (rad/s at the sensor), where there is motion enough.
+    The window is the one in which these terms, fitted, would explain most of what was not fitted; without standstill,
+    and what is slower than ``min_speed`` (rad/s at the sensor), where there is motion enough.
     None: the records are too short.
     """
     parts, terms = windowed_parts(records), tuple(balance.torques)
     ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
     for least in dict.fromkeys((_least(parts, min_speed), None)):
         fits = [
-            (fit.explained, window)
+            (fit.expected, window)
             for window in ladder
             if (fit := _fit(parts, window, speed_scale, terms, least))
         ]
@@ -184,7 +186,9 @@ def _fit(
     sd = float(np.sqrt(covariance[0, 0]) / scale[0])
     explained = 1 - float(residual @ residual) / spread
     inertia, *torques = (found / scale).tolist()
-    return Rigid(inertia, sd, dict(zip(terms, torques, strict=True)), explained)
+    separate = len(torque) / WINDOWS
+    expected = 1 - (1 - explained) * separate / max(separate - rank, 1.0)
+    return Rigid(inertia, sd, dict(zip(terms, torques, strict=True)), explained, float(expected))
 
 
 def resting_torque(rigid: Rigid, part: GridPart) -> Floats:

@@ -30,6 +30,8 @@ _MOST_SAMPLES = 30_000
 """Longer records are decimated to about this number of samples, as weights change slowly."""
 _OF_PERIOD, _FEWEST = 0.1, 24
 """Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
+_ALIKE = 2.0
+"""Largest ratio of the inertias that both halves of the equations show"""
 _LEAST_WINDOWS = 20
 """Least number of windows in all records; fewer do not distinguish the terms of a weight."""
 
@@ -60,6 +62,19 @@ class WeightBalance:
             shape = window_of(self._window, part.h)[0]
             found.append(integrals(part, shape, value) / (part.h * shape.sum() if mean else 1.0))
         return np.concatenate(found)[self._kept]
+
+    def rigid_mass(self, columns: Sequence[Floats]) -> tuple[float, float] | None:
+        """Inertia and viscous friction beside further columns; None: the halves of the equations differ about it."""
+        rows, half = np.column_stack([self.rows, *columns]), len(self.torque) // 2
+        size = np.sqrt((rows**2).sum(axis=0))
+        scale = np.where(size > 0, size, 1.0)
+
+        def solved(part: slice) -> Floats:
+            return np.asarray(np.linalg.lstsq(rows[part] / scale, self.torque[part])[0] / scale)
+
+        halves = [solved(slice(half))[0], solved(slice(half, None))[0]]
+        inertia, viscous = solved(slice(None))[:2].tolist()
+        return (inertia, max(viscous, 0.0)) if min(halves) > max(halves) / _ALIKE > 0 else None
 
     def missed(
         self, columns: Sequence[Floats], fitted: slice = slice(None), judged: slice = slice(None)

@@ -291,6 +291,33 @@ def test_the_level_of_torque_noise_is_looked_for_where_it_is(seed: int) -> None:
     assert abs(np.log10(noise.torque / noise.output / (0.5 / 2e-5))) < 1
 
 
+def test_where_the_torque_rings_the_inertia_is_that_of_the_torque_balance(seed: int) -> None:
+    """The next sample of a slow motion is predicted best without a torque that is mostly what the arm does."""
+    rng, t = np.random.default_rng(seed), H * np.arange(12_000)
+    phase = rng.uniform(0, 2 * np.pi, 4)
+    y = sum(
+        a * np.sin(2 * np.pi * f * t + p)
+        for a, f, p in zip((0.5, 0.3, 0.1, 0.05), (0.11, 0.37, 0.9, 1.3), phase, strict=True)
+    )
+    speed = np.gradient(y, H)
+    ringing = np.cumsum(rng.normal(0, 0.3, t.size))
+    ringing = 15 * np.sin(2 * np.pi * 11 * t + ringing)
+    u = (
+        VALUES["J"] * np.gradient(speed, H)
+        + VALUES["fv"] * speed
+        + VALUES["fc"] * np.tanh(speed / SCALE)
+        + 0.1
+    )
+    u = np.asarray(u + ringing, np.float64)
+    rec = Record(np.asarray(t, np.float64), u, y + 2e-5 * rng.standard_normal(t.size), "angle", "axis")
+    result = found([rec], start="records")
+    e = result.estimate
+    print(result.verdict, result.held, e.values)
+    assert result.rejection is None
+    assert e.values["J"] == pytest.approx(VALUES["J"], rel=0.2)
+    assert e.values["fc"] == pytest.approx(VALUES["fc"], rel=0.2)
+
+
 def test_the_shortest_memory_that_shows_small_changes_is_taken(seed: int) -> None:
     rec = record(seed, disturbed=0.5, seconds=40.0)
     shown = {memory: found([rec], memory_s=memory).watched for memory in (0.05, 0.8)}

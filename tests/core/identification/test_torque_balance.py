@@ -17,7 +17,7 @@ from monitor_core.identification.assessment.explained_torque import (
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
-from monitor_core.identification.torque_balance.torque_windows import TorqueTerm
+from monitor_core.identification.torque_balance.torque_windows import USUAL, TorqueTerm
 from tests.core.chains import chain, one_mass, values
 from tests.core.identification.record_cases import picks
 
@@ -125,3 +125,18 @@ def test_a_record_that_is_too_short_explains_nothing() -> None:
         record.t[:20], record.u[:20], record.y[:20], "angle", signals={"load": record.signals["load"][:20]}
     )
     assert explained_torque([(problem, [short])]) == -np.inf
+
+
+def test_of_other_windows_less_is_expected_the_fewer_were_fitted(seed: int) -> None:
+    """By the adjusted coefficient of determination, as windows overlap four times: hardly less where they are many."""
+    record, _ = moved()
+    noise = np.random.default_rng(seed).standard_normal(T.size)
+    gaps = []
+    for part in (200, 12.5):
+        (fit,) = rigid_fits([replace(record, u=record.u + noise)], [USUAL], SCALE, shortest_s=SECONDS / part)
+        assert fit is not None
+        assert 0 < fit.explained < 1
+        gaps.append((fit.explained - fit.expected) / (1 - fit.explained))
+    many, few = gaps
+    assert 0 < many < 0.2
+    assert 0.3 < few < 1.0
