@@ -74,7 +74,7 @@ TESTED = (
     "speed-zero-nominals",
     "angle-skew",
     "mean-speed",
-    "angle-drift",
+    "angle-joint",
     "angle-gear",
     "gravity-behind-the-gear",
 )
@@ -207,7 +207,7 @@ def test_gravity_of_a_measured_angle_that_a_free_ratio_scales(seed: int) -> None
 
 def test_what_is_slow_corrects_the_state_but_does_not_count(seed: int) -> None:
     """All other errors and gradients are the same to the last bit."""
-    case = BY_NAME["speed-drift"]
+    case = BY_NAME["speed-springs"]
     rec, problem = case_record(seed, case, 400), as_monitor(case)
     least = float(np.median(abs(rec.y)))
     predictors = (
