@@ -133,9 +133,8 @@ class _DrawnRates:
 
 def root(f: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
     """Root of f, which has different signs at low and high."""
-    from scipy.optimize import (
-        brentq,
-    )  # not at the top: the daemon never calls it, and the import takes half a second
+    # Not at the top: the daemon never calls it, and the import takes half a second.
+    from scipy.optimize import brentq
 
     return float(brentq(f, low, high, xtol=xtol))
 

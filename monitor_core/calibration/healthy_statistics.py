@@ -163,9 +163,7 @@ def _draw_kappa(kappa: Floats, weights: Floats, which: Ints, rng: np.random.Gene
     """One kappa for each row (B, 1), drawn by its probability within the row."""
     up_to = np.cumsum(weights, axis=1)
     up_to /= up_to[:, -1:]
-    all_rows = (
-        up_to + np.arange(len(kappa))[:, np.newaxis]
-    ).ravel()  # ascending, so that one search serves all rows
+    all_rows = (up_to + np.arange(len(kappa))[:, np.newaxis]).ravel()  # ascending: one search serves all rows
     return np.asarray(kappa.ravel()[np.searchsorted(all_rows, which + rng.random(len(which)))])[:, np.newaxis]
 
 

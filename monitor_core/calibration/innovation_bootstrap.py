@@ -32,9 +32,8 @@ class MatchedBlocks:
         predicted = predicted_sum(eps, min(max(1, self._length // 2), LONGEST))
         first = rng.integers(1, len(eps) - self._length + 1, (copies, many))
         order = np.argsort(predicted[first - 1], axis=1)
-        self._first = np.take_along_axis(
-            first, order, axis=1
-        )  # (copies, blocks), sorted by the prediction before
+        # (copies, blocks), sorted by the prediction before
+        self._first = np.take_along_axis(first, order, axis=1)
         before, at_end = predicted[self._first - 1], predicted[self._first + self._length - 1]
         self._next = np.array([np.searchsorted(*source) for source in zip(before, at_end, strict=True)])
         self._at = rng.integers(0, first.shape[1], copies)

@@ -50,6 +50,9 @@ MOST_MASSES, USUAL_MASSES = 9, 5
 """A motor hardly feels more masses."""
 _LOAD_MEMORIES = 2
 """Factor on the longest memory: to distinguish load and torque constant, a memory must span several motions."""
+_BETTER = 0.8
+"""A repeated fit must leave less than this part of what the first fit leaves unexplained."""
+_BALANCED = "the next sample is predicted nearly without it; that of the torque balance"
 
 Progress = Callable[[str, int, int], None]
 """Called with the present phase, its completed steps, and its largest number of steps."""
@@ -65,7 +68,8 @@ def identify(
     """Estimate the free parameters of a drive; simulate all records; compare with a black box.
 
     If most of the motion is so slow that friction sticks and slips, and the drive does not explain it, the fit is
-    repeated without the slow motion, and the monitor must then leave it out too (``Problem.min_speed``).
+    repeated without the slow motion, and the monitor must then leave it out too (``Problem.min_speed``).  A fit of one
+    mass from records alone that is not good is repeated with the inertia of the torque balance.
 
     Args:
         problem: drive, nominal values, free parameters, predictor.
@@ -86,8 +90,20 @@ def identify(
         if again := _unless_rejected(faster, records, validation, options, report):
             return again
     doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not Quality.GOOD
-    if not doubtful or options.start != "records":
-        return found
+    if doubtful and options.start == "records":
+        return _with_balanced_inertia(found, problem, records, validation, options, report)
+    return found
+
+
+def _with_balanced_inertia(
+    found: IdentificationResult,
+    problem: Problem,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    options: IdentificationOptions,
+    report: Progress,
+) -> IdentificationResult:
+    """The fit repeated with the inertia of the torque balance, if that explains clearly more; else ``found``."""
     torques = problem.drive.constant_torques()
     terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
     rigid = hold_balanced_inertia(problem, records, terms)
@@ -102,11 +118,6 @@ def identify(
     return replace(again, held={**held, **again.held})
 
 
-_BETTER = 0.8
-"""Another fit leaves at most this part of what one that can be used leaves unexplained, or it is not taken."""
-_BALANCED = "the next sample is predicted nearly without it; that of the torque balance"
-
-
 def _unless_rejected(
     problem: Problem,
     records: Sequence[Record],
@@ -114,7 +125,7 @@ def _unless_rejected(
     options: IdentificationOptions,
     report: Progress,
 ) -> IdentificationResult | None:
-    """Another try; None: it cannot be used."""
+    """A repeated fit; None: it cannot be used."""
     try:
         again = _identify(problem, records, validation, options, report)
     except IdentificationError:

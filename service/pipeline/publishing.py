@@ -90,7 +90,7 @@ class Publisher:
         self._views = dict[str, AxisView]()
         self._was_read = False
         self.newest: Snapshot
-        """The newest snapshot; who reads it here is no reader for whom newer ones are made more often"""
+        """The newest snapshot.  Reading it here does not make snapshots more frequent, as reading ``snapshot`` does"""
         self._published_s = self._making_s = 0.0
         self.processing = ProcessingTime()
         self.prepare: Callable[[Snapshot], object] = lambda _: None

@@ -24,7 +24,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
-from monitor_core.identification.torque_balance.torque_windows import GridPart, of_unit_length
+from monitor_core.identification.torque_balance.torque_windows import GridPart
 from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 
 _MOST_OTHERS = 2
@@ -202,7 +202,7 @@ class _Balance(WeightBalance):
         Where axes move together, as in a program, what accelerates another one hides in the inertia of this one: at a
         wrist it is more than that, and has the other sign.  So it matters even where it explains little of the torque.
         """
-        if max(self._inertias(waves)) >= 0:
+        if max(self.inertias(self._further(waves))) >= 0:
             return
         left, before = self.left(waves), self.coupled
         missing = [term for term in accelerations if term not in before]
@@ -210,24 +210,12 @@ class _Balance(WeightBalance):
             trials = dict[float, tuple[Term, ...]]()
             for more in combinations(missing, count):
                 self.coupled = (*before, *more)
-                if min(self._inertias(waves)) > 0:
+                if min(self.inertias(self._further(waves))) > 0:
                     trials[self.left(waves)] = self.coupled
             if trials and min(trials) < left:
                 self.coupled = trials[min(trials)]
                 return
         self.coupled = before
-
-    def _inertias(self, waves: Sequence[Term]) -> tuple[float, float]:
-        """The inertia by each half of the equations, in any unit."""
-        half = len(self.torque) // 2
-        rows = of_unit_length(
-            np.column_stack([self.rows, *(self._column(wave) for wave in (*waves, *self.coupled))])
-        )
-        first, last = (
-            float(np.linalg.lstsq(rows[part], self.torque[part])[0][0])
-            for part in (slice(half), slice(half, None))
-        )
-        return first, last
 
     def sums(self) -> list[Sum]:
         """Sums of angles, one after the other, as long as the next one explains what was not fitted.
@@ -275,7 +263,7 @@ class _Balance(WeightBalance):
 
     def left(self, waves: Sequence[Term]) -> float:
         """Sum of squared errors in each half with values of the other one."""
-        columns = [self._column(wave) for wave in (*waves, *self.coupled)]
+        columns = self._further(waves)
         first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
         return self.missed(columns, first, last) + self.missed(columns, last, first)
 
@@ -288,6 +276,10 @@ class _Balance(WeightBalance):
         return least < _LESS**sums * left or (
             (beside or bool(self.coupled)) and left - least > sums * _MORE * self._spread
         )
+
+    def _further(self, waves: Sequence[Term]) -> list[Floats]:
+        """Columns of these terms and of the accelerations."""
+        return [self._column(wave) for wave in (*waves, *self.coupled)]
 
     def _column(self, wave: Term) -> Floats:
         if wave not in self._columns:

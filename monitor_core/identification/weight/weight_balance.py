@@ -65,16 +65,22 @@ class WeightBalance:
 
     def rigid_mass(self, columns: Sequence[Floats]) -> tuple[float, float] | None:
         """Inertia and viscous friction beside further columns; None: the halves of the equations differ about it."""
-        rows, half = np.column_stack([self.rows, *columns]), len(self.torque) // 2
+        halves = self.inertias(columns)
+        inertia, viscous = self._solved(columns, slice(None))[:2].tolist()
+        return (inertia, max(viscous, 0.0)) if min(halves) > max(halves) / _ALIKE > 0 else None
+
+    def inertias(self, columns: Sequence[Floats]) -> tuple[float, float]:
+        """The inertia beside further columns by each half of the equations."""
+        half = len(self.torque) // 2
+        first, last = (self._solved(columns, part)[0] for part in (slice(half), slice(half, None)))
+        return float(first), float(last)
+
+    def _solved(self, columns: Sequence[Floats], part: slice) -> Floats:
+        """Values of the usual terms and of further columns, by this part of the equations."""
+        rows = np.column_stack([self.rows, *columns])
         size = np.sqrt((rows**2).sum(axis=0))
         scale = np.where(size > 0, size, 1.0)
-
-        def solved(part: slice) -> Floats:
-            return np.asarray(np.linalg.lstsq(rows[part] / scale, self.torque[part])[0] / scale)
-
-        halves = [solved(slice(half))[0], solved(slice(half, None))[0]]
-        inertia, viscous = solved(slice(None))[:2].tolist()
-        return (inertia, max(viscous, 0.0)) if min(halves) > max(halves) / _ALIKE > 0 else None
+        return np.asarray(np.linalg.lstsq(rows[part] / scale, self.torque[part])[0] / scale)
 
     def missed(
         self, columns: Sequence[Floats], fitted: slice = slice(None), judged: slice = slice(None)
