@@ -296,8 +296,8 @@ class HypothesisBank:
         cause, probability = self._causes.likeliest(self._evidence)
         sure, resort = probability >= self.sure, cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            self._wait(kernel.REFINING, MEMORIES)
             shares = self.active_faults.with_total_sizes(self._shares())
+            self._wait(kernel.REFINING, MEMORIES)
             yield CauseIdentified(now_us, since, self.onset(), shares, sure)
 
     def _restart_changed_signs(self) -> None:
@@ -337,7 +337,8 @@ class HypothesisBank:
         """The error of the size of the latest fault; None: it has ended, or something else has changed."""
         share = next(share for share in self._shares() if share.cause == self.active_faults.latest.cause)
         likeliest, _ = self._causes.likeliest(self._evidence)
-        changed = self._crossed() and (likeliest != share.cause or self.active_faults.ended(share))
+        sized = likeliest == share.cause and math.isfinite(share.size_sd)
+        changed = self._crossed() and (not sized or self.active_faults.ended(share))
         return None if changed else share
 
     def _correct_size(self, now_us: int, error: Share) -> Iterator[Event]:

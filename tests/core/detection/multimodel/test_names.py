@@ -28,6 +28,7 @@ from monitor_core.detection.multimodel.multimodel_detector import least_delay
 from monitor_core.detection.multimodel.naming import (
     CauseEnded,
     CauseIdentified,
+    CausePosterior,
     ChangeDetected,
     Event,
     SizeCorrected,
@@ -36,7 +37,7 @@ from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment, faulty
 from monitor_core.kernel import hypotheses as kernel
-from monitor_core.kernel.likelihood import SINCE_DETECTION, SURE
+from monitor_core.kernel.likelihood import HELD_BACK, SINCE_DETECTION, SURE, G
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.samples import SampleBlock
@@ -124,6 +125,21 @@ def test_the_corrected_size_is_that_of_the_change(
     print(f"{name} {factor - 1:+.0%}: {np.round(sizes, 3).tolist()}, mean {np.mean(sizes):+.1%}")
     assert len(sizes) >= 9
     assert np.mean(sizes) == pytest.approx(factor - 1, rel=off)
+
+
+def test_the_first_size_is_that_of_the_evidence_since_the_onset(bank: HypothesisBank, seed: int) -> None:
+    """The samples since the detection are too few where the cause is named soon."""
+    for k in range(seed, seed + 3):
+        bank.reset()
+        t_us, u, y = experiment(k, {"kT": 1.3}, samples=FAULT_AT + 600)
+        for first in range(t_us.size):
+            events = bank.run(SampleBlock(*(values[first : first + 1] for values in (t_us, u, y))))
+            if named := [event for event in events if isinstance(event, CauseIdentified)]:
+                break
+        evidence = bank.memory.sums[[G, HELD_BACK], 1 : len(bank.hypotheses) + 1].sum(axis=0)
+        expected = CausePosterior(bank.hypotheses).shares(evidence)[0]
+        assert named[0].time_us - named[0].since_us < bank.settings.memory * bank.settings.interval_s * 1e6
+        assert (named[0].shares[0].cause, named[0].shares[0].size) == (expected.cause, expected.size)
 
 
 @pytest.mark.parametrize(("then", "ended"), [({}, True), ({"kT": 1.3, "1/Ja": 1.5}, False)])
