@@ -131,9 +131,9 @@ def test_the_first_size_is_that_of_the_evidence_since_the_onset(bank: Hypothesis
     """The samples since the detection are too few where the cause is named soon."""
     for k in range(seed, seed + 3):
         bank.reset()
-        t_us, u, y = experiment(k, {"kT": 1.3}, samples=FAULT_AT + 600)
-        for first in range(t_us.size):
-            events = bank.run(SampleBlock(*(values[first : first + 1] for values in (t_us, u, y))))
+        block = SampleBlock(*experiment(k, {"kT": 1.3}, samples=FAULT_AT + 600))
+        for first in range(block.size):
+            events = bank.run(block.select(slice(first, first + 1)))
             if named := [event for event in events if isinstance(event, CauseIdentified)]:
                 break
         evidence = bank.memory.sums[[G, HELD_BACK], 1 : len(bank.hypotheses) + 1].sum(axis=0)
