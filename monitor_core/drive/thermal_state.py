@@ -18,14 +18,6 @@ to that of the model error.
 Where records show two time constants (of the parts that rub, and of their surroundings), the heat is the weighted mean
 of two such parts, both driven by the same power.
 
-An axis from which no sample comes stands, and cools; unless its angle says that it has moved meanwhile.  A gearbox has
-more time constants than the model, and it cools more slowly the longer it stands: what is left of its heat is known up
-to the difference to one that cools half as fast (standard deviation).  While nothing could have been received
-(``unwatched``), the axis may also have moved and come back: then less of its heat is known, the longer that was.  After
-that, after a clock that was set, and at a start of which nothing is known, the heat may be anything from 0 to the
-largest of the records.  Its variance then falls like a^2, and by what is observed (``monitoring.heat_observer``), to
-that of what the model lacks.
-
 The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state or
 two.
 """

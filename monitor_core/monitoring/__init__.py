@@ -11,6 +11,7 @@
 * ``fleet``: axes of any structure, whose blocks are taken in one call.
 * ``recommended_settings``: settings for a real axis.
 * ``heat_observer``: the heat of an axis without a thermometer, observed from its estimates.
+* ``unrecorded_heat``: starts of the motion at a heat that the records do not show.
 * ``trend_monitor``: long-term trends of an axis, and alarms about limits.
 """
 
@@ -66,3 +67,4 @@ from monitor_core.monitoring.recommended_settings import (
     short_memory,
 )
 from monitor_core.monitoring.trend_monitor import Limit, ParameterTrend, TrendMonitor
+from monitor_core.monitoring.unrecorded_heat import UnrecordedHeat

@@ -139,27 +139,31 @@ def _change(before: Alarm | None, alarm: Alarm) -> AlarmChange:
 
 Interpret = Callable[[E, Sequence[Alarm]], Iterable[Alarm]]
 """Function that returns the new and changed alarms for an event of a detector and the open alarms."""
+LookAlike = Callable[[Alarm], Mapping[str, str] | None]
+"""Function that returns other causes of an alarm, by name of the parameter that would seem to change; None: those that
+the alarm has stated so far."""
 
 
-def in_context(
-    interpret: Interpret[E], samples: SampleBlock | None, look_alike: Mapping[str, str]
-) -> Interpret[E]:
+def no_other_causes(_: Alarm) -> Mapping[str, str]:
+    """The ``LookAlike`` of an axis without other causes."""
+    return {}
+
+
+def in_context(interpret: Interpret[E], samples: SampleBlock | None, look_alike: LookAlike) -> Interpret[E]:
     """``interpret`` with the context added to its alarms.
 
     Args:
         interpret: function of a detector.
         samples: the samples of the events; None, or without ``inside``: the calibrated conditions are not known.
-        look_alike: by name of a parameter: another cause that a change of it may have.
+        look_alike: other causes of an alarm.
     """
-    if (samples is None or samples.inside is None) and not look_alike:
-        return interpret
 
     def interpret_in_context(event: E, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
-        before = {alarm.key for alarm in open_alarms}
+        before = {alarm.key: alarm for alarm in open_alarms}
         for alarm in interpret(event, open_alarms):
             if samples is not None and alarm.key not in before and alarm.inside_calibration is None:
                 alarm = replace(alarm, inside_calibration=_inside(samples, alarm.raised_us))
-            yield _with_alike(alarm, look_alike) if look_alike else alarm
+            yield _with_alike(alarm, look_alike(alarm), before.get(alarm.key))
 
     return interpret_in_context
 
@@ -170,13 +174,16 @@ def _inside(samples: SampleBlock, t_us: int) -> bool | None:
     return bool(samples.inside[at[0]]) if samples.inside is not None and at.size else None
 
 
-def _with_alike(alarm: Alarm, look_alike: Mapping[str, str]) -> Alarm:
-    causes = (
-        cause._replace(alike=(*cause.alike, look_alike[cause.parameter]))
-        if cause.parameter in look_alike and look_alike[cause.parameter] not in cause.alike
-        else cause
-        for cause in alarm.causes
-    )
+def _with_alike(alarm: Alarm, names: Mapping[str, str] | None, before: Alarm | None) -> Alarm:
+    stated = {cause.parameter: cause.alike for cause in before.causes} if before and names is None else {}
+    names = names or {}
+    causes = []
+    for cause in alarm.causes:
+        more = (
+            *stated.get(cause.parameter, ()),
+            *([names[cause.parameter]] if cause.parameter in names else ()),
+        )
+        causes.append(cause._replace(alike=tuple(dict.fromkeys((*cause.alike, *more)))))
     return replace(alarm, causes=tuple(causes))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,13 +20,15 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.hypotheses import BankTrace
-from monitor_core.kernel.state import NEVER, SCHEMA, USED
+from monitor_core.kernel.state import NEVER, SCHEMA, SEEDING, USED
 from monitor_core.monitoring.alarm_tracker import (
     REOPEN_MEMORIES,
     AlarmChange,
     AlarmTracker,
+    LookAlike,
     in_context,
     last_open_us,
+    no_other_causes,
 )
 from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_status import AxisStatus, DetectorStatus
@@ -99,10 +101,12 @@ class AxisMonitor:
         self.cusum = CusumDetector(self.model.monitored, batch.state.g[:, :, lane], batch.thresholds[:, lane])
         self._tracker = AlarmTracker(reopen_us=self._reopen_us)
         self._status = LaneStatus(batch, lane, multimodel, source)
-        self.look_alike: Mapping[str, str] = {}
-        """By name of a parameter: another cause that a change of it may have; its alarms state it"""
+        self.look_alike: LookAlike = no_other_causes
+        """Other causes of its alarms, which they state"""
         self.judged_us: int | None = None
         """Time [us] at which the unknown heat is known at the latest; None: cannot be told yet"""
+        self.waits = False
+        """Whether the tests begin at that time, as nothing tells the heat earlier"""
         self._models_wait = False
         self._open_us = NEVER  # time of the last sample that no gate left out
 
@@ -229,6 +233,11 @@ class AxisMonitor:
         """Number of samples that have updated theta."""
         return int(self.batch.state.counts[USED, self.lane])
 
+    @property
+    def moved(self) -> int:
+        """Number of samples with motion: those that have updated theta, or have served to find P(0)."""
+        return self.learned + int(self.batch.state.counts[SEEDING, self.lane])
+
     def deviations(self) -> Deviations | None:
         """Present deviations of the estimates; None: P(0) is not found yet."""
         return self._status.deviations()
@@ -266,7 +275,8 @@ class AxisMonitor:
         status = self._status.read(self._tracker, self._open_us, detectors)
         if self.judged_us is None or status.time_us is None or self.batch.judged[self.lane]:
             return status
-        return replace(status, judged_in_s=max(0.0, (self.judged_us - status.time_us) * 1e-6))
+        left_s = max(0.0, (self.judged_us - status.time_us) * 1e-6)
+        return replace(status, judged_in_s=left_s, waits=self.waits)
 
     @property
     def multimodel_key(self) -> str:

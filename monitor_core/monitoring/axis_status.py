@@ -106,6 +106,8 @@ class AxisStatus:
     judged_in_s: float | None = None
     """Time [s] until the unknown heat is known, if friction does not show it sooner; None: the heat is known, or the
     time cannot be told yet"""
+    waits: bool = False
+    """Whether the tests begin after that time and not sooner"""
 
     def untested(self) -> dict[NotTested, tuple[str, ...]]:
         """Parameters that are not tested now, by reason."""

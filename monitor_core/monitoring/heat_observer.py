@@ -61,7 +61,8 @@ class WarmUp:
             raise ValueError("these conditions have no thermal model")
         self._operating, self._monitor = operating, monitor
         self._thermal: ThermalState = operating.thermal
-        monitor.look_alike = dict.fromkeys(operating.following(HEAT), LOOKS_ALIKE)
+        following = dict.fromkeys(operating.following(HEAT), LOOKS_ALIKE)
+        monitor.look_alike = lambda _: following
         s = monitor.settings
         self._every_us = max(1, round(1e6 * s.memory * s.interval_s / LOOKS_PER_MEMORY))
         self._needed, self._widen_us = (

@@ -3,8 +3,16 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from monitor_core.drive import Operating
-from monitor_core.monitoring import NEVER, AxisMonitor, CalibratedRange, ConditionTracker, Range, WarmUp
+from monitor_core.drive import Operating, friction_of
+from monitor_core.monitoring import (
+    NEVER,
+    AxisMonitor,
+    CalibratedRange,
+    ConditionTracker,
+    Range,
+    UnrecordedHeat,
+    WarmUp,
+)
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import joined, sentence
 from service.config import NamedAxis, conditions_of
@@ -37,12 +45,15 @@ class AxisPipeline:
         """Its operating conditions; None: it has none"""
         thermal = None if self.operating is None else self.operating.thermal
         self._warm_up = None if self.operating is None or thermal is None else WarmUp(self.operating, monitor)
+        self._outside = axis.config.detector.outside_calibration
+        friction = {name for names in friction_of(model.drive) for name in names}
+        known = thermal is not None or any(follow.name in friction for follow in conditions.follows)
+        self._unrecorded = None if known else UnrecordedHeat(monitor, self._outside == "wait")
         self._calibrated: CalibratedRange | None = None
         if thresholds is not None and thresholds.range:
             tracker = ConditionTracker(axis.config.output, monitor.settings, conditions.columns)
             ranges = tuple(Range(r.condition, r.low, r.high) for r in thresholds.range)
             self._calibrated = CalibratedRange(ranges, tracker)
-        self._outside = axis.config.detector.outside_calibration
         self._turns = turns_of(axis.config)
         self._resumed = False
 
@@ -63,6 +74,8 @@ class AxisPipeline:
         monitor must take them before the next part is prepared.
         """
         more: SampleBlock | None = None
+        if self._unrecorded is not None:
+            block, more = self._unrecorded.part(block)
         if self._warm_up is not None:
             block, more = self._warm_up.part(block)
         elif self.operating is not None:

@@ -168,7 +168,8 @@ class IdentificationReport:
         elif names:
             yield (
                 f"The records do not show that friction falls as the axis warms up: {listed(names)} taken as constant."
-                " If the axis was warm when they began, record it from cold on."
+                " If the axis was warm when they began, expect 20 to 80 % more friction in the morning, and an alarm"
+                " of it. To test it then, too, record it from cold on."
             )
 
     def _held(self) -> Iterator[str]:

@@ -35,6 +35,8 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
     if reason is NotTested.WARM_UP and status.judged_in_s is not None:
         # In addition to the time until then, the time after which a parameter counts as tested.
         left_s = status.judged_in_s + MIN_TESTED_MEMORIES * status.memory_s
+        if status.waits:
+            return _NOT_RECORDED, _WAIT.format(left=duration(left_s))
         return _WHY[reason], _WARMER.format(left=duration(left_s))
     if reason is NotTested.NOT_OBSERVED and status.confounded:
         return f"{_WHY[reason]} ({'; '.join(status.confounded)})", _NEEDED[reason]
@@ -46,6 +48,8 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
 _MORE_MOTION = "motion that accelerates and has several speeds within memory_s, or a longer memory_s"
 _COLD = '`start = "cold"` in [robot.axis.thermal], if it is cold at the beginning'
 _WARMER = f"{{left}} more of samples at most, as friction may tell it sooner; or {_COLD}"
+_NOT_RECORDED = "how warm the axis is after a start or a pause is not known, and its records show no warm-up"
+_WAIT = "{left} more of samples; or nominal values and thresholds from records from cold to warm"
 _FEWER = "to take {uncertain} out of `monitor`"
 _WHY: dict[NotTested, str] = {
     NotTested.NO_SAMPLE: "no sample has been received",

@@ -20,6 +20,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.calibration_files import as_html, as_toml
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
+from service.texts.not_tested_words import not_tested_sentences
 from tests.service.found_files import named
 from tests.service.identification.conftest import robot_text, write_record, write_robot
 
@@ -127,8 +128,11 @@ def test_outside_the_speed_of_the_records_the_axis_is_marked_or_waits(
         words = "; ".join(monitors.axes[axis_id].outside_calibration)
         assert words.startswith("rms speed = ") == outside
         assert monitors.axes[axis_id].gated_by == (words if configured == "wait" else "")
-        gated = monitors.by_id[axis_id].status().counters["gated"]
-        assert (gated > 1000) == (outside and configured == "wait")
+        status = monitors.by_id[axis_id].status()
+        assert (status.counters["gated"] > 1000) == (outside and configured == "wait")
+        waits = "and its records show no warm-up. Needed: an hour more of samples"
+        untested = " ".join(not_tested_sentences(status.untested(), status))
+        assert (waits in untested) == (configured == "wait" and not outside)
 
 
 def test_page(found: Calibration) -> None:

@@ -180,6 +180,9 @@ const CAUSES: Record<string, string> = {
   "torque scale": "Maßstab des Moments", "torque offset": "Versatz des Moments", "output sign": "Vorzeichen der Bewegung",
   "output stuck": "Bewegung hängt", "output scale": "Maßstab der Bewegung", "output offset": "Versatz der Bewegung",
   "output noise": "Rauschen der Bewegung", delay: "Verzögerung des Moments", load: "Last", inertia: "Trägheit der Last",
+  "a warmer or colder gearbox": "ein wärmeres oder kälteres Getriebe",
+  "a gearbox that starts colder or warmer than in its records": "ein Getriebe, das kälter oder wärmer anläuft als in seinen Aufnahmen",
+  "a gearbox that becomes warmer than in its records": "ein Getriebe, das wärmer wird als in seinen Aufnahmen",
 };
 
 const nameOf = (cause: string): string => CAUSES[cause] ?? cause;
