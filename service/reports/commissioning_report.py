@@ -44,6 +44,8 @@ class Outcome:
     """File with that motion, beside the report; empty: there is none"""
     motion_s: float = 0.0
     """Duration of that motion"""
+    no_warm_up: bool = False
+    """Whether friction is taken as constant, because the records do not show that it falls as the axis warms up"""
     fault: bool = False
     """The refusal is an internal error, not a fault of the records"""
 
@@ -139,9 +141,19 @@ def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: 
         return f"No axis could be commissioned: the report says why, and which record would help.{moved}"
     run = f"Next: `axiswatch replay RECORD --config {config}` with another record"
     run += f", or `axiswatch run --config {config}`." if on_a_bus else "; to run, add the bus to that file."
+    run += _cold_morning([outcome.axis_id for outcome in outcomes if outcome.found and outcome.no_warm_up])
     if not lost:
         return run + moved
     return f"Not complete: {', '.join(lost)}; the report says why, and which record would help. {run}{moved}"
+
+
+def _cold_morning(names: Sequence[str]) -> str:
+    if not names:
+        return ""
+    return (
+        f" The records of {listed(names)} show no warm-up: if the robot was warm, expect alarms of friction on a cold"
+        " morning, or record it from cold on, too."
+    )
 
 
 def recording_s(outcomes: Sequence[Outcome]) -> float:

@@ -171,6 +171,7 @@ def _with_values(
         outlook=report.outlook,
         notes=(*outcome.notes, *report.warnings),
         pages=(page,),
+        no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,
     )
     if report.rejection:
         return replace(outcome, refusal=not_identified(report, taken))

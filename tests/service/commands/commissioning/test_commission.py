@@ -153,6 +153,14 @@ def test_a_fault_of_the_program_or_of_the_disk_is_shown_and_reported(
         assert "cannot write made/report.html: No space left on device" in axiswatch(*command).stderr
 
 
+def test_records_that_show_no_warm_up_are_not_all_that_a_robot_needs(folder: Path, seed: int) -> None:
+    record = table(folder / "healthy.csv", seed, 70.0)
+    config = configured(folder / "robot.toml", AXIS.format(n=1, interval=H))
+    result = axiswatch("commission", record, "--config", config, "--budget", "2min", "--output", "made")
+    assert result.exit_code == 0, result.output
+    assert "The records of cell.a1 show no warm-up: if the robot was warm, expect alarms" in result.output
+
+
 def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     """Milliseconds, per mille of 2.4 N m, counts of 2^14; the nominal values are about known."""
     record = table(folder / "healthy.csv", seed, 30.0)

@@ -386,3 +386,13 @@ def test_a_planned_motion_is_for_the_axes_that_have_one() -> None:
     first, second = (next_step([moved, *more], Path("a.toml"), False, "again") for more in others)
     assert "What is missing takes a record of the planned motion: `again`." in first
     assert "What the records do not show of a1 takes a record of the planned motion: `again`." in second
+
+
+def test_the_next_step_names_the_axes_whose_records_show_no_warm_up() -> None:
+    ready = Outcome("a1", nominal_file="n", thresholds_file="t", watched=("kT",))
+    cold = replace(ready, axis_id="a2", no_warm_up=True)
+    refused = Outcome("a3", refusal="not identified", no_warm_up=True)
+    words = "The records of {} show no warm-up"
+    steps = [next_step(axes, Path("a.toml"), False, "again") for axes in ([ready], [ready, cold, refused])]
+    assert words.format("a2") in steps[1]
+    assert [step.count("show no warm-up") for step in steps] == [0, 1]
