@@ -268,11 +268,11 @@ class Operating:
             value = s[self._column[gate.signal]]
             if not gate.open(np.array([value])).all():
                 yield _stated(gate.signal, value)
-        if c.min_speed > 0 and not speed >= c.min_speed:
-            yield sentence("slow", "slower than {speed} rad/s", speed=f"{c.min_speed:g}")
         for follower in self._followers:
             yield from follower.reasons(s[np.newaxis], self._column)
         yield from _unknown(self._weight, s[np.newaxis], self._column)
+        if c.min_speed > 0 and not speed >= c.min_speed:  # the last one, as it seldom lasts
+            yield sentence("slow", "slower than {speed} rad/s", speed=f"{c.min_speed:g}")
 
 
 class _Follower(NamedTuple):

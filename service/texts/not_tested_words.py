@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from monitor_core.drive import HEAT
 from monitor_core.monitoring import MIN_TESTED_MEMORIES, AxisStatus, NotTested
-from monitor_core.wording import duration, listed
+from monitor_core.wording import Sentence, duration, listed
 
 
 def not_tested_sentences(
@@ -41,10 +42,21 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
     if reason is NotTested.NOT_OBSERVED and status.confounded:
         return f"{_WHY[reason]} ({'; '.join(status.confounded)})", _NEEDED[reason]
     if reason is NotTested.CONDITIONS and gated_by:
-        return f"{_WHY[reason]} ({gated_by})", _NEEDED[reason]
+        return f"{_WHY[reason]} ({gated_by})", _within_conditions(gated_by)
     return _WHY[reason], _NEEDED[reason]
 
 
+def _within_conditions(gated_by: str) -> str:
+    """What would help against the condition that excluded the last sample."""
+    if not isinstance(gated_by, Sentence) or gated_by.kind != "beyond":
+        return _NEEDED[NotTested.CONDITIONS]
+    signal = gated_by.values["found"]
+    is_heat = isinstance(signal, Sentence) and signal.values.get("name") == HEAT
+    return _FARTHER + (_WIDEN if is_heat else "")
+
+
+_FARTHER = "nominal values and thresholds from records that reach this value, too"
+_WIDEN = '; or `outside_calibration = "widen"` in [robot.axis.detector], with which the CUSUM tests go on'
 _MORE_MOTION = "motion that accelerates and has several speeds within memory_s, or a longer memory_s"
 _COLD = '`start = "cold"` in [robot.axis.thermal], if it is cold at the beginning'
 _WARMER = f"{{left}} more of samples at most, as friction may tell it sooner; or {_COLD}"

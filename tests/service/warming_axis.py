@@ -15,6 +15,7 @@ from monitor_core.samples import SampleBlock
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.axis_pipeline import Heat
+from service.texts.not_tested_words import not_tested_sentences
 from tests.core.mismatch import INTERVAL_S, MOVING, STEP, Block, FaultAlarm, alarm_of
 from tests.core.warming import WarmingPlant
 from tests.service.by_commands import RefusedError, restarted, write_thresholds
@@ -125,6 +126,12 @@ class Watcher:
     def outside(self) -> tuple[str, ...]:
         """Conditions that are outside those of its records."""
         return self._monitors.axes[AXIS_ID].outside_calibration
+
+    @property
+    def not_tested(self) -> list[str]:
+        """Why parameters are not tested, in sentences."""
+        status = self.monitor.status()
+        return [*not_tested_sentences(status.untested(), status, self._monitors.axes[AXIS_ID].gated_by)]
 
     def restarted(self) -> Watcher:
         """Another one that carries on from the checkpoint of this one."""
