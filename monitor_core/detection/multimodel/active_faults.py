@@ -22,8 +22,8 @@ factor of 2 apart, so it is off by up to a tenth.  After a change by a fifth, th
 step.  Without finer steps no hypothesis of the same cause would explain it, but one of another cause would, although
 nothing else has changed."""
 ENDED_SD, ENDED_SHARE = 2.0, 0.2
-"""A cause has ended if its total size is below this number of standard deviations, or below this share of its former
-size, as interpolated sizes are off by a tenth.  A real remainder is then detected as a change of its own."""
+"""A cause has ended if its total size is negligible, below this number of standard deviations, or below this share of
+its former size, as interpolated sizes are off by a tenth.  A real remainder is then detected as a change of its own."""
 
 
 UNEXPLAINED = MODEL_ERROR**2
@@ -103,7 +103,13 @@ class ActiveFaults:
         if before is None or math.isnan(before.size):
             return []
         tolerance = np.fmax(ENDED_SD * best.size_sd, ENDED_SHARE * abs(before.size))
-        return [best.cause] if abs(before.size + best.size) < tolerance else []
+        (total,) = self.with_total_sizes((best,))
+        return [best.cause] if abs(total.size) < tolerance or self.is_negligible(total) else []
+
+    def is_negligible(self, share: Share) -> bool:
+        """Whether a size is nearer to no change than to the smallest change of its cause that is tested."""
+        sizes = [abs(hypothesis.size) for hypothesis in self.hypotheses if hypothesis.cause == share.cause]
+        return abs(share.size) < 0.5 * min(sizes)
 
     def end(self, cause: str) -> None:
         """End a cause, if it is active."""

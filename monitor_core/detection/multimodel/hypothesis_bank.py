@@ -298,7 +298,8 @@ class HypothesisBank:
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
             shares = self.active_faults.with_total_sizes(self._shares())
             self._wait(kernel.REFINING, MEMORIES)
-            yield CauseIdentified(now_us, since, self.onset(), shares, sure)
+            self._memory.sums[SINCE_DETECTION] = 0.0  # what raised the alarm may not last
+            yield CauseIdentified(now_us, since, self.onset(), shares, sure, settled=False)
 
     def _restart_changed_signs(self) -> None:
         """Restart predictors with a changed sign from the reference: so far they have moved in the wrong direction."""
@@ -306,16 +307,23 @@ class HypothesisBank:
             if hypothesis.torque.scale < 0 or hypothesis.output.scale < 0:
                 self._memory.x[:, k] = self._memory.x[:, 0]
 
-    def _lasts(self) -> bool:
-        """Whether there is still evidence of a change."""
+    def _lasts(self, cause: str | None = None) -> bool:
+        """Whether there is still evidence of a change, also in the samples since its detection alone.
+
+        A disturbance of some seconds leaves much evidence.  In the samples after it no hypothesis is better than no
+        change, or none of the ``cause`` that was named is.
+        """
         many = len(self._hypotheses)
-        return bool((self._memory.sums[G, :many] > 0.5 * self._predictors.own[LIMIT, :many]).any())
+        remains = self._memory.sums[G, :many] > 0.5 * self._predictors.own[LIMIT, :many]
+        own = [k for k, h in enumerate(self._hypotheses) if k > 0 and cause in (None, h.cause)]
+        return bool(remains.any() and (self._memory.sums[SINCE_DETECTION, own] > 0.0).any())
 
     def _settle(self, now_us: int) -> Iterator[Event]:
         """Add the most likely cause, with its size, to the active faults; later changes are relative to them."""
         shares, onset, since = self._shares(), self.onset(), int(self._memory.integers[kernel.SINCE, 0])
         best, lane = shares[0], self._lane_of(shares[0])
-        over = self.active_faults.ended(best) if self._lasts() else [HEALTHY]
+        lasts = self._lasts(best.cause)
+        over = self.active_faults.ended(best) if lasts else [HEALTHY]
         joined = best.cause != HEALTHY and not over
         if joined:
             yield CauseIdentified(
@@ -329,8 +337,8 @@ class HypothesisBank:
         for cause in over:
             self.active_faults.end(cause)
             yield CauseEnded(now_us, since, cause)
-        self._start(lane if self._lasts() else 0)
-        if joined and self.active_faults.latest.has_steps:
+        self._start(lane if lasts else 0)
+        if self.active_faults and self.active_faults.latest.has_steps:
             self._wait(kernel.CORRECTING, CORRECTED_AFTER)
 
     def _more_of_latest(self) -> Share | None:
@@ -342,14 +350,21 @@ class HypothesisBank:
         return None if changed else share
 
     def _correct_size(self, now_us: int, error: Share) -> Iterator[Event]:
-        """Correct the size of the latest fault by its error; once more, if that was large enough to be detected."""
+        """Correct the size of the latest fault by its error; once more, if that was large enough to be detected.
+
+        If nothing is left of it, it has ended.
+        """
         crossed, since_us = self._crossed(), int(self._memory.integers[kernel.SINCE, 0])
         (total,) = self.active_faults.with_total_sizes((error,))
-        if math.isfinite(total.size_sd):
+        ended = math.isfinite(total.size_sd) and self.active_faults.is_negligible(total)
+        if ended:
+            yield CauseEnded(now_us, since_us, total.cause)
+            self.active_faults.end(total.cause)
+        elif math.isfinite(total.size_sd):
             yield SizeCorrected(now_us, since_us, total)
             self.active_faults.join(error, self._hypotheses[self._lane_of(error)])
         self._start(0)
-        if crossed:
+        if crossed and not ended:
             self._wait(kernel.CORRECTING, CORRECTED_AFTER)
 
     def _crossed(self) -> bool:

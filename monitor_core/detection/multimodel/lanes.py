@@ -54,6 +54,7 @@ def lanes_of(
     table = {name: np.stack([lane[name] for lane in lanes], axis=1) for name in lanes[0]}
     own = table["own"]
     own[predictors.LIMIT] = np.inf
+    own[predictors.LEVEL] -= own[predictors.LEVEL, 0]  # the ratios are those to the first hypothesis
     own[predictors.LEVEL, : back + 1] -= tests.allowance
     for row, values in (
         (predictors.LIMIT, tests.h),

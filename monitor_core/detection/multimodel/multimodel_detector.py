@@ -257,8 +257,8 @@ class MultiModelDetector:
         if same is not None and (unnamed is None or same.key != unnamed.key):
             if unnamed is not None:
                 yield unnamed.ended(event.time_us)
-            # The cause of this alarm was decided before: only its size is updated.
-            yield same.named(*name, **facts)
+            # The cause of this alarm was decided before: only its size is updated, once the change has lasted.
+            yield same.named(*name, **facts) if event.settled else same.detected_again(event.time_us)
             return
         facts["causes"] = _reported(event)
         if unnamed is not None:

@@ -54,7 +54,8 @@ class ChangeDetected:
 class CauseIdentified:
     """The cause was identified: the first of ``shares``, whose size is the total size of the active fault.
 
-    ``certain``: its probability is large enough; otherwise the other causes must be reported, too.
+    ``certain``: its probability is large enough; otherwise the other causes must be reported, too.  ``settled``: the
+    size is known, and the cause is an active fault from now on; before, the change may not last.
     """
 
     time_us: int
@@ -62,6 +63,7 @@ class CauseIdentified:
     onset: Onset
     shares: tuple[Share, ...]
     certain: bool
+    settled: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from monitor_core.detection.multimodel.naming import (
     SizeCorrected,
 )
 from monitor_core.drive.structure import DELAY
-from monitor_core.excitation.reference_experiment import FAULT_AT, Experiment, experiment
+from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.monitoring.alarm_tracker import AlarmTracker
@@ -160,6 +160,14 @@ def test_more_of_a_cause_does_not_decide_which_one_it_is() -> None:
     (more,) = book.take(named(45, 40, share("kT", 0.3, 0.9), share("1/Ja", 0.2, 0.1)))
     assert more.causes == (Cause("kT", 0.6), Cause("fm", 0.4))
     assert more.size == pytest.approx(np.expm1(0.3))
+
+
+def test_more_of_a_cause_changes_its_size_once_it_has_lasted() -> None:
+    book, _ = feed(changed(10, "kT"), named(12, 10, share("kT", 0.2)), changed(40, "kT"))
+    (more,) = book.take(replace(named(45, 40, share("kT", -0.1)), settled=False))
+    assert (more.size, more.direction) == (pytest.approx(np.expm1(0.2)), "up")
+    (more,) = book.take(named(50, 40, share("kT", -0.1)))
+    assert (more.size, more.direction) == (pytest.approx(np.expm1(-0.1)), "down")
 
 
 def test_another_cause_than_the_one_that_stands_at_first_sight_is_an_alarm_of_its_own() -> None:
@@ -364,6 +372,75 @@ def test_a_sensor_fault_that_was_open_stands(seed: int) -> None:
     fresh.adopt([sign])
     fresh.update(SampleBlock(rec.t_us, -rec.u, rec.y))
     assert [e.raised_us for e in fresh.open_alarms] == [2]
+
+
+# --- disturbances that do not last ---------------------------------------------------------------------
+
+
+def disturbed(rec: Experiment, samples: int, factor: float, begin: int = 2000) -> SampleBlock:
+    """With another torque constant for so many samples, exactly."""
+    u = rec.u.copy()
+    u[begin : begin + samples] /= factor
+    return SampleBlock(rec.t_us, u, rec.y)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.1, 2.0])
+@pytest.mark.parametrize("samples", [50, 200, 400])
+def test_what_lasts_for_seconds_leaves_no_alarm(samples: int, factor: float, seed: int) -> None:
+    for k in range(seed, seed + 3):
+        watched = monitor(k)
+        changes = watched.update(disturbed(unchanged(experiment(k, samples=7000)), samples, factor))
+        assert watched.open_alarms == (), k
+        assert watched.multimodel is not None
+        assert not watched.multimodel.bank.active_faults, k
+        assert {c.kind for c in changes} <= {"ended"}, k
+
+
+def test_what_lasts_for_seconds_leaves_the_size_of_an_alarm(seed: int) -> None:
+    for k in range(seed, seed + 3):
+        watched, sizes = monitor(k), list[float | None]()
+        rec = experiment(k, {"kT": 0.8}, samples=12_000, fault_at=0)
+        samples = disturbed(rec, 100, 0.5, 6000)
+        for first in range(0, samples.size, 200):
+            watched.update(samples.select(slice(first, first + 200)))
+            sizes += [a.size for a in watched.open_alarms if a.parameter == "kT"] if first >= 5000 else []
+        assert [a.parameter for a in watched.open_alarms] == ["kT"], k
+        assert np.array(sizes, float) == pytest.approx(-0.2, abs=0.03), k
+
+
+def with_torque(rec: Experiment, samples: int, size: float) -> SampleBlock:
+    """With a torque that acts besides the measured one for so many samples; ``size``: relative to the measured one."""
+    u = rec.u.copy()
+    u[2000 : 2000 + samples] -= size * rec.u.std() * np.sin(np.pi * np.arange(samples) / samples)
+    return SampleBlock(rec.t_us, u, rec.y)
+
+
+@pytest.mark.parametrize("size", [0.2, 0.3, 0.6])
+@pytest.mark.parametrize("samples", [100, 200])
+def test_a_torque_that_acts_for_a_second_is_no_lasting_fault(samples: int, size: float, seed: int) -> None:
+    for k in range(seed, seed + 3):
+        events = detector(k).bank.run(with_torque(experiment(k, samples=6000), samples, size))
+        assert [type(event) for event in events][-1:] in ([], [CauseEnded]), k
+        assert not [event for event in events if isinstance(event, CauseIdentified) and event.settled], k
+
+
+def test_a_size_is_corrected_although_a_disturbance_came_between(seed: int) -> None:
+    for k in range(seed, seed + 3):
+        samples = with_torque(experiment(k, {"kT": 0.8}, samples=7000, fault_at=0), 200, -1.0)
+        events = [type(event) for event in detector(k).bank.run(samples)]
+        fault, disturbance = 2 * [CauseIdentified], [ChangeDetected, CauseIdentified, CauseEnded]
+        assert events == [ChangeDetected, *fault, *disturbance, SizeCorrected], k
+
+
+def test_an_alarm_of_noise_ends_with_the_noise(seed: int) -> None:
+    rng, rec = np.random.default_rng(seed), experiment(seed, samples=9000)
+    y, noise = rec.y.copy(), NOISE["speed"] * rng.normal(size=2000)
+    y[2000:4000] += 2.0 * noise
+    watched = monitor(seed)
+    watched.update(SampleBlock(*part(rec._replace(y=y), 0, 3900)))
+    assert [a.parameter for a in watched.open_alarms] == [OUTPUT_NOISE]
+    watched.update(SampleBlock(*part(rec._replace(y=y), 3900)))
+    assert watched.open_alarms == ()
 
 
 # --- limits ------------------------------------------------------------------------------------------

@@ -81,6 +81,14 @@ def test_changes_of_one_cause_add_up_and_end_together(standing: ActiveFaults) ->
     assert standing.ended(share("fm", -0.3)) == []
 
 
+def test_what_is_left_below_half_of_the_smallest_step_is_nothing(standing: ActiveFaults) -> None:
+    least = min(abs(h.size) for h in HYPOTHESES if h.cause == "fm")
+    join(standing, "fm", 2 * least)
+    for left, ended in ((0.45, True), (-0.45, True), (0.55, False)):
+        assert standing.is_negligible(share("fm", left * least)) is ended
+        assert standing.ended(share("fm", (left - 2) * least, 1e-6)) == ["fm"] * ended
+
+
 def test_all_as_it_was_ends_all(standing: ActiveFaults) -> None:
     join(standing, "kT", 0.2)
     join(standing, "fm", 0.5)
