@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import Onset
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
+from monitor_core.detection.multimodel.bank_evidence import LOOKS, BankEvidence
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis, moved_model, steps
 from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
@@ -26,15 +26,10 @@ from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel.hypotheses import BankTrace, Block, Memory, run_hypotheses
 from monitor_core.kernel.likelihood import (
-    FIRST_MARK,
-    HELD_BACK,
-    LATE,
-    MARKS,
-    ONSET,
     SINCE_DETECTION,
     G,
 )
-from monitor_core.kernel.predictors import LIMIT, SETTLES, Predictors
+from monitor_core.kernel.predictors import SETTLES, Predictors
 from monitor_core.kernel.state import NEVER, USED
 from monitor_core.kernel.tables import Tables
 from monitor_core.samples import SampleBlock
@@ -47,8 +42,6 @@ MEMORIES = 3
 size is refined."""
 CORRECTED_AFTER = 6
 """Memory lengths after that until the size is corrected."""
-LOOKS = 20
-"""Number of checks of the probabilities per memory length."""
 PATIENCE = 2
 """Factor on the waiting time for a cause of last resort: until there is more evidence, a change that no hypothesis fits
 well looks like one of these, too."""
@@ -278,7 +271,8 @@ class HypothesisBank:
         if phase in (kernel.WATCHING, kernel.CORRECTING):
             self._await_name(now_us)
             self._restart_changed_signs()
-            yield ChangeDetected(now_us, self.onset(), self._shares())
+            found = self._evidence
+            yield ChangeDetected(now_us, found.onset(), found.shares())
         yield from self._identify(now_us)
 
     def _identify(self, now_us: int) -> Iterator[Event]:
@@ -286,20 +280,20 @@ class HypothesisBank:
         integers, memory = self._memory.integers, self.settings.memory
         integers[kernel.CHECKS, 0] += 1
         integers[kernel.WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[kernel.SINCE, 0])
-        looked = integers[kernel.CHECKS, 0] / (LOOKS * MEMORIES)
-        if looked >= 1 and not self._lasts():
+        looked, found = integers[kernel.CHECKS, 0] / (LOOKS * MEMORIES), self._evidence
+        if looked >= 1 and not found.lasts():
             self._start(0)
             yield CauseEnded(now_us, since, HEALTHY)
             return
         # Until the state has settled after the change, no hypothesis is right, and the least wrong one seems certain.
         early = now_us - since < self._slowest_us
-        cause, probability = self._causes.likeliest(self._evidence)
+        cause, probability = found.likeliest()
         sure, resort = probability >= self.sure, cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            shares = self.active_faults.with_total_sizes(self._shares())
+            shares = self.active_faults.with_total_sizes(found.shares())
             self._wait(kernel.REFINING, MEMORIES)
             self._memory.sums[SINCE_DETECTION] = 0.0  # what raised the alarm may not last
-            yield CauseIdentified(now_us, since, self.onset(), shares, sure, settled=False)
+            yield CauseIdentified(now_us, since, found.onset(), shares, sure, settled=False)
 
     def _restart_changed_signs(self) -> None:
         """Restart predictors with a changed sign from the reference: so far they have moved in the wrong direction."""
@@ -307,22 +301,12 @@ class HypothesisBank:
             if hypothesis.torque.scale < 0 or hypothesis.output.scale < 0:
                 self._memory.x[:, k] = self._memory.x[:, 0]
 
-    def _lasts(self, cause: str | None = None) -> bool:
-        """Whether there is still evidence of a change, also in the samples since its detection alone.
-
-        A disturbance of some seconds leaves much evidence.  In the samples after it no hypothesis is better than no
-        change, or none of the ``cause`` that was named is.
-        """
-        many = len(self._hypotheses)
-        remains = self._memory.sums[G, :many] > 0.5 * self._predictors.own[LIMIT, :many]
-        own = [k for k, h in enumerate(self._hypotheses) if k > 0 and cause in (None, h.cause)]
-        return bool(remains.any() and (self._memory.sums[SINCE_DETECTION, own] > 0.0).any())
-
     def _settle(self, now_us: int) -> Iterator[Event]:
         """Add the most likely cause, with its size, to the active faults; later changes are relative to them."""
-        shares, onset, since = self._shares(), self.onset(), int(self._memory.integers[kernel.SINCE, 0])
-        best, lane = shares[0], self._lane_of(shares[0])
-        lasts = self._lasts(best.cause)
+        found, since = self._evidence, int(self._memory.integers[kernel.SINCE, 0])
+        shares, onset = found.shares(), found.onset()
+        best = shares[0]
+        lane, lasts = found.lane(best.cause), found.lasts(best.cause)
         over = self.active_faults.ended(best) if lasts else [HEALTHY]
         joined = best.cause != HEALTHY and not over
         if joined:
@@ -343,10 +327,11 @@ class HypothesisBank:
 
     def _more_of_latest(self) -> Share | None:
         """The error of the size of the latest fault; None: it has ended, or something else has changed."""
-        share = next(share for share in self._shares() if share.cause == self.active_faults.latest.cause)
-        likeliest, _ = self._causes.likeliest(self._evidence)
+        found = self._evidence
+        share = next(share for share in found.shares() if share.cause == self.active_faults.latest.cause)
+        likeliest, _ = found.likeliest()
         sized = likeliest == share.cause and math.isfinite(share.size_sd)
-        changed = self._crossed() and (not sized or self.active_faults.ended(share))
+        changed = found.has_crossed and (not sized or self.active_faults.ended(share))
         return None if changed else share
 
     def _correct_size(self, now_us: int, error: Share) -> Iterator[Event]:
@@ -354,7 +339,8 @@ class HypothesisBank:
 
         If nothing is left of it, it has ended.
         """
-        crossed, since_us = self._crossed(), int(self._memory.integers[kernel.SINCE, 0])
+        found, since_us = self._evidence, int(self._memory.integers[kernel.SINCE, 0])
+        crossed = found.has_crossed
         (total,) = self.active_faults.with_total_sizes((error,))
         ended = math.isfinite(total.size_sd) and self.active_faults.is_negligible(total)
         if ended:
@@ -362,50 +348,19 @@ class HypothesisBank:
             self.active_faults.end(total.cause)
         elif math.isfinite(total.size_sd):
             yield SizeCorrected(now_us, since_us, total)
-            self.active_faults.join(error, self._hypotheses[self._lane_of(error)])
+            self.active_faults.join(error, self._hypotheses[found.lane(error.cause)])
         self._start(0)
         if crossed and not ended:
             self._wait(kernel.CORRECTING, CORRECTED_AFTER)
 
-    def _crossed(self) -> bool:
-        many = len(self._hypotheses)
-        return bool((self._memory.sums[G, :many] > self._predictors.own[LIMIT, :many]).any())
+    @property
+    def _evidence(self) -> BankEvidence:
+        return BankEvidence(self._memory, self._predictors, self._hypotheses, self._causes, self._slowest_us)
 
     def _wait(self, phase: int, memories: int) -> None:
         """Stop the run this number of memory lengths from now, for the decision that ends the phase."""
         wait = round(memories * self.settings.memory)
         self._memory.integers[[kernel.PHASE, kernel.WAIT], 0] = phase, wait
-
-    def _shares(self) -> tuple[Share, ...]:
-        """The causes; after a memory length their sizes are those that the samples since the detection show."""
-        integers = self._memory.integers
-        late = integers[kernel.PHASE, 0] != kernel.PENDING or integers[kernel.CHECKS, 0] >= LOOKS
-        since = self._memory.sums[SINCE_DETECTION, 1 : len(self._hypotheses)]
-        return self._causes.shares(self._evidence, since if late else None)
-
-    @property
-    def _evidence(self) -> Floats:
-        """Log-likelihood ratios (H,) since the onset."""
-        g, held_back = self._memory.sums[[G, HELD_BACK], 1 : len(self._hypotheses)]
-        return np.asarray(g + held_back)
-
-    def onset(self) -> Onset:
-        """Onset of the most likely hypothesis: the time at which its g was last zero, with an interval.
-
-        A hypothesis assumes that the change was always present.  It gains no evidence until the state of the axis has
-        settled after the change.  So the change may be earlier by half the slowest time constant.
-        """
-        k = int(self._memory.sums[G, : len(self._hypotheses)].argmax())
-        when = self._memory.when[:, k]
-        best, earliest = int(when[ONSET]), int(when[FIRST_MARK + MARKS - 1]) - self._slowest_us // 2
-        low = earliest if earliest > NEVER // 2 else None  # otherwise it lies before the first sample
-        return Onset.within(best, low, max(int(when[LATE]), best))
-
-    def _lane_of(self, best: Share) -> int:
-        """Lane of the hypothesis with the most evidence, of this cause."""
-        evidence = self._memory.sums[[G, HELD_BACK]].sum(axis=0)
-        own = [k for k, hypothesis in enumerate(self._hypotheses) if k > 0 and hypothesis.cause == best.cause]
-        return max(own, key=lambda k: float(evidence[k]))
 
     def _start(self, lane: int) -> None:
         """Restart with the present active faults, from the state of this lane."""
