@@ -39,8 +39,8 @@ class BankEvidence(NamedTuple):
     def lasts(self, cause: str | None = None) -> bool:
         """Whether there is still evidence of a change, also in the samples since its detection alone.
 
-        A disturbance of some seconds leaves much evidence.  In the samples after it no hypothesis is better than no
-        change, or none of the ``cause`` that was named is.
+        A disturbance of some seconds leaves much evidence.  In the samples after it every hypothesis is worse than no
+        change, or every one of the ``cause`` that was named is.  While an axis stands, sizes of one sign are better.
         """
         own = [k for k, h in enumerate(self.hypotheses) if k > 0 and cause in (None, h.cause)]
         return bool(self._above(0.5).any() and (self.memory.sums[SINCE_DETECTION, own] > 0.0).any())

@@ -29,8 +29,21 @@ from monitor_core.detection.multimodel.naming import (
     SizeCorrected,
 )
 from monitor_core.drive.structure import DELAY
-from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experiment, experiment
-from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
+from monitor_core.excitation import multisine
+from monitor_core.excitation.reference_experiment import (
+    BAND_HZ,
+    FAULT_AT,
+    NOISE,
+    TORQUE_RMS,
+    Experiment,
+    experiment,
+)
+from monitor_core.modeling.standard_drives import (
+    INTERVAL_S,
+    REFERENCE_VALUES,
+    reference_model,
+    three_mass,
+)
 from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.monitoring.alarm_tracker import AlarmTracker
 from monitor_core.samples import SampleBlock
@@ -38,6 +51,7 @@ from monitor_core.settings import Settings
 from tests.core.cases import BY_NAME
 from tests.core.figures import settings_of
 from tests.core.laws import part
+from tests.core.simulated import simulated
 from tests.shares import soaked
 
 MODEL = reference_model()
@@ -424,6 +438,18 @@ def test_a_torque_that_acts_for_a_second_is_no_lasting_fault(samples: int, size:
         events = detector(k).bank.run(with_torque(experiment(k, samples=6000), samples, size))
         assert [type(event) for event in events][-1:] in ([], [CauseEnded]), k
         assert not [event for event in events if isinstance(event, CauseIdentified) and event.settled], k
+
+
+def test_a_fault_of_an_axis_that_then_stands_is_still_there(seed: int) -> None:
+    """Nothing speaks for it meanwhile, and nothing against it."""
+    for k in range(seed, seed + 3):
+        rng = np.random.default_rng(k)
+        u = np.concatenate([multisine(rng, 1000, INTERVAL_S, BAND_HZ, TORQUE_RMS), np.zeros(6000)])
+        values = REFERENCE_VALUES | {"kT": 0.8}
+        rec = simulated(rng, three_mass("speed"), u, output_noise=NOISE["speed"], values=values)
+        watched = monitor(k)
+        watched.update(SampleBlock(rec.t_us, rec.u, rec.y))
+        assert [a.parameter for a in watched.open_alarms] == ["kT"], k
 
 
 def test_a_size_is_corrected_although_a_disturbance_came_between(seed: int) -> None:
