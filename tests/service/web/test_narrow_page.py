@@ -7,6 +7,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from monitor_core.detection import Alarm, Cause
+from monitor_core.monitoring.unrecorded_heat import OTHER_HEAT
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import Stage
 from tests.service.web.page_parts import serious_faults, unfold
@@ -118,6 +119,12 @@ def test_friction_of_an_axis_whose_warmth_is_not_known_may_be_the_cold(
     advice = page.get_by_role("article").get_by_text("A colder or warmer gearbox")
     expect(page.get_by_role("article")).to_contain_text("fm (viscous friction of the motor)")
     expect(advice).to_have_count(0 if is_known else 1)
+    heat = replace(fm_alarm, causes=(Cause("fm", 1.0, (OTHER_HEAT,)),), raised_us=fm_alarm.raised_us + 1)
+    number = stage.record("demo.axis1", "N m s/rad", 0.06, heat)
+    page.goto(f"/#/alarms/{number}")
+    expect(page.get_by_role("article")).to_contain_text(f"would look the same: {OTHER_HEAT}")
+    expect(advice).to_have_count(1)
+    expect(page.get_by_role("article")).not_to_contain_text("cannot tell these apart")
 
 
 def test_of_several_alarms_a_tile_names_the_first_and_how_many_more(

@@ -118,6 +118,7 @@ function Causes({ alarm }: { alarm: AlarmRecord }) {
 const SENSOR = /^(torque|output) |^delay$/;
 const PAYLOAD = /^(load|inertia)$/;
 const FRICTION = /friction/i;
+const HEAT = /gearbox/;
 
 /** Advice for the state and the causes of an alarm; if the axis temperature is known, its friction is that at it. */
 function advice(alarm: AlarmRecord, meaning: string, heat: Axis["heat"]): string[] {
@@ -130,9 +131,10 @@ function advice(alarm: AlarmRecord, meaning: string, heat: Axis["heat"]): string
   if (SENSOR.test(alarm.parameter)) words.push(t.advice.sensor);
   if (PAYLOAD.test(alarm.parameter) || alarm.same_payload.length > 0) words.push(t.advice.payload);
   words.push(t.advice.inspect(meaning ? `${alarm.parameter} (${meaningOf(meaning)})` : causeName(alarm.parameter)));
-  if (FRICTION.test(meaning) && heat === null) words.push(t.advice.cold);
   const alike = alarm.causes.find((cause) => cause.parameter === alarm.parameter)?.alike ?? [];
-  if (alike.length > 0) words.push(t.advice.inspectAlike(alike.map(causeName).join(", ")));
+  const others = alike.filter((cause) => !HEAT.test(cause));
+  if (others.length < alike.length || (FRICTION.test(meaning) && heat === null)) words.push(t.advice.cold);
+  if (others.length > 0) words.push(t.advice.inspectAlike(others.map(causeName).join(", ")));
   return [...words, t.advice.order];
 }
 
