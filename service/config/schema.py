@@ -39,6 +39,8 @@ from service.config.schema_model import (
 # --- The samples of an axis: signals, their time, gates ---------------------------------------------------------------
 
 
+MOST_LATE = 10
+"""Largest number of samples by which the torque may come later than the motion."""
 NEVER_IDENTIFIED = {"kT", "r"}
 """Torque constant and gear ratio of a library drive, which torque and motion of the motor do not determine."""
 
@@ -68,7 +70,7 @@ class TorqueConfig(SignalConfig):
 
     kT_Nm_per_A: Real | None = None
     """torque constant, if the signal is the motor current: torque = kT * (factor * signal + offset) [N m/A]"""
-    late_samples: int = Field(0, ge=0, le=10, strict=True)
+    late_samples: int = Field(0, ge=0, le=MOST_LATE, strict=True)
     """number of samples by which the signal comes later than the motion that it has caused"""
 
     @property

@@ -5,11 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import UNITS, Record, Span, held_for, stuck_spans
+from monitor_core.identification import UNITS, Record, Span, held_for, samples_late, stuck_spans
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
 from service.can.user_errors import left_out_words
 from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, Signal, fastest, values_of
+from service.config.schema import MOST_LATE
 from service.ingest.loaded_records import RecordOrigin
 
 _LITTLE = 0.01
@@ -32,6 +33,7 @@ def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
         yield from _out_of_range(checked, source, text)
         yield from _stuck(checked, record, text)
         yield from _stuck_motion(checked, record, text)
+    yield from _too_late(checked)
 
 
 def _out_of_range(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
@@ -48,6 +50,19 @@ def _out_of_range(checked: Checked, source: RecordOrigin, text: str) -> Iterator
             torque=f"{PHYSICAL_LIMITS['torque']:g}",
             motion=f"{PHYSICAL_LIMITS[quantity]:g} {UNITS[quantity]}",
             key=quantity,
+        )
+
+
+def _too_late(checked: Checked) -> Iterator[str]:
+    """A torque that comes later than a correction may be."""
+    late = checked.axis.config.torque.late_samples
+    if late and late + (more := samples_late(checked.records)) > MOST_LATE:
+        yield sentence(
+            "torque too late",
+            "the torque comes {samples} samples or more later than the motion that it has caused, and at most {most}"
+            " can be corrected: shift it where it is recorded, or record it without the filter",
+            samples=late + more,
+            most=MOST_LATE,
         )
 
 

@@ -81,15 +81,22 @@ def test_each_mistake_is_put_right(
     )
 
 
-def test_a_torque_that_comes_late_is_taken_with_its_motion(tmp_path: Path, seed: int) -> None:
-    axis, late = moves("one-mass", seed, 60.0), 2
+@pytest.mark.parametrize(("late", "corrected"), [(2, 2), (13, 10)])
+def test_a_torque_that_comes_late_is_taken_with_its_motion(
+    late: int, corrected: int, tmp_path: Path, seed: int
+) -> None:
+    axis = moves("one-mass", seed, 60.0)
     rows = np.column_stack([axis.t[late:], axis.torque[:-late], axis.angle[late:]])
     np.savetxt(tmp_path / "late.csv", rows, "%.9g", ",", header="t,u,y", comments="")
     keys = f"sample_interval_s = {H}\ntime = {{ column = 't' }}\nangle = {{ column = 'y' }}\n"
     model = "model = { drive = 'one-mass', monitor = ['kT', 'fc', 'fm'], nominal = { kT = 1 } }\n"
     text = f"{ROBOT}[[robot.axis]]\nname = 'a1'\n{keys}torque = {{ column = 'u' }}\n{model}"
-    (found,) = review(text, "cell.a1", [str(tmp_path / "late.csv")], tmp_path).corrections
-    assert (found.change, found.key) == ("torque.late_samples = 2", ("torque", "late_samples"))
+    found = review(text, "cell.a1", [str(tmp_path / "late.csv")], tmp_path)
+    (correction,) = found.corrections
+    assert correction.change == f"torque.late_samples = {corrected}"
+    assert [words.startswith(f"the torque comes {late} samples or more later") for words in found.faults] == (
+        [] if late == corrected else [True]
+    )
 
 
 def test_a_record_in_which_the_axis_stands_is_left_out(

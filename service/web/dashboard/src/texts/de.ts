@@ -309,6 +309,8 @@ const SENTENCES: Record<string, string> = {
   "samples apart": "Die Messwerte liegen {found} s auseinander, nicht {configured} s",
   bunches: "Frames kommen in Bündeln an: ihre Empfangszeit ist nicht die der Messwerte; besser wird die Uhr der Steuerung angepasst",
   scatter: "Mit gleichmäßigen Zeiten ist die Bewegung glatter als mit den Empfangszeiten, die streuen: die Uhr der Steuerung wird angepasst",
+  "torque too late": "das Moment kommt {samples} Werte oder mehr später als die Bewegung, die es bewirkt hat, und höchstens {most}"
+    + " lassen sich berichtigen: dort verschieben, wo es aufgenommen wird, oder ohne das Filter aufnehmen",
   "late torque": "das Moment kommt {seconds} s später als die Bewegung, die es bewirkt hat, wie ein gefilterter Strom",
   "wrong sign": "Moment und Bewegung haben entgegengesetzte Vorzeichen (oder das der Bewegung ändern)",
   wraps: "Der Winkel beginnt nach {period} von vorn",
