@@ -292,15 +292,31 @@ def logged(log: Path) -> Mapping[str, FrameBlock]:
     return {name: concatenate_frames(parts) for name, parts in blocks.items()}
 
 
+def _together(table: Table, names: Sequence[str]) -> Mapping[str, Floats]:
+    """The columns at the rows in which each of them has a number."""
+    parts = [rows.columns for rows in table.rows(names)]
+    return {name: np.concatenate([np.zeros(0), *(part[name] for part in parts)]) for name in names}
+
+
+_NEARLY = 0.5
+"""A column with a number in fewer rows is left out, so that it costs no rows of the others."""
+
+
 def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str, str]]:
     """The long numeric columns; the sample interval, if a variable states it; faults of the other columns."""
+    from service.ingest.table_files import MatTable
+
     found, faults = dict[str, Floats](), dict[str, str]()
     for name in table.names:
         try:
-            found[name] = np.concatenate([np.zeros(0), *(rows.columns[name] for rows in table.rows([name]))])
+            found |= _together(table, [name])
         except RecordError as error:
             faults[name] = str(error)
     longest = max(map(len, found.values()), default=0)
+    nearly = [name for name, values in found.items() if len(values) > _NEARLY * longest]
+    if len({len(found[name]) for name in nearly}) > 1 and not isinstance(table, MatTable):
+        found |= _together(table, nearly)  # some rows have no number in some column
+        longest = len(found[nearly[0]])
     intervals = (
         float(v[0]) for n, v in found.items() if len(v) == 1 and n.lower() in ("sample_time", "dt", "ts")
     )

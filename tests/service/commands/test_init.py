@@ -36,6 +36,15 @@ def test_names_of_columns(record: Path) -> None:
     assert first.config.time.column == "Time"
 
 
+def test_a_cell_that_holds_no_number_does_not_cost_its_column(record: Path) -> None:
+    lines = record.read_text(encoding="utf-8").splitlines()
+    for row, column in ((300, 1), (500, 2)):
+        cells = lines[row].split(",")
+        lines[row] = ",".join([*cells[:column], "none", *cells[column + 1 :]])
+    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "axis1: torque A1_Trq, angle A1_Pos: sure" in shown("init", record)
+
+
 @pytest.mark.parametrize(
     ("column", "axes"),
     [
