@@ -14,7 +14,7 @@ import numpy as np
 
 from monitor_core.detection.alarm import Alarm
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.monitoring.axis_monitor import AxisMonitor
+from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
 from monitor_core.samples import SampleBlock
 
 PAUSE_S = 600.0
@@ -37,7 +37,7 @@ class UnrecordedHeat:
     """The starts of one axis, and the alarms that may be due to its heat.
 
     Args:
-        monitor: the monitor that gets the samples.
+        monitor: the monitor that gets the samples; its saved state is restored before the first part.
         waits: whether the axis is not tested for an hour after a start.
     """
 
@@ -46,11 +46,10 @@ class UnrecordedHeat:
         self._friction = (*friction.viscous, *friction.coulomb)
         self._memory_us = max(LOOKS_PER_MEMORY, round(1e6 * s.memory * s.interval_s))
         self._every_us = self._memory_us // LOOKS_PER_MEMORY
-        self._last_us = monitor.time_us  # the last sample
-        self._moved, self._moved_us = (
-            monitor.moved,
-            monitor.time_us,
-        )  # motion so far, and the last sample with it
+        self._begun = False
+        self._last_us: int | None = None  # the last sample
+        self._moved = 0  # the monitor's count of samples with motion, at the last look
+        self._moved_us: int | None = None  # the last sample with motion
         self._starts = deque[int](maxlen=STARTS)  # times [us], the oldest first
         self._waits, self._stands = waits, False
         monitor.look_alike = self.look_alike
@@ -62,6 +61,8 @@ class UnrecordedHeat:
         """
         if not block.size:
             return block, None
+        if not self._begun:  # by now, a saved state of the monitor has been restored
+            self._begin()
         look, now_us = block.t_us // self._every_us, int(block.t_us[0])
         if self._last_us is None or look[0] != self._last_us // self._every_us:
             self._follow(now_us)
@@ -69,6 +70,13 @@ class UnrecordedHeat:
         n = int(later[0]) if later.size else block.size
         self._last_us = int(block.t_us[n - 1])
         return block.select(slice(n)), block.select(slice(n, None)) if n < block.size else None
+
+    def _begin(self) -> None:
+        """Go on from the state of the monitor.  A monitor without a sample has an axis at an unknown heat."""
+        m = self._monitor
+        self._begun, self._last_us, self._moved = True, m.time_us, m.moved
+        if self._moved_us is None and m.moved:  # saved by a version that did not save the motion
+            self._moved_us = m.time_us
 
     def _follow(self, now_us: int) -> None:
         """Find out whether the axis has moved since the last call, and whether a motion starts now."""
@@ -94,6 +102,29 @@ class UnrecordedHeat:
     def _tested(self) -> bool:
         """Whether the tests have begun: those of the estimates begin when P(0) is found."""
         return self._monitor.alarm_source == "multimodel" or self._monitor.deviations() is not None
+
+    def to_arrays(self) -> Arrays | None:
+        """The state to save, as arrays by name; None: there is no state yet."""
+        moved_us = self._moved_us if self._monitor.moved == self._moved else self._last_us
+        if moved_us is None:
+            return None
+        return {
+            "starts": np.array(self._starts, np.int64),
+            "moved": np.array([moved_us, self._stands], np.int64),
+        }
+
+    def from_arrays(self, arrays: Arrays) -> None:
+        """Restore a saved state, before the first part.
+
+        Raises:
+            KeyError: an array is missing.
+            ValueError: an array does not have the form of such a state.
+        """
+        starts, moved = np.asarray(arrays["starts"]), np.asarray(arrays["moved"])
+        if any(a.dtype != np.int64 or a.ndim != 1 for a in (starts, moved)) or moved.size != 2:
+            raise ValueError("these are no starts of a motion")
+        self._starts.extend(map(int, starts))
+        self._moved_us, self._stands = int(moved[0]), bool(moved[1])
 
     def look_alike(self, alarm: Alarm) -> Mapping[str, str] | None:
         """By name of a friction parameter: heat as another cause of this alarm; None: not known any more."""

@@ -48,7 +48,8 @@ class AxisPipeline:
         self._outside = axis.config.detector.outside_calibration
         friction = {name for names in friction_of(model.drive) for name in names}
         known = thermal is not None or any(follow.name in friction for follow in conditions.follows)
-        self._unrecorded = None if known else UnrecordedHeat(monitor, self._outside == "wait")
+        self.unrecorded_heat = None if known else UnrecordedHeat(monitor, self._outside == "wait")
+        """The starts of its motion; None: a thermal law or a signal says what friction to expect"""
         self._calibrated: CalibratedRange | None = None
         if thresholds is not None and thresholds.range:
             tracker = ConditionTracker(axis.config.output, monitor.settings, conditions.columns)
@@ -74,8 +75,8 @@ class AxisPipeline:
         monitor must take them before the next part is prepared.
         """
         more: SampleBlock | None = None
-        if self._unrecorded is not None:
-            block, more = self._unrecorded.part(block)
+        if self.unrecorded_heat is not None:
+            block, more = self.unrecorded_heat.part(block)
         if self._warm_up is not None:
             block, more = self._warm_up.part(block)
         elif self.operating is not None:

@@ -11,7 +11,7 @@ import structlog
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
 from monitor_core.drive import Operating
-from monitor_core.monitoring import Arrays, AxisMonitor
+from monitor_core.monitoring import Arrays, AxisMonitor, UnrecordedHeat
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import joined, sentence
 from service.pipeline.alarm_recording import AxisAlarm
@@ -28,6 +28,8 @@ log = structlog.get_logger(__name__)
 THERMAL_SCHEMA = "thermal schema=1"
 """Start of the key of a saved warm-up state.  The rest of the key is the thermal model, without its initial state and
 its missing parameters."""
+STARTS_SCHEMA = "starts schema=1"
+"""Key of the saved starts of the motion, which belong to the robot and not to its model"""
 
 MOST_REOPENED = 20
 """Number of the latest ended alarms that the monitor of an axis gets at the start, as it may reopen them"""
@@ -49,11 +51,16 @@ class SavedState(NamedTuple):
 
 
 def states_of(
-    axis_id: str, monitor: AxisMonitor, operating: Operating | None = None, epoch: EpochProgress = FIRST
+    axis_id: str,
+    monitor: AxisMonitor,
+    operating: Operating | None = None,
+    unrecorded_heat: UnrecordedHeat | None = None,
+    epoch: EpochProgress = FIRST,
 ) -> Iterator[SavedState]:
     """The saved states of an axis: estimates, evidence of the multi-model detector, learning window, warm-up state.
 
-    All but the warm-up state belong to one epoch and have it in their keys.
+    An axis without a warm-up state has the starts of its motion instead.  All but these two belong to one epoch and
+    have it in their keys.
     """
     key = epoch.key(monitor.key)
     yield SavedState("estimates", axis_id, key, monitor.to_arrays, monitor.from_arrays)
@@ -77,6 +84,11 @@ def states_of(
         key = f"{THERMAL_SCHEMA} {tau} fm={m.fm} fc={m.fc} largest={m.largest}"
         name = f"{axis_id} (warm-up state)"
         yield SavedState("thermal", name, key, operating.to_arrays, operating.from_arrays)
+    if unrecorded_heat is not None:
+        name = f"{axis_id} (starts of the motion)"
+        yield SavedState(
+            "thermal", name, STARTS_SCHEMA, unrecorded_heat.to_arrays, unrecorded_heat.from_arrays
+        )
 
 
 class Checkpointer:
@@ -134,7 +146,7 @@ class Checkpointer:
 
     def _states(self) -> Iterator[AxisState]:
         for axis_id, axis in self._monitors.axes.items():
-            for state in states_of(axis_id, axis.monitor, axis.operating, axis.epoch):
+            for state in states_of(axis_id, axis.monitor, axis.operating, axis.unrecorded_heat, axis.epoch):
                 arrays = state.arrays()
                 if arrays is not None:
                     yield AxisState(state.name, state.key, arrays)
@@ -225,7 +237,7 @@ def restore(
     changes: list[AxisAlarm] = []
     for axis_id, axis in monitors.axes.items():
         monitor = axis.monitor
-        for state in states_of(axis_id, monitor, axis.operating, axis.epoch):
+        for state in states_of(axis_id, monitor, axis.operating, axis.unrecorded_heat, axis.epoch):
             loss = Loss(axis_id, state.part, "")
             found = loader.load(loss, state.name, state.key)
             if found is not None and loader.use(loss, state.name, state.restore, found.arrays):

@@ -24,6 +24,7 @@ class Watched:
 
     def __init__(self, seed: int, waits: bool = False) -> None:
         self._rng, self._at_us = np.random.default_rng(seed), 0
+        self._waits = waits
         self.monitor = AxisMonitor(MODEL, SETTINGS)
         self.heat = UnrecordedHeat(self.monitor, waits)
 
@@ -34,8 +35,9 @@ class Watched:
 
         The monitor gets blocks of ``size`` samples.
         """
-        u = multisine(self._rng, round(seconds / H), H, BAND_HZ, TORQUE_RMS)
-        u = np.concatenate([u, np.zeros(round(rest_s / H))])
+        u = np.zeros(round((seconds + rest_s) / H))
+        if seconds:
+            u[: round(seconds / H)] = multisine(self._rng, round(seconds / H), H, BAND_HZ, TORQUE_RMS)
         values = faulty(REFERENCE_VALUES, fault)
         rec = simulated(self._rng, three_mass("speed"), u, output_noise=NOISE["speed"], values=values)
         self._at_us += round(pause_s * 1e6)
@@ -45,13 +47,16 @@ class Watched:
             self._feed(samples.select(slice(first, first + size)))
         return list(self.monitor.open_alarms)
 
-    def restart(self) -> None:
-        """Go on from the saved state and the open alarms."""
+    def restart(self, is_saved: bool = True) -> None:
+        """Go on from the saved state and the open alarms, in the order of the daemon."""
         saved, alarms = self.monitor.to_arrays(), self.monitor.open_alarms
+        starts = self.heat.to_arrays()
         self.monitor = AxisMonitor(MODEL, SETTINGS)
+        self.heat = UnrecordedHeat(self.monitor, self._waits)
         self.monitor.from_arrays(saved)
+        if is_saved and starts is not None:
+            self.heat.from_arrays(starts)
         self.monitor.adopt(alarms)
-        self.heat = UnrecordedHeat(self.monitor)
 
     def _feed(self, rest: SampleBlock | None) -> None:
         while rest is not None:
@@ -113,12 +118,46 @@ def test_the_other_cause_stays_with_the_alarm_over_later_starts_and_restarts(see
     assert other_causes(axis.take(60.0, fm=1.7)) == {"fm": (OTHER_HEAT,)}
 
 
-def test_a_restart_of_seconds_is_no_start_of_the_motion(seed: int) -> None:
+@pytest.mark.parametrize("is_saved", [True, False])
+def test_a_restart_of_seconds_is_no_start_of_the_motion(seed: int, is_saved: bool) -> None:
+    """Also with a checkpoint of a version that did not save the starts."""
     for pause_s, causes in ((5.0, ()), (NIGHT_S, (OTHER_HEAT,))):
         axis = Watched(seed)
         assert not axis.take(60.0)
-        axis.restart()
+        axis.restart(is_saved)
         assert other_causes(axis.take(60.0, pause_s, fm=1.5)) == {"fm": causes}, pause_s
+
+
+def test_a_standstill_goes_on_over_a_restart(seed: int) -> None:
+    """Five minutes at rest, a restart, and six more are a pause; the axis then waits from its end."""
+    axis = Watched(seed, waits=True)
+    axis.take(WAIT_S + 60.0, rest_s=300.0)
+    assert not axis.monitor.status().waits
+    axis.restart()
+    axis.take(0.0, rest_s=360.0)
+    axis.restart()
+    axis.take(10.0)
+    assert axis.monitor.status().judged_in_s == pytest.approx(WAIT_S - 10.0, abs=15.0)
+
+
+def test_the_time_of_an_axis_that_waits_goes_on_over_a_restart(seed: int) -> None:
+    axis = Watched(seed, waits=True)
+    axis.take(1500.0)
+    axis.restart()
+    axis.take(100.0)
+    assert axis.monitor.status().judged_in_s == pytest.approx(WAIT_S - 1600.0, abs=15.0)
+
+
+def test_what_is_no_saved_start_is_refused() -> None:
+    saved = {"starts": np.array([5]), "moved": np.array([7, 0])}
+    Watched(0).heat.from_arrays(saved)
+    for name, array in (
+        ("starts", np.array([[5]])),
+        ("moved", np.array([7])),
+        ("moved", np.array([7.0, 0.0])),
+    ):
+        with pytest.raises(ValueError, match="no starts of a motion"):
+            Watched(0).heat.from_arrays({**saved, name: array})
 
 
 def test_an_axis_that_waits_is_tested_an_hour_after_each_start(seed: int) -> None:

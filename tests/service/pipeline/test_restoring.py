@@ -235,3 +235,26 @@ def test_losses_in_words() -> None:
         "cell.axis3: part of its checkpoint is not used and was quarantined: it is damaged (restarted: the long-term"
         " history)",
     ]
+
+
+def test_a_restart_of_seconds_is_no_start_of_the_motion(
+    tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int
+) -> None:
+    """An axis that waits an hour after a start goes on with that hour."""
+    detector = {"outside_calibration": "wait"}
+    config = changed(demo(tmp_path, 2), "axis1", detector=detector)
+    before = FramePipeline(config)
+    frames = list(blocks(config, 14.0, seed))
+    for block in frames[: len(frames) // 2]:
+        before.take("can0", block)
+    before.update()
+    left_s = before.monitors.by_id[AXIS].status().judged_in_s
+    save(before.monitors, checkpoints)
+    later = FramePipeline(config)
+    assert restore(later.monitors, checkpoints, journal, NOW_US).messages == ()
+    later.ingests = before.ingests
+    for block in frames[len(frames) // 2 :]:
+        later.take("can0", block)
+    later.update()
+    assert left_s is not None
+    assert later.monitors.by_id[AXIS].status().judged_in_s == pytest.approx(left_s - 7.0, abs=0.5)
