@@ -1,0 +1,10 @@
+"""From files and frames to samples of one axis in SI units, and proposals of what a file or a bus contains.
+
+* On the bus: ``bus_samples`` (blocks of frames to samples) uses ``axis_input`` for each axis, with ``quantities``,
+  ``unwrap``, ``late_values``, ``acceleration``; ``encode`` is the inverse.
+* From files: ``records`` (tables and CAN logs behind one interface), ``axis_records`` and ``loaded_records`` (the
+  samples of one axis), ``table_files``, ``csv_tables``, ``table_head``, ``torn_rows``, ``axis_columns`` (tables).
+* What is what, for ``init`` and ``discover``: ``roles_by_name``, ``roles_by_values`` and, by these, ``column_roles``
+  (tables), ``signal_roles`` and ``live_roles`` (buses), ``drive_objects`` (CANopen), ``unknown_messages``.
+* Remarks on a record: ``recorded_units``, ``timestamp_jitter``.
+"""
