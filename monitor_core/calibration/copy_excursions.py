@@ -73,7 +73,7 @@ def simulate_excursions(
     """
     sources = [source for record in records if (source := copy_source(axis, record)) is not None]
     if not sources:
-        raise ValueError("nothing was learned from any record")
+        raise ValueError("no record has enough innovations")
     copies = _Copies(axis)
     total = sum(len(source.u) for source in sources)
     # sigma comes from the first memories; short records need a second turn for it.

@@ -72,7 +72,7 @@ def multimodel_statistics(
     for number, record in enumerate(records):
         spectra.add(_run_record(bank, record, recorded, places, number))
     if not recorded.samples:
-        raise ValueError("nothing was tested in any record")
+        raise ValueError("no record has tested samples")
     progress(0.2)
     copied = _run_copies(bank, records, places, copies, rng, lambda part: progress(0.2 + 0.8 * part))
     pooled = copied if copied.samples else recorded

@@ -80,7 +80,7 @@ def check_within(settings: Settings, within_s: float) -> None:
     memory_s = settings.memory * settings.interval_s
     if within_s < MIN_WITHIN_MEMORIES * memory_s:
         raise CalibrationError(
-            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and no test is sure before twice that,"
+            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and a test needs at least twice that to be certain,"
             f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
         )
 
@@ -187,7 +187,7 @@ def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
         f"{deviations.name}: {model.monitored[i]} changes by {step * model.scale[i]:+.3g}"
         f"{'' if unit == '1' else f' {unit}'}"
         f" ({100 * step:+.1f} % of its size, {ratio:.0f} standard deviations of the estimate) about {seconds:.4g} s"
-        f" after the beginning: this is no healthy record. Use only the part before it, as with"
+        f" after the beginning: this is no healthy record. Use only the part before the change, as with"
         f" {deviations.name}@0:{max(seconds - 1, 0):.0f}"
     )
 
@@ -213,8 +213,8 @@ def _check_no_offset(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> 
         if abs(mean[i]) > max(STEP * sd[i], OFF):
             raise CalibrationError(
                 f"{axis.model.monitored[i]} is off its nominal value all along, by {100 * mean[i]:+.1f} % of its size,"
-                f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values are not those of"
-                " these records; identify the axis with them first"
+                f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values do not fit these"
+                " records; identify the axis with them first"
             )
 
 
@@ -238,7 +238,7 @@ def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, 
     budget_s = scatter.memory * interval_s * math.exp(log * min(0.9, math.log(widest) / width))
     raise CalibrationError(
         f"{seconds:.3g} s of the records can be used, {scatter.memories:.0f} memories: too short to promise one false"
-        f" alarm in {duration(samples * interval_s)}. The rate might be {_times(most)} times what is most likely. Give"
+        f" alarm in {duration(samples * interval_s)}. The true rate may be {_times(most)} times the estimated one. Give"
         f" about {duration(longer)}, or a budget of one in {duration(budget_s)}",
         budget_s,
     )

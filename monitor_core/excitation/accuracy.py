@@ -30,7 +30,7 @@ Pair = tuple[str, str, float]
 
 
 class Finding(NamedTuple):
-    """Parameters that a record does not determine; ``hidden``: it has no information on them; a sentence."""
+    """Parameters that a record does not determine, and a sentence; ``hidden``: it has no information on them."""
 
     names: tuple[str, ...]
     hidden: bool

@@ -168,7 +168,7 @@ def plan(task: Task, rng: np.random.Generator) -> PlannedExperiment:
     inputs = flat.fitted.motion.inputs
     names = task.free or distinguishable(task.estimation, inputs, task.find)
     if missing := [name for name in task.find if name not in names]:
-        raise ExcitationError(f"{missing[0]} is to be found, so it must be among the free parameters")
+        raise ExcitationError(f"{missing[0]} is named in --find, so it must be among the free parameters")
     accuracy = task.estimation.accuracy(names, inputs)
     bases = {split_name(name)[0] for name in names}
     held = () if task.free else tuple(n for n in task.estimation.all_names if n not in bases)
@@ -214,7 +214,7 @@ def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequenc
     seen = linear_part(responses)
     wanted = np.array([float(names[i] in find) for i in seen])
     if not wanted.any():
-        raise ExcitationError(f"the spectrum does not matter to {' and '.join(find)}: leave out what to find")
+        raise ExcitationError(f"the spectrum has no effect on {' and '.join(find)}: leave out --find")
     try:
         return optimal_powers(information(responses[:, seen]), task.costs(frequency_hz), wanted)
     except np.linalg.LinAlgError:
@@ -228,7 +228,7 @@ def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequenc
 
 _MOST_LINES = 80
 _WORTH_IT = 1.5
-"""A band that makes a standard deviation so much smaller is worth the words."""
+"""A wider band is recommended if it reduces the standard deviation by at least this factor."""
 _OFF = 0.2
 """Relative change of Coulomb friction since its configuration that temperature alone may cause."""
 
@@ -248,11 +248,11 @@ def _ends(experiment: PlannedExperiment) -> Iterator[str]:
     away, speed = (max(abs(float(getattr(m, what)[-1])) for m in motions) for what in ("angle", "speed"))
     shares = [share for m in motions for share in task.limits.used(m).items() if share[1] > 1]
     name, share = max(shares, key=lambda pair: pair[1], default=("", 0.0))
-    beyond = f", and comes to {100 * share:.0f} % of the {name} limit on its way" if share else ""
+    beyond = f", and reaches {100 * share:.0f} % of the {name} limit during the motion" if share else ""
     yield (
         f"The torque brings the drive back and to rest with the friction that is configured; with {percent(_OFF)} more"
-        f" or less Coulomb friction it ends up to {away:.2g} rad away, at up to {speed:.2g} rad/s{beyond}. Nothing but"
-        " friction stops it there: have the controller or the brake take over at the last sample."
+        f" or less Coulomb friction it ends up to {away:.2g} rad away, at up to {speed:.2g} rad/s{beyond}. Then only"
+        " friction stops it: let the controller or the brake take over at the last sample."
     )
 
 
@@ -275,7 +275,7 @@ def _remedy(task: Task, names: tuple[str, ...], name: str, sd: float) -> str:
     if top is not None:
         return f"excite up to {top:.2g} Hz ({longer})"
     if name not in task.find:
-        return f"put it among what is to be found, or widen the limits ({longer})"
+        return f"name it in --find, or widen the limits ({longer})"
     return f"widen the limits ({longer})"
 
 

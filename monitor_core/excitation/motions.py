@@ -142,7 +142,7 @@ class PlannedMotion:
         forward = size * self._forward + self.plant.countered(angle, speed)
         motion = self.plant.moved(forward, np.array([angle, speed]), self._gains)
         if not all(math.isfinite(np.abs(x).max()) for x in motion):
-            raise ExcitationError("the drive runs away from its controller")
+            raise ExcitationError("the simulated drive is unstable: it does not follow the controller")
         return motion
 
 
@@ -231,5 +231,5 @@ def _next(below: tuple[float, float], above: tuple[float, float] | None) -> floa
 
 def _why(binding: str) -> str:
     if binding == "torque":
-        return "to bear the drive's weight, friction or offset already takes more"
-    return "the drive moves further already while its weight, friction or offset is being borne"
+        return "the torque against weight, friction and offset alone exceeds it"
+    return "the motion due to weight, friction and offset alone exceeds it"

@@ -114,7 +114,7 @@ def distinguishable(estimation: Estimation, inputs: Floats, wanted: Sequence[str
             kept = listed([name for name in parts if name in wanted])
             beside = listed(movable) if movable else "one another"
             raise ExcitationError(
-                f"{kept} cannot be estimated beside {beside}: say which are estimated (free), the others are held"
+                f"{kept} cannot be estimated beside {beside}: name the parameters to estimate; the others are held"
             )
         names.remove(pure[0] if pure else movable[-1])
     return tuple(names)

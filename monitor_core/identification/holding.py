@@ -101,7 +101,7 @@ def _next(
         if found.drive.parameter(name).nonnegative and table.theta[name] == 0:
             if (partners := table.partners(name)) and _agrees(name, table, configured):
                 return _kept(name, table.together(name, partners[0]), table, configured)
-            return HeldParameter(name, 0.0, "zero: the records show none of it")
+            return HeldParameter(name, 0.0, "zero: it has no effect in the records")
     if lost := [name for name in table.names if not np.isfinite(table.sd[name])]:
         first = min(lost, key=lambda name: (name not in RELATIVE, *table.rank(name)))
         return _kept(first, "the records do not determine it", table, configured)
@@ -112,7 +112,7 @@ def _next(
         worst = max(poor, key=table.relative)
         name = table.weakest(worst, table.partners(worst))
         if name == worst:
-            return _kept(name, "the records hardly show it", table, configured)
+            return _kept(name, "it has hardly any effect in the records", table, configured)
         return _kept(name, table.together(name, worst), table, configured)
     for name in sorted(table.names, key=table.relative, reverse=True):
         if table.relative(name) > DOUBTFUL and (partners := table.partners(name)):

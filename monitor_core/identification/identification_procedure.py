@@ -52,7 +52,7 @@ _LOAD_MEMORIES = 2
 """Factor on the longest memory: to distinguish load and torque constant, a memory must span several motions."""
 _BETTER = 0.8
 """A repeated fit must leave less than this part of what the first fit leaves unexplained."""
-_BALANCED = "the next sample is predicted nearly without it; that of the torque balance"
+_BALANCED = "the one-step prediction hardly depends on it; value of the torque balance"
 
 Progress = Callable[[str, int, int], None]
 """Called with the present phase, its completed steps, and its largest number of steps."""
@@ -333,7 +333,7 @@ def _growth(
     kinds = {drive.inputs[k] for k in acting(drive, problem.nominal, problem.free)}
     if kinds & {COSINE, SINE}:
         raise IdentificationError(
-            "--masses compares masses in a row without gravity, which acts on this drive"
+            "--masses compares chains of masses without gravity, which acts on this drive"
         )
     friction = {"fm": True, "fc": COULOMB in kinds, "tau0": ONE in kinds}
     try:
@@ -343,7 +343,7 @@ def _growth(
             like=problem,
             friction=[name for name, acts in friction.items() if acts],
             validation=validation,
-            progress=lambda done, most: report("rows of masses", done, most),
+            progress=lambda done, most: report("chains of masses", done, most),
         )
     except ValueError as error:
         raise IdentificationError(f"--masses: {error}") from None

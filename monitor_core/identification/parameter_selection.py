@@ -218,8 +218,8 @@ def _where(term: str, records: Sequence[Record]) -> tuple[float, float, float]:
     mean, low, high = float(values.mean()), float(values.min()), float(values.max())
     if high - low <= _CONSTANT * max(abs(low), abs(high)):
         raise IdentificationError(
-            f"{term} is {mean:.6g} throughout the records, so no record shows what follows it: leave it out, or add"
-            " records in which it differs"
+            f"{term} is {mean:.6g} throughout the records, so its effect cannot be estimated: leave it out, or add"
+            " records in which it varies"
         )
     return round(mean, _DIGITS - math.floor(math.log10(high - low))), low, high
 

@@ -130,7 +130,7 @@ def local_response(
     longest = max((s.frequency_hz for s in spectra), key=len, default=np.empty(0))
     if longest.size < _LINES:
         raise ValueError(
-            f"{longest.size} lines in the longest stretch without a missing sample: {_LINES} are wanted at a time"
+            f"{longest.size} lines in the longest stretch without a missing sample: at least {_LINES} are needed"
         )
     fits = [_fit(spectra, _band(longest, value), value) for value in f.tolist()]
     G, variance = (np.array(column) for column in zip(*fits, strict=True))

@@ -126,8 +126,8 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
     if not 0 <= found.delay_s <= found.interval_s:
         how = "late" if found.delay_s > 0 else "early"
         yield (
-            f"The torque acts {abs(found.delay_s):.4g} s {how}, more than one interval or before its time: shift it by"
-            f" {whole_intervals(found.delay_s, found.interval_s)} samples in the record."
+            f"The torque acts {abs(found.delay_s):.4g} s {how}, more than one interval late or ahead of its sample:"
+            f" shift it by {whole_intervals(found.delay_s, found.interval_s)} samples in the record."
         )
     yield from _levels(found, layout)
     if count := sum(found.outliers):
@@ -144,7 +144,7 @@ def _singular(accuracy: Accuracy) -> Iterator[str]:
             hold = next((name for name in _USUAL if name in names), names[0])
             yield (
                 f"The information matrix is singular: {listed(names)} cannot all be determined. Fix one of them, best"
-                f" {hold}: values and deviations of the others then mean something."
+                f" {hold}: only then do the values and standard deviations of the others have a meaning."
             )
 
 

@@ -87,7 +87,7 @@ def minimise(
     """
     at, mu, grow = evaluate(xi), damping, 2.0
     if not np.isfinite(at.cost):
-        raise ValueError("the predictor is unstable at the start values, or they make no sense")
+        raise ValueError("the predictor is unstable at the start values, or these are not valid")
     steps = _Steps(xi, at, region)
     for count in range(1, most):
         left = steps.damped(0.0)

@@ -81,7 +81,7 @@ def series(
         counts = measured * fast
     if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
         raise ValueError(
-            f"{record.name or 'record'}: the torque is late by more than one interval, and those differ"
+            f"{record.name or 'record'}: a delay of more than one interval needs equal intervals"
         )
     u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
     weights = _filled([record.signals[name] for name in torques], len(record))

@@ -122,8 +122,8 @@ def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
     yield Finding(
         "wrong-sign",
         "refuse" if negative else "warn",
-        f"the axis gives the motor {falls:.3g} J of work and takes {rises:.3g} J from it{shown}: torque or motion has "
-        "the wrong sign",
+        f"the motor takes {falls:.3g} J of work from the axis and gives {rises:.3g} J to it{shown}: torque or motion "
+        "has the wrong sign",
         mass.inertia if mass and negative else -falls,
     )
 
@@ -141,7 +141,7 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
         "are units and gear ratio right?",
     )
     if 1 / _NEAR < factor / slip.factor < _NEAR:
-        reason = f"{slip.mistake} would make it {slip.factor:.3g} times"
+        reason = f"{slip.mistake} would give a factor of {slip.factor:.3g}"
     yield Finding(
         "units",
         "warn",

@@ -70,7 +70,7 @@ def _absurd(record: Record) -> Iterator[Finding]:
                 "absurd",
                 "refuse",
                 f"the {what} is beyond {PHYSICAL_LIMITS[what]:g} {unit} at {np.count_nonzero(beyond)} samples, up to "
-                f"{largest:.3g} {unit}: no motor does that",
+                f"{largest:.3g} {unit}: no motor reaches that",
                 largest,
             )
 
@@ -173,7 +173,7 @@ def _lost(record: Record) -> Iterator[Finding]:
             "lost",
             "warn",
             f"{lost} samples, {100 * share:.2g} % of all, are missing between those recorded; the torque that acted "
-            "there is taken to be that of the sample before",
+            "there is assumed to equal that of the sample before",
             share,
         )
 

@@ -53,7 +53,7 @@ def signals(record: Record) -> Iterator[Finding]:
         yield Finding(
             "constant-torque",
             "refuse",
-            f"the torque is {record.u[0]:.4g} N m throughout: nothing can be learned from it",
+            f"the torque is {record.u[0]:.4g} N m throughout: no parameter can be estimated from it",
             float(record.u[0]),
         )
         return
@@ -75,8 +75,8 @@ def _held(u: Floats) -> Iterator[Finding]:
         yield Finding(
             "constant-torque",
             "warn",
-            f"the torque stays as it was at {100 * share:.3g} % of the samples and changes only {changes} times: there "
-            "is little to learn from it",
+            f"the torque stays as it was at {100 * share:.3g} % of the samples and changes only {changes} times: it "
+            "carries little information",
             share,
         )
 
@@ -92,7 +92,7 @@ def _saturated(u: Floats) -> Iterator[Finding]:
                 "saturated",
                 "warn",
                 f"{100 * share:.3g} % of the samples have the {'largest' if end else 'smallest'} torque of all, "
-                f"{values[end]:.4g} N m: if a limit cuts off what is recorded, the drive got another torque",
+                f"{values[end]:.4g} N m: if the record is cut off at a limit, the real torque was another one",
                 share,
             )
 

@@ -275,7 +275,7 @@ def _taken_apart(A: Floats, b: Floats, c: Floats) -> Chain:
     rigid = np.abs(poles) <= 1e-6 * largest
     upper = (poles.imag > 0) & ~rigid
     if np.count_nonzero(rigid) != 1:
-        raise ValueError("the motor does not turn freely as one with all masses")
+        raise ValueError("the drive has no free motion as one rigid body")
     order = np.argsort(poles.imag[upper])
     weights = np.concatenate([a.real[rigid], 2 * a.real[upper][order]])
     return chain_of_modes(np.concatenate([[0.0], poles.imag[upper][order]]), weights)

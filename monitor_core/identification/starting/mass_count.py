@@ -65,7 +65,9 @@ def grow(
             break
         if models and not found.cost < models[-1].estimate.cost:
             # With a stiff spring it is the shorter chain: larger errors only show that the search failed.
-            failed = "the search for it ended at larger errors than with one mass less, which proves nothing"
+            failed = (
+                "its search ended at larger errors than that with one mass fewer, so it missed the best fit"
+            )
             break
         models = judged([*models, _of(masses, found, measured, validation)], records)
         if len(models) > 1 and not asked(*models[-2:]):
@@ -144,10 +146,12 @@ def doubt_of(chain: Chain, lowest_hz: float) -> str:
     """Why a chain (seen from the motor), known above some frequency, has a mass that is not real."""
     lightest = float(chain.J.min() / chain.J.sum())
     if lightest < _LIGHTEST:
-        return f"one of them is only {lightest:.1g} of the whole inertia, which is no mass of a drive"
+        return f"one of them is only {lightest:.1g} of the whole inertia, too little for a part of a drive"
     slowest = float(modes_of_chain(chain)[0][1:].min(initial=np.inf)) / (2 * np.pi)
     if slowest < lowest_hz:
-        return f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, from where on the records show any"
+        return (
+            f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, the lowest that the records show"
+        )
     return ""
 
 
@@ -168,7 +172,7 @@ def verdict(models: Sequence[Grown], failed: str) -> Growth:
     elif failed:
         why = f"No chain of {recommended + 1} masses could be fitted: {failed}."
     else:
-        why = "That is the most that was tried; the records ask for no fewer."
+        why = "That is the most that was tried; with fewer the records are explained less well."
     words = (
         f"{_masses(recommended).capitalize()} suffice{'s' if recommended == 1 else ''}. {why}",
         _white(models[recommended - 1]),
@@ -185,7 +189,7 @@ def _notasked(smaller: Grown, larger: Grown) -> str:
         a, b = (float(np.mean(model.validation)) for model in (smaller, larger))
         return f"{more}, but the records kept aside are predicted with {b:.4g} % instead of {a:.4g} %."
     return (
-        f"{more}: no more than chance makes of so many further parameters (BIC rises by"
+        f"{more}: no more than chance alone gives with the further parameters (BIC rises by"
         f" {larger.bic - smaller.bic:.3g})."
     )
 
@@ -193,9 +197,9 @@ def _notasked(smaller: Grown, larger: Grown) -> str:
 def _white(model: Grown) -> str:
     p = model.estimate.whiteness.p_value
     if p >= _WHITE:
-        return f"Its errors are white (p = {p:.2g}): the record holds nothing that this model leaves out."
+        return f"Its errors are white (p = {p:.2g}): the model explains all that is not noise in the record."
     return (
-        f"Its errors are not white (p = {p:.2g}): they hold what no further mass in a row explains, such as friction"
+        f"Its errors are not white (p = {p:.2g}): they contain an effect that no further mass explains, as friction"
         " that depends on the direction, backlash, or a disturbance."
     )
 

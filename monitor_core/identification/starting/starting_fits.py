@@ -171,9 +171,7 @@ def from_records(problem: Problem, measured: Measured, reached: Reached) -> list
     """
     found = from_chains(stems(problem, measured), measured)
     if not found:
-        raise ValueError(
-            "the frequency response shows no chain of so many masses: give values to search from"
-        )
+        raise ValueError("the frequency response does not show that many masses: give start values")
     if found[0].cost > explained(measured):
         response = Response(problem, found[0].values)
         ends = search(response, measured, _FEWER, reached=lambda done: reached(done * MOST // _FEWER))
@@ -247,7 +245,7 @@ def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
     ratio = winner.cost / winner.expected
     return (
         f"Started from {winner.origin}, the best of {rivals} fits from {candidates} candidates; its frequency response"
-        f" misses the measured one by {np.sqrt(ratio):.2g} times what the record leaves unsure."
+        f" differs from the measured one by {np.sqrt(ratio):.2g} times the uncertainty of the latter."
     )
 
 

@@ -104,7 +104,7 @@ def windows_of(
         # Records that the drive explains less well count less.
         level = math.sqrt(float(np.mean(errors.eps**2)))
         if not (0 < level < math.inf and np.isfinite(rates).all() and rates.all()):
-            raise ValueError(f"{record.name or 'record'}: no errors to compare")
+            raise ValueError(f"{record.name or 'record'}: the prediction errors are zero or not finite")
         psi, eps = errors.psi[:, :p] / (rates * level), errors.eps / level
         speed, h = speeds_of(record)
         energy = np.bincount(which, unit.power(speed) * h, count)

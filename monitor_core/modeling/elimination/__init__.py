@@ -38,8 +38,8 @@ def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
         ss = pruned(Reduction(flat, sensors, system, balances_of(system)), system)
     except NotLaurentError as error:
         raise ModelError(
-            f"its equations cannot be written with sums of products of parameters: {error} would have to be divided "
-            "by; give the flange without inertia an inertia of its own",
+            "its equations cannot be written with sums of products of parameters, as they need a division by "
+            f"{error}; give the flange without inertia an inertia of its own",
             flat.origin,
         ) from None
     return replace(ss, notes=ss.notes + hidden(ss))

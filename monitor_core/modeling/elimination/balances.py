@@ -83,8 +83,8 @@ def _check_shape(system: System) -> None:
             )
     if equations < len(names):
         raise ModelError(
-            f"nothing determines {names[-1]}: what it belongs to is not connected to the drive, or it is held "
-            "rigidly on both sides, or an equation is missing",
+            f"nothing determines {names[-1]}: its component is not connected to the drive, or is held rigidly on "
+            "both sides, or an equation is missing",
             system.origins.get(names[-1]),
         )
     if equations > len(names):
@@ -101,7 +101,7 @@ def _check_progress(system: System, left: list[Line]) -> None:
             raise ModelError("its equations cannot be solved for the motion", line.origin)
     for line in system.lines:
         if not line.row:
-            raise ModelError("its equations depend on each other: something is held twice", line.origin)
+            raise ModelError("its equations are linearly dependent: a part is held twice", line.origin)
     moving = {name for line in system.lines for name, operator in line.row.items() if degree(operator) > 0}
     for line in left:  # a torque on a part held only by springs turns it at once: no row eliminates its angle
         if not system.inputs.isdisjoint(line.row):

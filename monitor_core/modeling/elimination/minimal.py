@@ -88,7 +88,7 @@ class Reduction:
             self._put(C, D, k, absolute if sensor.quantity == "angle" else self._speed(angle))
         if D:
             raise ModelError(
-                "what it measures follows the torque at once: an inertia is missing there",
+                "what it measures responds to the torque without delay: an inertia is missing there",
                 self.sensors[0].origin,
             )
         return C

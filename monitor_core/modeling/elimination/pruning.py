@@ -98,8 +98,8 @@ def _notes(
     seen = occurring | {name for value in definitions.values() for name in value.names}
     left_out = [state.name for k, state in enumerate(reduction.quantities()) if k not in kept]
     lines = {
-        "left out, since no sensor sees it or nothing moves it": left_out,
-        "acts on nothing that is seen": [u.name for k, u in enumerate(reduction.inputs) if k not in acting],
+        "left out, since no sensor observes it or no input moves it": left_out,
+        "has no effect on any sensor": [u.name for k, u in enumerate(reduction.inputs) if k not in acting],
         "has no influence on what is measured": [
             p.name for p in reduction.flat.parameters if p.name not in seen
         ],
@@ -220,12 +220,12 @@ _SEED = 2439  # arbitrary: a wrong rank would need a coincidence modulo primes n
 def hidden(ss: StateSpace) -> tuple[str, ...]:
     """One sentence for each kind of defect, naming the states that take part in it; none if the form is minimal."""
     if len(ss.states) > MOST_STATES:
-        return (f"more than {MOST_STATES} states: not checked whether all of them are moved and seen",)
+        return (f"more than {MOST_STATES} states: controllability and observability were not checked",)
     point = next(points_of(ss, _SEED))
     A, B, C = residues(ss, point)
     unmoved = null_space(krylov_basis(A, B, point.prime), point.prime)
     unseen = null_space(krylov_basis(A.T, C.T, point.prime), point.prime)
-    found = (("no input changes", unmoved), ("no sensor sees", unseen))
+    found = (("no input changes", unmoved), ("no sensor observes", unseen))
     return tuple(
         f"{what} a certain combination of the states {_names(ss, vectors)}"
         for what, vectors in found

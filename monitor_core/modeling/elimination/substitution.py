@@ -247,13 +247,13 @@ def _check(line: Line, system: System) -> None:
     unknown = [name for name in line.row if name not in system.inputs]
     if line.row and not unknown:
         raise ModelError(
-            "its equations contradict each other: a torque acts, and nothing can answer it", line.origin
+            "its equations contradict each other: a torque acts where nothing can balance it", line.origin
         )
     if len(line.row) == 1 and line.kinematic:
         (operator,) = line.row.values()
         if set(operator) == {0} and not operator[0].is_unit:
             raise ModelError(
-                f"the drive is locked: its equations let {unknown[0]} stand still only "
+                f"the drive is locked: its equations allow no motion of {unknown[0]} "
                 "(two rigid connections of different ratio in parallel?)",
                 line.origin,
             )

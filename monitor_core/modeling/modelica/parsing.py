@@ -242,7 +242,7 @@ def _unfinished(tokens: list[Any], line: int) -> tuple[str, int]:
             opened.append((token.text, name, token.line))
     line = tokens[-1].line if tokens else line
     if not opened:
-        return "the text ends in the middle of something", line
+        return "the text ends in the middle of a statement", line
     sort, name, begin = opened[-1]
     return f'the text ends inside of {sort} {name} (line {begin}): is "end {name};" missing?', line
 

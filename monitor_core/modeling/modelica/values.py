@@ -137,7 +137,7 @@ class Values:
         free = sorted({n for number in numbers for n in number.names})
         if free:
             raise ModelError(
-                f"{name} of a parameter ({', '.join(free)}) is no Laurent sum: "
+                f"{name} of a parameter ({', '.join(free)}) is not supported: "
                 f"make {name}(...) a parameter of its own",
                 origin,
             )
@@ -201,7 +201,7 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
         raise ModelError("this power cannot be calculated with", origin) from None
     except NotLaurentError as error:
         raise ModelError(
-            f"{error} cannot be divided by, being no single product: give the whole a name of its own", origin
+            f"{error} cannot be divided by, being no single product: make the quotient a parameter", origin
         ) from None
     if symbol not in ("*", "/", "^"):
         raise ModelError(f'"{symbol}" is not supported: only + - * / ^ and der(...) are', origin)
@@ -251,7 +251,7 @@ def _power(base: Laurent, exponent: Laurent) -> Laurent:
             raise OverflowError
         return base ** int(number) if _is_small(number) else Laurent.number(value)
     if number.denominator > 1:
-        raise ValueError(f"({base})^({exponent}) is not a whole power: give it a name of its own")
+        raise ValueError(f"({base})^({exponent}) is not a whole power: make it a parameter of its own")
     if not _is_small(number) or len(base.terms) ** abs(number) > _MOST_TERMS:
         raise OverflowError
     return base ** int(number)
