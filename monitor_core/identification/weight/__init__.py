@@ -1,1 +1,1 @@
-"""The weight that an axis bears: its links, gear ratios between motors and links, its turn with the motion."""
+"""The torque of weights on an axis: the links that load it, their gear ratios, and the unit of its angle."""

@@ -1,14 +1,17 @@
-"""Which links of an arm load an axis: cosines and sines of sums of joint angles that its torque shows.
+"""Finds the links of an arm that load an axis: cosines and sines of sums of joint angles in its torque.
 
 The potential energy of a serial arm is a sum of products of cosines and sines of its joint angles, and so of cosines
 and sines of their sums and differences.  The weight that an axis holds is its derivative by the angle of that axis:
-terms without that angle drop out.  How the joints are counted, from where, and in which direction, does not matter:
-each sum comes with both signs of the other angles, and each with cosine and sine.
+terms without that angle drop out.  The zero and the direction of each joint angle do not matter: each sum is tried with
+both signs of the other angles, and with cosine and sine.
 
     J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = q_own +- q_j +- q_k
 
-A measured load, as that of a hoist or of a gripper, adds itself, or multiplies these terms.  So does the acceleration
-of another axis: where the links of an arm are coupled, one cannot be accelerated without a torque of the other.
+A measured load, as that of a hoist or of a gripper, is a further term, or a factor of these terms.  The acceleration of
+another axis is a further term: if links are dynamically coupled, accelerating one needs a torque on the other, too.
+
+Terms are chosen by cross-validation: the values are fitted to one half of the data, and the error is that of the other
+half, and vice versa.
 """
 
 from __future__ import annotations
@@ -30,27 +33,27 @@ from monitor_core.identification.weight.weight_balance import WeightBalance, slo
 _MOST_OTHERS = 2
 """Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
 _MOST_SUMS = 8
-_LESS = 0.6
-"""Of the squared errors on what was not fitted: another sum leaves at most so much of them,"""
-_MORE = 0.01
-"""or, where a weight or another axis shows already, explains so much of the variance of the torque: on the bending axis
-of a wrist a weight is the sum of many."""
-_SIMPLER = 0.9
-"""A sum of more angles leaves at most so much of what the best one of fewer leaves."""
-_NEEDED = 1.02
-"""Without a single cosine or sine that is needed, the squared errors are at least so many times as large."""
-_EXPLAINS = 0.5
-"""Part of the torque that is explained where it was not fitted, or the weights are none."""
+_MAX_REMAINING = 0.6
+"""A further sum must reduce the squared errors to at most this share, .."""
+_MIN_GAIN = 0.01
+""".. or, if there are other terms already, explain at least this share of the variance of the torque: at the bending
+axis of a wrist a weight is the sum of many terms."""
+_CLEARLY_LESS = 0.9
+"""An alternative, as a sum of more angles, is used if it leaves at most this share of the squared errors."""
+_MIN_INCREASE = 1.02
+"""A single cosine or sine is kept if the squared errors grow by at least this factor without it."""
+_MIN_EXPLAINED = 0.5
+"""Least share of the torque that must be explained; otherwise no weights are reported."""
 
-_MATTERS = 0.003
-"""Part of the variance of the torque that weights explain, or they are what friction lacks."""
+_MIN_VARIANCE = 0.003
+"""Least share of the variance of the torque that the weights explain; less may be an error of the friction model."""
 
 Sum = tuple[tuple[int, str], ...]
 """A sum of angles, by the names of their signals, each with its sign"""
 
 
 class LinkWeights(NamedTuple):
-    """What loads an axis."""
+    """The terms of the load on an axis, and how well they explain its torque."""
 
     terms: tuple[str, ...]
     """"cos(axis2 + axis3)", "payload", .."""
@@ -67,7 +70,7 @@ def link_weights(
     loads: Sequence[str] = (),
     accelerations: Sequence[str] = (),
 ) -> LinkWeights | None:
-    """The weights, and accelerations of others, that the torque of an axis shows; None: none that explains it.
+    """The weights, and accelerations of other axes, in the torque of an axis; None: they do not explain it.
 
     Args:
         records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
@@ -79,60 +82,60 @@ def link_weights(
     parts, window = slow_parts(records, (*angles, *loads, *accelerations))
     if not parts:
         return None
-    balance = _Balance(parts, window, speed_scales(records)[1], own, angles)
+    balance = _LinkBalance(parts, window, speed_scales(records)[1], own, angles)
     before = balance.explained(())
     balance.couple(map(_plain, accelerations))
-    alone = _waves(((1, own),)) if angles else []
-    chosen = _with_loads(balance, _waves(*(balance.sums() if angles else ())), alone, loads)
+    alone = _cosines_and_sines(((1, own),)) if angles else []
+    chosen = _with_loads(balance, _cosines_and_sines(*(balance.sums() if angles else ())), alone, loads)
     for load in loads if angles else ():
         balance.carried = _plain(load)
-        carrying = _with_loads(balance, balance.waves(*balance.sums()), alone, loads)
-        if balance.left(carrying) < _SIMPLER * balance.left(chosen):
+        carrying = _with_loads(balance, balance.cosines_and_sines(*balance.sums()), alone, loads)
+        if balance.error(carrying) < _CLEARLY_LESS * balance.error(chosen):
             chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
         return None
-    needed, left = chosen, balance.left(chosen)
-    for wave in chosen:
-        fewer = [w for w in needed if w != wave]
-        if (fewer or balance.coupled) and balance.left(fewer) < _NEEDED * left:
+    needed, left = chosen, balance.error(chosen)
+    for term in chosen:
+        fewer = [w for w in needed if w != term]
+        if (fewer or balance.coupled) and balance.error(fewer) < _MIN_INCREASE * left:
             needed = fewer
     balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
     explained = balance.explained(needed)
-    if explained < _EXPLAINS or (1 - before) ** 2 - (1 - explained) ** 2 < _MATTERS:
+    if explained < _MIN_EXPLAINED or (1 - before) ** 2 - (1 - explained) ** 2 < _MIN_VARIANCE:
         return None
     return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), explained, before)
 
 
 def _with_loads(
-    balance: _Balance, chosen: Sequence[Term], alone: Sequence[Term], loads: Sequence[str]
+    balance: _LinkBalance, chosen: Sequence[Term], alone: Sequence[Term], loads: Sequence[str]
 ) -> list[Term]:
-    """With loads that explain what was not fitted: each adds itself, or multiplies weights.
+    """The chosen terms, with measured loads that reduce the error: as terms of their own, or as factors of weights.
 
-    ``alone``: the weights of the axis itself, which may show only beside a load.
+    ``alone``: the weights of the axis itself, which may be visible only together with a load.
     """
     found = list(chosen)
 
-    def left(more: Sequence[Term]) -> float:
-        return balance.left([*found, *more])
+    def error_with(more: Sequence[Term]) -> float:
+        return balance.error([*found, *more])
 
     for load in map(_plain, loads):
-        turning = [Term((*load.factors, *wave.factors)) for wave in dict.fromkeys((*found, *alone))]
+        turning = [Term((*load.factors, *term.factors)) for term in dict.fromkeys((*found, *alone))]
         options = ([load], turning, *([term] for term in turning))
-        missing = [wave for wave in alone if wave not in found]
-        best = min(options, key=left)
-        fuller = min(([*option, *missing] for option in options), key=left)
-        if left(fuller) < _LESS * left(best):
+        missing = [term for term in alone if term not in found]
+        best = min(options, key=error_with)
+        fuller = min(([*option, *missing] for option in options), key=error_with)
+        if error_with(fuller) < _MAX_REMAINING * error_with(best):
             best = fuller
-        if left(best) < _LESS * left(()):
+        if error_with(best) < _MAX_REMAINING * error_with(()):
             found += best
     return found
 
 
-def _values(wave: Term, part: GridPart) -> Floats:
+def _values(term: Term, part: GridPart) -> Floats:
     """A product of loads and of cosines or sines of sums of angles (N,)."""
     values = np.ones(len(part.u))
-    for factor in wave.factors:
+    for factor in term.factors:
         total = sum((sign * part.signals[name] for sign, name in factor.addends), np.zeros(len(part.u)))
         values = values * _FUNCTIONS[factor.function](total)
     return values
@@ -143,7 +146,7 @@ _FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType(
 )
 
 
-def _waves(*sums: Sum) -> list[Term]:
+def _cosines_and_sines(*sums: Sum) -> list[Term]:
     return [Term((Factor(function, angles),)) for angles in sums for function in ("cos", "sin")]
 
 
@@ -151,8 +154,8 @@ def _plain(signal: str) -> Term:
     return Term((Factor("", ((1, signal),)),))
 
 
-class _Balance(WeightBalance):
-    """The torque balance with waves beside it: fitted to each half, and tried on the other.
+class _LinkBalance(WeightBalance):
+    """The torque balance with further terms, fitted to each half of the equations and tested on the other half.
 
     ``own`` and ``angles`` as in ``link_weights``.
     """
@@ -166,122 +169,123 @@ class _Balance(WeightBalance):
         self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
         self.coupled: tuple[Term, ...] = ()
         self.carried: Term | None = None
-        """A load that is tried with each weight: as it comes and goes, it hides the weights that it hangs on"""
+        """A measured load that is tried as a factor of each weight: a load that varies would hide the weights"""
 
-    def waves(self, *sums: Sum) -> list[Term]:
-        """The weights that turn with these sums of angles, each also times the load that is carried, if any."""
-        own = _waves(*sums)
+    def cosines_and_sines(self, *sums: Sum) -> list[Term]:
+        """Cosine and sine of each of these sums of angles, also times the load that is carried, if any."""
+        own = _cosines_and_sines(*sums)
         load = () if self.carried is None else self.carried.factors
-        return [*own, *(Term((*load, *wave.factors)) for wave in own if load)]
+        return [*own, *(Term((*load, *term.factors)) for term in own if load)]
 
     def couple(self, accelerations: Iterable[Term]) -> None:
-        """Put the accelerations of other axes beside all terms that explain what was not fitted.
+        """Add the accelerations of other axes that reduce the error, one by one.
 
-        They come before the weights, which would not show beside a torque that changes so much faster.
+        This comes before the search for weights, which a torque that changes so much faster would hide.
         """
-        left, missing = self.left(()), list(accelerations)
+        left, missing = self.error(()), list(accelerations)
         while missing:
-            best = min(missing, key=lambda term: self.left([term]))
-            if not self._matters(least := self.left([best]), left, 1, True):
+            best = min(missing, key=lambda term: self.error([term]))
+            if not self._is_needed(least := self.error([best]), left, 1, True):
                 break
             left = least
             self.coupled += (best,)
             missing.remove(best)
 
-    def uncouple(self, waves: Sequence[Term]) -> None:
+    def uncouple(self, terms: Sequence[Term]) -> None:
         """Remove the accelerations that explain nothing in addition to these terms."""
         for term in self.coupled:
-            left, every = self.left(waves), self.coupled
+            left, every = self.error(terms), self.coupled
             self.coupled = tuple(other for other in every if other != term)
-            if self._matters(left, self.left(waves), 1, True):
+            if self._is_needed(left, self.error(terms), 1, True):
                 self.coupled = every
 
-    def couple_for_inertia(self, waves: Sequence[Term], accelerations: Sequence[Term]) -> None:
+    def couple_for_inertia(self, terms: Sequence[Term], accelerations: Sequence[Term]) -> None:
         """Add the fewest accelerations with which the inertia is positive, if it is negative beside these terms.
 
-        Where axes move together, as in a program, what accelerates another one hides in the inertia of this one: at a
-        wrist it is more than that, and has the other sign.  So it matters even where it explains little of the torque.
+        If axes move together, as in a program, the torque for the acceleration of another axis is attributed to the
+        inertia of this one.  At a wrist it is larger than that of the inertia, and has the opposite sign.  So it is
+        needed even if it explains little of the torque.
         """
-        if max(self.inertias(self._further(waves))) >= 0:
+        if max(self.inertias(self._columns_of(terms))) >= 0:
             return
-        left, before = self.left(waves), self.coupled
+        left, before = self.error(terms), self.coupled
         missing = [term for term in accelerations if term not in before]
         for count in range(1, len(missing) + 1):
             trials = dict[float, tuple[Term, ...]]()
             for more in combinations(missing, count):
                 self.coupled = (*before, *more)
-                if min(self.inertias(self._further(waves))) > 0:
-                    trials[self.left(waves)] = self.coupled
+                if min(self.inertias(self._columns_of(terms))) > 0:
+                    trials[self.error(terms)] = self.coupled
             if trials and min(trials) < left:
                 self.coupled = trials[min(trials)]
                 return
         self.coupled = before
 
     def sums(self) -> list[Sum]:
-        """Sums of angles, one after the other, as long as the next one explains what was not fitted.
+        """Sums of angles, added one by one as long as the next one reduces the error.
 
-        Two links may hide each other, so a second one is looked for where the first alone explains little.  A sum that
-        was chosen while another one was missing is exchanged for what is better beside that one.
+        Two links may hide each other, so pairs are tried if no single sum explains enough.  A sum that was chosen
+        before a later one is exchanged if another one is better together with that.
         """
         chosen = list[Sum]()
-        left = self.left(())
+        left = self.error(())
         while len(chosen) < _MOST_SUMS:
             best, least = self._best(chosen)
-            if not self._matters(least, left, 1, bool(chosen)):
+            if not self._is_needed(least, left, 1, bool(chosen)):
                 near = [*self._sums(0), *self._sums(1)]
                 beside = [(self._best([*chosen, first]), first) for first in near]
                 (best, least), first = min(beside, key=lambda pair: pair[0][1])
-                if first in chosen or not self._matters(least, left, 2, bool(chosen)):
+                if first in chosen or not self._is_needed(least, left, 2, bool(chosen)):
                     break
                 chosen = [*chosen, first]
             chosen, left = [*chosen, best], least
             for place in range(len(chosen) - 1):
                 others = [*chosen[:place], *chosen[place + 1 :]]
                 best, least = self._best(others)
-                if least < _SIMPLER * left:
+                if least < _CLEARLY_LESS * left:
                     chosen, left = [*others, best], least
         return chosen
 
     def _best(self, chosen: Sequence[Sum]) -> tuple[Sum, float]:
-        """The sum that explains most beside others, and what is left; of fewer angles, unless more explain more."""
+        """The sum that explains most in addition to others, and the error; of few angles, if possible."""
         best: Sum = ()
         least = np.inf
         for count in range(_MOST_OTHERS + 1):
             tried = [angles for angles in self._sums(count) if angles not in chosen]
-            with_it = [self.left(self.waves(*chosen, angles)) for angles in tried]
-            if with_it and min(with_it) < _SIMPLER * least:
+            with_it = [self.error(self.cosines_and_sines(*chosen, angles)) for angles in tried]
+            if with_it and min(with_it) < _CLEARLY_LESS * least:
                 least, best = min(with_it), tried[int(np.argmin(with_it))]
         return best, least
 
     def _sums(self, count: int) -> Iterator[Sum]:
-        """The own angle with so many others, the first one with a plus, the others with either sign."""
+        """Sums of the own angle and so many others: a plus sign for the first one, either sign for the others."""
         others = [name for name in self._angles if name != self._own]
         for names in combinations(others, count):
             used = [name for name in self._angles if name == self._own or name in names]
             for signs in product((1, -1), repeat=count):
                 yield tuple(zip((1, *signs), used, strict=True))
 
-    def left(self, waves: Sequence[Term]) -> float:
-        """Sum of squared errors in each half with values of the other one."""
-        columns = self._further(waves)
+    def error(self, terms: Sequence[Term]) -> float:
+        """Sum of squared errors of each half of the equations with values that were fitted to the other half."""
+        columns = self._columns_of(terms)
         first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
         return self.missed(columns, first, last) + self.missed(columns, last, first)
 
-    def explained(self, waves: Sequence[Term]) -> float:
-        """Part of the torque about its mean."""
-        return 1 - float(np.sqrt(self.left(waves) / self._spread)) if self._spread > 0 else 0.0
+    def explained(self, terms: Sequence[Term]) -> float:
+        """Share of the torque about its mean that is explained where it was not fitted."""
+        return 1 - float(np.sqrt(self.error(terms) / self._spread)) if self._spread > 0 else 0.0
 
-    def _matters(self, least: float, left: float, sums: int, beside: bool) -> bool:
-        """Whether so many more sums leave little enough of the squared errors; ``beside``: of others."""
-        return least < _LESS**sums * left or (
-            (beside or bool(self.coupled)) and left - least > sums * _MORE * self._spread
+    def _is_needed(self, least: float, left: float, sums: int, beside: bool) -> bool:
+        """Whether so many further terms reduce the error enough; ``beside``: there are other terms already."""
+        return least < _MAX_REMAINING**sums * left or (
+            (beside or bool(self.coupled)) and left - least > sums * _MIN_GAIN * self._spread
         )
 
-    def _further(self, waves: Sequence[Term]) -> list[Floats]:
+    def _columns_of(self, terms: Sequence[Term]) -> list[Floats]:
         """Columns of these terms and of the accelerations."""
-        return [self._column(wave) for wave in (*waves, *self.coupled)]
+        return [self._column(term) for term in (*terms, *self.coupled)]
 
-    def _column(self, wave: Term) -> Floats:
-        if wave not in self._columns:
-            self._columns[wave] = self.column(_values(wave, part) for part in self._parts)
-        return self._columns[wave]
+    def _column(self, term: Term) -> Floats:
+        if term not in self._columns:
+            self._columns[term] = self.column(_values(term, part) for part in self._parts)
+        return self._columns[term]

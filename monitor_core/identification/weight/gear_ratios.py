@@ -1,7 +1,7 @@
 """Finds gear ratios from the weight of an arm's links, if only the angles of the motors are known.
 
 The weight that an axis holds turns with sums of the angles of the arm (``arm_links``).  Where these are angles of
-motors before their gears, m_j, the ratios r_j = arm angle / motor angle are what the torque is explained with best:
+motors before their gears, m_j, the ratios r_j = arm angle / motor angle are those that explain the torque best:
 
     J w' + f w + fc sign(w) + tau0 + sum_i (c_i cos s_i + d_i sin s_i) = u,    s_i = r_own m_own +- r_j m_j +- r_k m_k
 
@@ -28,7 +28,7 @@ from monitor_core.identification.weight.weight_balance import WeightBalance, slo
 
 _TURNS = np.geomspace(0.3, 2 * np.pi, 40)
 """Turns of the arm over the record, rad, that are tried; further axes hardly turn by more than a whole turn."""
-_LESS = 0.6
+_MAX_REMAINING = 0.6
 """A further angle must reduce the squared errors to less than this share."""
 
 
@@ -39,42 +39,42 @@ def gear_ratios(
     motors: Collection[str],
     accelerations: Sequence[str] = (),
 ) -> Mapping[str, float]:
-    """Arm angle over motor angle, by the name of the motor's signal, for each that the weight on an axis turns with.
+    """Arm angle over motor angle, by the name of the motor's signal, for each motor that moves the weight on an axis.
 
-    Empty where the torque shows no weight that turns, or the axis itself is not one of the motors.
+    Empty if the torque shows no weight that depends on angles, or if the axis itself is not one of the motors.
 
     Args:
         records: of the axis, whose angle is measured, with all angles as signals [rad].
         own: name of the signal that is the angle of the axis itself.
         angles: names of all of them, own too.
-        motors: those that are angles of motors, before gears that are not known; the others are those of the arm.
+        motors: those that are angles of motors, before gears of unknown ratio; the others are angles of the arm.
         accelerations: names of signals that are those of other axes, whose torque may hide the weight.
     """
     parts, window = slow_parts(records, (*angles, *accelerations))
     if not parts or own not in motors:
         return {}
-    trial = _Trial(parts, window, angles, accelerations, speed_scales(records)[1])
+    trial = _RatioSearch(parts, window, angles, accelerations, speed_scales(records)[1])
     ratios, sums, left = _first(trial, own)
     for _ in range(2):
         tried = [
             _with_another(trial, own, other, motors, ratios, sums) for other in angles if other not in ratios
         ]
         best = min(tried, key=lambda found: found[2], default=None)
-        if best is None or not best[2] < _LESS * left:
+        if best is None or not best[2] < _MAX_REMAINING * left:
             break
         ratios, sums, left = best
-    # A ratio that turns the arm by nearly nothing or by many turns is no weight's.
+    # A ratio with which the arm hardly turns, or turns many times, does not come from a weight.
     turns = {name: ratio * trial.extent(name) for name, ratio in ratios.items() if name in motors}
     if not all(_TURNS[0] / 2 < turn < 2 * _TURNS[-1] for turn in turns.values()):
         return {}
     return {name: ratios[name] for name in turns}
 
 
-_Found = tuple[dict[str, float], list[Sum], float]
+_RatioFit = tuple[dict[str, float], list[Sum], float]
 """Ratios of the used angles, their sums, and the unexplained part of the squared torque"""
 
 
-class _Trial:
+class _RatioSearch:
     """The torque balance in windows, with the mean angle of each window: a weight hardly changes within one."""
 
     def __init__(
@@ -124,7 +124,7 @@ class _Trial:
         best = int(np.argmax(explained))
         return best, float(e @ e - explained[best])
 
-    def refined(self, ratios: dict[str, float], sums: list[Sum], free: Sequence[str]) -> _Found:
+    def refined(self, ratios: dict[str, float], sums: list[Sum], free: Sequence[str]) -> _RatioFit:
         """Refine the ratios so that the unexplained torque is least."""
 
         def ratios_at(x: Floats) -> dict[str, float]:
@@ -137,7 +137,7 @@ class _Trial:
         return ratios_at(found.x), sums, float(2 * found.cost)
 
 
-def _first(trial: _Trial, own: str) -> _Found:
+def _first(trial: _RatioSearch, own: str) -> _RatioFit:
     """The weight that turns with the axis itself."""
     ratios = trial.trials(own, unknown=True)
     best, _ = trial.least(trial.rows, np.outer(trial.angles[own], ratios))
@@ -145,14 +145,14 @@ def _first(trial: _Trial, own: str) -> _Found:
 
 
 def _with_another(
-    trial: _Trial,
+    trial: _RatioSearch,
     own: str,
     other: str,
     motors: Collection[str],
     ratios: Mapping[str, float],
     sums: Sequence[Sum],
-) -> _Found:
-    """One more angle, in the sum with all that are used so far; the own ratio may be another one with it."""
+) -> _RatioFit:
+    """A further angle, in a sum with all used so far; with the first one, the own ratio is searched again."""
     beside = [name for name in ratios if name != own]
     signs = list(product((1, -1), repeat=1 + len(beside)))
     with_all = [tuple(zip((1, *s), (own, other, *beside), strict=True)) for s in signs]

@@ -14,11 +14,11 @@ from monitor_core.identification.torque_balance.rigid_body import rigid_fits, sp
 from monitor_core.identification.torque_balance.torque_windows import POSE, USUAL, WINDOWS, windowed_parts
 from monitor_core.identification.weight.weight_balance import WeightBalance
 
-_SHOWS = 0.5
-"""A weight must explain this share of the torque that one mass leaves unexplained."""
+_MAX_REMAINING = 0.5
+"""A weight must reduce the torque that one mass leaves unexplained to at most this share."""
 _WINDOW = 40
 """Number of samples in a window, as a weight changes slowly."""
-_MOST = 20_000
+_MAX_SAMPLES = 20_000
 """Largest number of samples that are used."""
 _LEAST_TURN, _MOST_TURN = 0.25, 40.0
 """Range of the turn of the arm over the record, rad, that is searched."""
@@ -41,10 +41,10 @@ class TurningWeight(NamedTuple):
 
 def turning_weight(record: Record) -> TurningWeight | None:
     """The weight that a record shows, the motion in any unit; None: it shows none, or no period of it."""
-    used = record.select(slice(_MOST)) if len(record) > _MOST else record
+    used = record.select(slice(_MAX_SAMPLES)) if len(record) > _MAX_SAMPLES else record
     scale = speed_scales([used])[1]
     mass, pose = rigid_fits([used], [USUAL, POSE], scale)
-    if mass is None or pose is None or 1 - pose.explained > _SHOWS * (1 - mass.explained):
+    if mass is None or pose is None or 1 - pose.explained > _MAX_REMAINING * (1 - mass.explained):
         return None
     parts = [part for part in windowed_parts([used]) if len(part.u) > _WINDOW]
     if not parts:
@@ -58,7 +58,7 @@ def turning_weight(record: Record) -> TurningWeight | None:
     trials = _trials(max(float(np.ptp(angle)) for angle in angles) or 1.0)
     left = np.array([unexplained(ratio) for ratio in trials])
     best = int(np.argmin(left))
-    if left[best] > _SHOWS * balance.missed([]):
+    if left[best] > _MAX_REMAINING * balance.missed([]):
         return None
     # Independent equations beyond the values that are fitted.
     freedom = max(1.0, len(balance.torque) / WINDOWS - balance.rows.shape[1] - 2)

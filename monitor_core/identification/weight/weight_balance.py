@@ -28,9 +28,9 @@ from monitor_core.identification.torque_balance.torque_windows import (
 
 _MOST_SAMPLES = 30_000
 """Longer records are decimated to about this number of samples, as weights change slowly."""
-_OF_PERIOD, _FEWEST = 0.1, 24
+_PERIOD_SHARE, _MIN_WINDOW = 0.1, 24
 """Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
-_ALIKE = 2.0
+_MAX_RATIO = 2.0
 """Largest ratio of the inertias that both halves of the equations show"""
 _LEAST_WINDOWS = 20
 """Least number of windows in all records; fewer do not distinguish the terms of a weight."""
@@ -67,7 +67,7 @@ class WeightBalance:
         """Inertia and viscous friction beside further columns; None: the halves of the equations differ about it."""
         halves = self.inertias(columns)
         inertia, viscous = self._solved(columns, slice(None))[:2].tolist()
-        return (inertia, max(viscous, 0.0)) if min(halves) > max(halves) / _ALIKE > 0 else None
+        return (inertia, max(viscous, 0.0)) if min(halves) > max(halves) / _MAX_RATIO > 0 else None
 
     def inertias(self, columns: Sequence[Floats]) -> tuple[float, float]:
         """The inertia beside further columns by each half of the equations."""
@@ -107,10 +107,10 @@ def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
     """Length of the window of the torque balance, in samples."""
     speed = rms_speed(records)
     if not parts or not speed > 0:
-        return _FEWEST
+        return _MIN_WINDOW
     turned = np.concatenate([_turned(part) for part in parts])
     period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
-    return max(_FEWEST, round(_OF_PERIOD * period_s / parts[0].h))
+    return max(_MIN_WINDOW, round(_PERIOD_SHARE * period_s / parts[0].h))
 
 
 def _turned(part: GridPart) -> Floats:

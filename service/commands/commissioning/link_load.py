@@ -145,7 +145,7 @@ def _extent(angle: Floats | None) -> float:
 
 
 def _behind_gears(record: Record, ratios: Mapping[str, float]) -> Record:
-    """The configuration with angles of the arm instead of those of the motors."""
+    """The record with angles of the arm instead of those of the motors."""
     turned = {name: ratio * record.signals[name] for name, ratio in ratios.items()}
     return replace(record, signals={**record.signals, **turned})
 
