@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy_records import RecordDeviations
 from monitor_core.calibration.monitored_axis import MonitoredAxis
@@ -91,32 +91,49 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
     Raises:
         CalibrationError: the records are too short, or the axis moves too little.
     """
-    model, settings = axis
-    h, memory = settings.interval_s, settings.memory
-    slowest_s = time_constant(model, h, settings.K)
     tested = np.concatenate([deviations.tested for deviations in found])
     after = len(tested) - sum(deviations.seeding + deviations.gated for deviations in found)
-    if not tested.any() and (uncertain := found[-1].uncertain):
+    if not tested.any():
+        _check_tests_begin(axis, found, len(tested), after)
+    _check_observed(axis, found, tested, after)
+    _check_length(axis, found, tested)
+
+
+def _check_tests_begin(
+    axis: MonitoredAxis, found: Sequence[RecordDeviations], count: int, after: int
+) -> None:
+    """Check that the records are long enough to find P(0), and that they determine all parameters."""
+    model, settings = axis
+    h, memory = settings.interval_s, settings.memory
+    if uncertain := found[-1].uncertain:
         raise CalibrationError(
             f"P(0) was not found, because {listed(uncertain)} cannot be determined within a memory of"
             f" {memory * h:.3g} s: take {'it' if len(uncertain) == 1 else 'them'} out of `monitor`, raise memory_s, or"
             " give motion that accelerates and has several speeds within memory_s",
             without=uncertain,
         )
-    if not tested.any() and after < memory:
+    if after < memory:
         needed = SEEDING_MEMORIES + FEWEST + 1
         settling_s = len(found) * settings.settle_s
-        shorter, joint = fitting_memory(slowest_s, settings, (len(tested) * h - settling_s) / needed)
+        slowest_s = time_constant(model, h, settings.K)
+        shorter, joint = fitting_memory(slowest_s, settings, (count * h - settling_s) / needed)
         ways = [f"give at least {rounded_up(settling_s + needed * memory * h):g} s that move the axis"]
         if shorter is not None:
             ways.append(f"set memory_s = {shorter:g}{' and joint_state = true' if joint else ''}")
         raise CalibrationError(
-            f"the records hold {len(tested) * h:.3g} s, which is too short for the tests to begin: that takes ten"
+            f"the records hold {count * h:.3g} s, which is too short for the tests to begin: that takes ten"
             f" memories of {memory * h:.3g} s of motion; {', or '.join(ways)}",
             memory_s=shorter,
             joint_state=joint,
         )
-    for i, name in enumerate(model.monitored):
+
+
+def _check_observed(
+    axis: MonitoredAxis, found: Sequence[RecordDeviations], tested: Bools, after: int
+) -> None:
+    """Check that each parameter is observed for most of the time."""
+    h = axis.settings.interval_s
+    for i, name in enumerate(axis.model.monitored):
         share = tested[:, i].sum() / max(after, 1)
         if share < LEAST_TESTED:
             hints = "".join(f"; {words}" for deviations in found for words in deviations.confounded[:2])
@@ -125,9 +142,16 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
                 f" of {after * h:.3g} s{hints}: give records that move the axis as in operation",
                 without=(name,),
             )
+
+
+def _check_length(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested: Bools) -> None:
+    """Check that all parameters together are tested for long enough."""
+    model, settings = axis
+    h, memory = settings.interval_s, settings.memory
     tested_samples = tested.all(axis=1).sum()
     if tested_samples < FEWEST * memory:
         # With another memory, P(0) takes another part of the records.
+        slowest_s = time_constant(model, h, settings.K)
         usable_s = (tested_samples + SEEDING_MEMORIES * memory * len(found)) * h
         shorter, joint = fitting_memory(
             slowest_s, settings, usable_s / (FEWEST + SEEDING_MEMORIES * len(found) + 1)
