@@ -64,10 +64,10 @@ if TYPE_CHECKING:
         IdentificationResult,
         Problem,
         Record,
+        check_record,
         fit,
         identify,
     )
-    from monitor_core.identification import suspicions as check_record
     from monitor_core.modeling import (
         REFERENCE_VALUES,
         SimulatedAxis,
@@ -99,7 +99,7 @@ _NAMES = {
     "drive": "AxisModel Conditions Drive Follow Gate Operating Parameter",
     "excitation": "Accuracy crest_factor experiment multisine plan",
     "identification": "Disturbance Estimate IdentificationError IdentificationOptions IdentificationResult Problem "
-    "Record fit identify suspicions",
+    "Record check_record fit identify",
     "modeling": "REFERENCE_VALUES SimulatedAxis five_mass reference_model three_mass two_mass",
     "monitoring": "AlarmChange AxisBatch AxisMonitor AxisStatus Fleet MonitoringOptions ParameterStatus SettingsError "
     "Status recommended_settings",
@@ -109,7 +109,6 @@ _NAMES = {
 }
 """The names on the face of each package."""
 _HOME = {name: (package, name) for package, names in _NAMES.items() for name in names.split()}
-_HOME["check_record"] = _HOME.pop("suspicions")
 __all__ = sorted(_HOME)
 
 

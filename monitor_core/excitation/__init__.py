@@ -1,8 +1,7 @@
 """Excitation signals, and experiments designed with them.
 
 * ``multisine_signals``: signals.  ``design``: an experiment within the limits of a drive, simulated by
-  ``planned_drive``
-  and ``motions``.
+  ``planned_drive`` and ``motions``.
 * ``accuracy``: the Cramer-Rao bound of a record.  ``prediction``: the bound of a planned record.
 * ``reference_experiment``: the experiment of the paper.
 """

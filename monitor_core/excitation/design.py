@@ -37,7 +37,7 @@ _PEAK = {"torque": 1.5, "speed": 2.5, "angle": 2.5}
 """Approximate ratio of peak to rms value: low for the torque, whose phases are optimised for it."""
 _FADE_S = 1.0
 """Least time of a fade, if the period is long enough, as the motion must come to rest in it."""
-_EVERYWHERE = 0.2
+_EVEN_SHARE = 0.2
 """Share of an optimal spectrum's power that is spread evenly, as the drive may differ from its nominal values."""
 
 
@@ -201,7 +201,7 @@ def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
     """Optimal amplitudes of the lines (L,) for the parameters to find."""
     best = _optimum(task, names, task.find, task.frequency_hz).powers
     even = np.full(len(best), 1 / task.costs(task.frequency_hz).sum(axis=1).max())
-    return np.asarray(np.sqrt(2 * ((1 - _EVERYWHERE) * best + _EVERYWHERE * even)))
+    return np.asarray(np.sqrt(2 * ((1 - _EVEN_SHARE) * best + _EVEN_SHARE * even)))
 
 
 def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequency_hz: Floats) -> Optimum:
@@ -227,7 +227,7 @@ def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequenc
 
 
 _MOST_LINES = 80
-_WORTH_IT = 1.5
+_MIN_IMPROVEMENT = 1.5
 """A wider band is recommended if it reduces the standard deviation by at least this factor."""
 _OFF = 0.2
 """Relative change of Coulomb friction since its configuration that temperature alone may cause."""
@@ -291,7 +291,7 @@ def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
         best_inside, best = (_optimum(task, names, (name,), lines) for lines in (inside, wide))
     except ExcitationError:
         return None
-    if best_inside.criterion < _WORTH_IT**2 * best.criterion:
+    if best_inside.criterion < _MIN_IMPROVEMENT**2 * best.criterion:
         return None
     below = np.cumsum(best.powers) / best.powers.sum()
     top = float(wide[np.searchsorted(below, 0.95)])

@@ -1,8 +1,7 @@
 """Off-line identification: from records to nominal parameters with their uncertainty (paper, sections 4 and 6.1).
 
 * ``identification_procedure``: ``identify``, the complete procedure; ``identification_result``: its result;
-  ``problem``,
-  ``parameter_selection``: the estimated parameters; ``friction_scale``, ``holding``: two steps of the procedure.
+  ``problem``, ``parameter_selection``: the estimated parameters; ``friction_scale``, ``holding``: two steps.
 * ``records``: records.  ``record_checks``: checks whether they can be used.
 * ``torque_balance``: the axis as one rigid mass, by linear least squares.  ``weight``: the weight that the axis bears.
 * ``predictor``: prediction errors of a drive.  ``greybox``: fit of a drive to records.
@@ -38,10 +37,10 @@ from monitor_core.identification.parameter_selection import (
 from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
 from monitor_core.identification.record_checks.known_axis import Known, known_of
 from monitor_core.identification.record_checks.motion_checks import (
+    check_record,
     has_wrong_sign,
     is_about_nominal,
     shown_inertia,
-    suspicions,
 )
 from monitor_core.identification.record_checks.value_patterns import (
     Span,

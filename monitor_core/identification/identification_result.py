@@ -42,8 +42,7 @@ class IdentificationOptions:
         memories_s: candidates instead, in ascending order; the shortest one that shows small changes is chosen.
         sizes: sizes of monitored parameters given by the user; needed if the nominal value is zero.
         speed_scales: candidates for the speed scale of Coulomb friction [rad/s], in addition to that of the problem;
-        the
-            best one is refined.
+            the best one is refined.
         thermal: heat at the start of the first record, if friction may depend on an unmeasured heat; None: no warm-up
             is searched for.
         begins_s: clock times of the first samples of the records [s]; None, or none at all: unknown.

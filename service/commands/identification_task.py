@@ -24,13 +24,13 @@ from monitor_core.identification import (
     Record,
     Schedule,
     Start,
+    check_record,
     identify,
     known_of,
     lively_parts,
     scheduled_terms,
     select_parameters,
     speed_scales,
-    suspicions,
     with_schedule,
     with_terms,
 )
@@ -320,7 +320,7 @@ def _doubts(records: Sequence[Record], known: Known) -> list[str]:
     findings = [
         (finding.severity, f"{record.name}: {finding.sentence}.")
         for record in records
-        for finding in suspicions(record, known)
+        for finding in check_record(record, known)
     ]
     if refused := [words for severity, words in findings if severity == "refuse"]:
         raise IdentificationError("refused: " + "\n".join(refused))

@@ -24,10 +24,10 @@ from monitor_core.identification import (
     Record,
     Rejection,
     between,
+    check_record,
     identify,
     scheduled_terms,
     speed_scales,
-    suspicions,
     with_terms,
 )
 from monitor_core.identification.assessment.verdict import Quality
@@ -232,7 +232,7 @@ def test_torn_rows_are_refused_one_by_one(records_dir: Path, tmp_path: Path) -> 
         assert "10 absurd, 10 torn" in source.words
         assert np.array_equal(record.y, rows[20:, joint])
         assert np.array_equal(record.u, rows[20:, 12 + joint])
-        assert [f.number for f in suspicions(record) if f.kind == "outliers"] in (
+        assert [f.number for f in check_record(record) if f.kind == "outliers"] in (
             [],
             [1],
         )  # a peak of the current

@@ -51,7 +51,7 @@ def holds_weight(problem: Problem) -> bool:
     return acts or follows_pose(problem)
 
 
-def lifts(problem: Problem) -> bool:
+def offset_exceeds_friction(problem: Problem) -> bool:
     """Whether a constant torque acts that exceeds Coulomb friction, as on a vertical linear axis."""
     kinds = np.array(problem.drive.inputs)
     if not ((kinds == ONE).any() and (kinds == COULOMB).any()):
@@ -60,7 +60,7 @@ def lifts(problem: Problem) -> bool:
     return abs(float(takes[kinds == ONE].sum())) > abs(float(takes[kinds == COULOMB].sum()))
 
 
-def rubs(problem: Problem, records: Iterable[Record]) -> bool:
+def friction_dominates(problem: Problem, records: Iterable[Record]) -> bool:
     """Whether Coulomb friction takes most of the torque.
 
     Then the torque for acceleration and speed is the small difference of two large torques.  A friction with an error

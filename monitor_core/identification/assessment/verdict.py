@@ -17,9 +17,9 @@ from monitor_core.drive.structure import STIFFNESS, Drive
 from monitor_core.identification.assessment.explained_torque import (
     explained_torque,
     follows_pose,
+    friction_dominates,
     holds_weight,
-    lifts,
-    rubs,
+    offset_exceeds_friction,
     with_torque_of_pose,
 )
 from monitor_core.identification.greybox import (
@@ -158,13 +158,15 @@ def verdict_of(
     own = [_Tried(estimate.problem, records)]
     basis, others = Basis.RECORDS, [_Tried(estimate.problem, validation)]
     if not validation:
-        others = _crosswise(estimate, records)
+        others = _cross_validated(estimate, records)
         basis = Basis.HALVES if others else Basis.NONE
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
     found = Verdict(explained(traces), explained(validated), basis, ())
-    ill_posed = found.quality is Quality.POOR and rubs(estimate.problem, records)
+    ill_posed = found.quality is Quality.POOR and friction_dominates(estimate.problem, records)
     leaves_out = estimate.problem.min_speed > 0
-    if ill_posed or (found.quality is not Quality.GOOD and (leaves_out or _bears(estimate.problem, records))):
+    if ill_posed or (
+        found.quality is not Quality.GOOD and (leaves_out or _weight_acts(estimate.problem, records))
+    ):
         fitted, other = (explained_torque(tried) for tried in (own, others or own))
         if min(fitted, other) > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)
@@ -180,14 +182,14 @@ def verdict_of(
     return found._replace(missing=missing)
 
 
-def _bears(problem: Problem, records: Sequence[Record]) -> bool:
+def _weight_acts(problem: Problem, records: Sequence[Record]) -> bool:
     """Whether the drive has a weight that acts; a weight that is the same in all poses is just a constant torque."""
     if holds_weight(problem):
         return True
-    return lifts(problem) and not _PARTS & set(missing_effects(problem, records))
+    return offset_exceeds_friction(problem) and not _PARTS & set(missing_effects(problem, records))
 
 
-def _crosswise(estimate: Estimate, records: Sequence[Record]) -> list[_Tried]:
+def _cross_validated(estimate: Estimate, records: Sequence[Record]) -> list[_Tried]:
     """Each half with the values from the other; empty if a half is too short or cannot be fitted.
 
     Several records are divided into the first and the last ones.  If such a half does not determine all parameters that

@@ -1,9 +1,9 @@
 """Fit of one-step predictions and simulations of records: NRMSE, 100 (1 - |y - yhat| / |y - mean y|).
 
 Any drive predicts an angle one step ahead, as the angle hardly moves within an interval.  And in a simulation two
-integrators let the smallest constant error of the torque grow beyond all
-else.  So a simulated angle is compared by its speed, y being the differences over 20 ms, and gravity acts at the
-measured angle: an arm that stands upright would fall in a simulation of its own.
+integrators let the smallest constant error of the torque grow without limit.  So a simulated angle is
+compared by its speed, y being the differences over 20 ms, and gravity acts at the measured angle:
+an arm that stands upright would fall in a simulation of its own.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

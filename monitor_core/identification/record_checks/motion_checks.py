@@ -51,7 +51,7 @@ _SLIPS = (
 )
 
 
-def suspicions(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, ...]:
+def check_record(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, ...]:
     """Findings about a record; those that refuse it come first.
 
     Torque and motion are compared only where each of them is sound by itself.

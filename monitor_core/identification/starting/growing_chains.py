@@ -14,7 +14,7 @@ from monitor_core.drive.structure import Output
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting.chains import Slots, chain_of_modes, modes_of_chain, problem_of
 from monitor_core.identification.starting.response import Measured, Response, Target
-from monitor_core.identification.starting.search import Found, distinct, errors, settle
+from monitor_core.identification.starting.search import SearchEnd, distinct, errors, settle
 
 _BEAM = 3
 """Number of chains of each length that are continued."""
@@ -32,7 +32,7 @@ class Stem(NamedTuple):
     """A chain that was fitted to the response."""
 
     response: Response
-    end: Found
+    end: SearchEnd
     slots: Slots
 
     @property

@@ -16,7 +16,7 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
 from monitor_core.identification.starting.growing_chains import Stem, longer, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
-from monitor_core.identification.starting.search import Found, Progress, Steps
+from monitor_core.identification.starting.search import Progress, SearchEnd, Steps
 from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, from_chains
 
 
@@ -54,7 +54,7 @@ def grow(
             # The chain as the records themselves have it; a damper below zero has no logarithm and stays as it is.
             before = models[-1].estimate.problem
             response = Response(before)
-            stem = Stem(response, Found(response.start, np.inf), Slots(before))
+            stem = Stem(response, SearchEnd(response.start, np.inf), Slots(before))
             grown = longer(problem, (stem, *grown), measured)
         try:
             found = _fitted(problem, records, grown, measured, steps.part((masses - 1) * FITTING, FITTING))
@@ -70,7 +70,7 @@ def grow(
             )
             break
         models = judged([*models, _of(masses, found, measured, validation)], records)
-        if len(models) > 1 and not asked(*models[-2:]):
+        if len(models) > 1 and not is_supported(*models[-2:]):
             break
     steps.reached(upto * FITTING)
     return verdict(models, failed)
@@ -155,7 +155,7 @@ def doubt_of(chain: Chain, lowest_hz: float) -> str:
     return ""
 
 
-def asked(smaller: Grown, larger: Grown) -> bool:
+def is_supported(smaller: Grown, larger: Grown) -> bool:
     """Whether the records support the larger one; a doubtful mass weighs little where most of the error vanishes."""
     odd = larger.doubt and larger.estimate.cost > _PLAIN * smaller.estimate.cost
     if odd or not larger.bic < smaller.bic:
@@ -165,10 +165,10 @@ def asked(smaller: Grown, larger: Grown) -> bool:
 
 def verdict(models: Sequence[Grown], failed: str) -> Growth:
     """The recommendation from models of one mass, two, ..; ``failed``: why the next could not be fitted, if so."""
-    enough = len(models) > 1 and not asked(*models[-2:])
+    enough = len(models) > 1 and not is_supported(*models[-2:])
     recommended = len(models) - enough
     if enough:
-        why = _notasked(*models[-2:])
+        why = _why_unsupported(*models[-2:])
     elif failed:
         why = f"No chain of {recommended + 1} masses could be fitted: {failed}."
     else:
@@ -180,7 +180,7 @@ def verdict(models: Sequence[Grown], failed: str) -> Growth:
     return Growth(tuple(models), recommended, words)
 
 
-def _notasked(smaller: Grown, larger: Grown) -> str:
+def _why_unsupported(smaller: Grown, larger: Grown) -> str:
     gain = 100 * (1 - larger.estimate.cost / smaller.estimate.cost)
     more = f"With {_masses(larger.masses)} the squared errors are {gain:.2g} % less"
     if larger.bic < smaller.bic and larger.doubt:

@@ -61,7 +61,7 @@ _SAME = 1.02
 """Costs within this factor are of the same minimum."""
 
 
-class Ended(Protocol):
+class WithCost(Protocol):
     """A result with its cost."""
 
     @property
@@ -69,10 +69,10 @@ class Ended(Protocol):
         """Sum of squared relative errors over their variances."""
 
 
-_End = TypeVar("_End", bound=Ended)
+_WithCost = TypeVar("_WithCost", bound=WithCost)
 
 
-class Found(NamedTuple):
+class SearchEnd(NamedTuple):
     """An end of a search: x (p,) and its cost, the sum of squared relative errors over their variances."""
 
     x: Floats
@@ -86,12 +86,12 @@ def explained(measured: Measured) -> float:
 
 def search(
     response: Response, measured: Measured, most: int = MOST, reached: Callable[[int], None] | None = None
-) -> tuple[Found, ...]:
+) -> tuple[SearchEnd, ...]:
     """The distinct ends of searches from the response's start and around it, the best first.
 
     There are at most so many, fewer when some have ended at the same best values; ``reached`` gets their number.
     """
-    ends = list[Found]()
+    ends = list[SearchEnd]()
     for count, end in enumerate(_ends(response, measured)):
         ends.append(end)
         if reached:
@@ -103,7 +103,7 @@ def search(
     return tuple(distinct(ends))
 
 
-def _ends(response: Response, measured: Measured) -> Iterator[Found]:
+def _ends(response: Response, measured: Measured) -> Iterator[SearchEnd]:
     """Endless, reproducible sequence: a search from or around the given values, then hops from its end; and so on."""
     rng, first = np.random.default_rng(0), response.start
     for count in itertools.count():
@@ -117,7 +117,7 @@ def _ends(response: Response, measured: Measured) -> Iterator[Found]:
             yield end
 
 
-def distinct(ends: Iterable[_End]) -> Iterator[_End]:
+def distinct(ends: Iterable[_WithCost]) -> Iterator[_WithCost]:
     """The finite ends, sorted by cost, each minimum once."""
     last = 0.0
     for end in sorted(ends, key=lambda e: e.cost):
@@ -126,7 +126,7 @@ def distinct(ends: Iterable[_End]) -> Iterator[_End]:
             last = end.cost
 
 
-def hop(response: Response, measured: Measured, x: Floats) -> Found:
+def hop(response: Response, measured: Measured, x: Floats) -> SearchEnd:
     """A search from x with equal damping of all springs, which is held at first."""
     held = np.zeros(x.size)
     pairs = response.dampers
@@ -140,7 +140,7 @@ def hop(response: Response, measured: Measured, x: Floats) -> Found:
     return polish(response, measured, x)
 
 
-def descend(response: Response, measured: Measured, x: Floats, kind: Kind) -> Found:
+def descend(response: Response, measured: Measured, x: Floats, kind: Kind) -> SearchEnd:
     """One search from x through all stages."""
     centre = x
     for shift, prior in _STAGES:
@@ -148,13 +148,13 @@ def descend(response: Response, measured: Measured, x: Floats, kind: Kind) -> Fo
     return polish(response, measured, x)
 
 
-def settle(response: Response, measured: Measured, x: Floats) -> Found:
+def settle(response: Response, measured: Measured, x: Floats) -> SearchEnd:
     """The minimum next to x: first of a smoother cost and not far away."""
     x = _minimum(response, measured.target(0.0, _SUREST), "linear", x, x, 1.0, _STEPS).x
     return polish(response, measured, x)
 
 
-def polish(response: Response, measured: Measured, x: Floats) -> Found:
+def polish(response: Response, measured: Measured, x: Floats) -> SearchEnd:
     """The minimum next to x without prior."""
     return _minimum(response, measured.target(), "linear", x, x, 0.0, _LAST_STEPS)
 
@@ -167,14 +167,14 @@ def _minimum(
     centre: Floats,
     prior: Floats | float,
     most: int,
-) -> Found:
+) -> SearchEnd:
     evaluate = _criterion(response, target, kind, centre, prior)
     region = Region(response.start - _FARTHEST, response.start + _FARTHEST, _LONGEST_STEP)
     try:
         end = minimise(evaluate, np.clip(x, region.lower, region.upper), region, most)
     except ValueError:
-        return Found(x, np.inf)
-    return Found(end.xi, end.normal.cost)
+        return SearchEnd(x, np.inf)
+    return SearchEnd(end.xi, end.normal.cost)
 
 
 def _criterion(

@@ -14,8 +14,8 @@ from monitor_core.identification.starting.growing_chains import Stem, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
-    Found,
     Progress,
+    SearchEnd,
     Steps,
     distinct,
     explained,
@@ -184,7 +184,7 @@ def from_chains(grown: Iterable[Stem], measured: Measured) -> list[Candidate]:
     return [_candidate(stem.response, stem.end, measured, _GROWN) for stem in grown]
 
 
-def _candidate(response: Response, end: Found, measured: Measured, origin: str) -> Candidate:
+def _candidate(response: Response, end: SearchEnd, measured: Measured, origin: str) -> Candidate:
     """The candidate at the end of a search in the frequency response."""
     return Candidate(response.named(end.x), origin, end.cost, measured.expected)
 

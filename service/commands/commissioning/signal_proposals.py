@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import Record, rigid_fit, samples_late, speed_scales, suspicions, wrap_of
+from monitor_core.identification import Record, check_record, rigid_fit, samples_late, speed_scales, wrap_of
 from monitor_core.wording import sentence
 from service.can.messages import find_counter
 from service.commands.commissioning.checked_axis import Checked, moves
@@ -333,7 +333,7 @@ def _rougher(record: Record, interval_s: float) -> bool:
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:
-    for finding in (f for record in checked.records for f in suspicions(record)):
+    for finding in (f for record in checked.records for f in check_record(record)):
         if finding.kind == "wrong-sign":
             words = "{finding} (or turn that of the motion)"
             reason = sentence("wrong sign", words, finding=finding.sentence)

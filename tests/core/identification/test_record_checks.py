@@ -14,10 +14,10 @@ from monitor_core.excitation import multisine
 from monitor_core.identification import (
     Known,
     Record,
+    check_record,
     has_wrong_sign,
     known_of,
     shown_inertia,
-    suspicions,
 )
 from monitor_core.identification.record_checks import motion_checks
 from monitor_core.identification.record_checks.findings import Finding
@@ -40,11 +40,11 @@ def record(request: pytest.FixtureRequest, seed: int) -> Record:
 
 
 def kinds(record: Record, known: Known = KNOWN) -> list[tuple[str, str]]:
-    return [(finding.kind, finding.severity) for finding in suspicions(record, known)]
+    return [(finding.kind, finding.severity) for finding in check_record(record, known)]
 
 
 def only(record: Record, known: Known = KNOWN) -> Finding:
-    (finding,) = suspicions(record, known)
+    (finding,) = check_record(record, known)
     return finding
 
 
@@ -54,7 +54,7 @@ def test_a_healthy_record_gives_no_finding(quantity: Output, closed: bool, seed:
     rng = np.random.default_rng([seed, closed])
     for _ in range(HEALTHY):
         record = healthy(rng, quantity, closed, samples=int(rng.integers(1200, 3000)))
-        assert suspicions(record, KNOWN) == ()
+        assert check_record(record, KNOWN) == ()
 
 
 def random_binary(rng: np.random.Generator, count: int) -> Floats:
@@ -87,7 +87,7 @@ def test_other_torques_are_healthy_too(
     values = {**VALUES, "fc": 0.0, "tau0": 0.0}
     y, _ = simulate_linear(drive, values, u[:, np.newaxis], H)
     y = y[:, 0] + 0.1 * rng.standard_normal(len(u))
-    assert suspicions(Record(H * np.arange(len(u), dtype=float), u, y, "speed"), KNOWN) == ()
+    assert check_record(Record(H * np.arange(len(u), dtype=float), u, y, "speed"), KNOWN) == ()
 
 
 def test_too_short(record: Record) -> None:
@@ -110,7 +110,7 @@ def test_constant_torque(record: Record) -> None:
 @pytest.mark.parametrize("ends", [(-1.5, 1.5), (-9, 1.5), (-1.5, 9)])
 def test_saturated_torque(record: Record, ends: tuple[float, float]) -> None:
     u = np.clip(record.u, *ends)
-    found = [finding for finding in suspicions(with_u(record, u), Known()) if finding.kind == "saturated"]
+    found = [finding for finding in check_record(with_u(record, u), Known()) if finding.kind == "saturated"]
     assert len(found) == sum(abs(end) < 9 for end in ends)
     for finding in found:
         at_end = np.mean(u == (u.max() if "largest" in finding.sentence else u.min()))
@@ -129,7 +129,7 @@ def test_stuck_output(record: Record) -> None:
     missed = abs(y if record.quantity == "speed" else np.append(y[frozen:], np.full(frozen, y[-1])) - y)
     start = 500 + int(np.argmax(missed[500:1200]))
     y[start : start + frozen] = y[start]
-    findings = [finding for finding in suspicions(with_y(record, y), KNOWN) if finding.kind == "stuck"]
+    findings = [finding for finding in check_record(with_y(record, y), KNOWN) if finding.kind == "stuck"]
     assert [(finding.severity, finding.number) for finding in findings] == [("warn", 60)]
     assert f"from {record.t[start] - record.t[0]:.3f} s on" in findings[0].sentence
 
@@ -232,8 +232,8 @@ def test_the_sign_of_an_axis_that_repeats_its_motion(inertia: float, weight: flo
     for k in range(4):
         record = picks(np.random.default_rng([seed, k]), inertia, weight)
         turned = with_u(record, -record.u)
-        assert suspicions(record) == ()
-        assert [finding.kind for finding in suspicions(turned)] == ["wrong-sign"]
+        assert check_record(record) == ()
+        assert [finding.kind for finding in check_record(turned)] == ["wrong-sign"]
         assert not has_wrong_sign(record)
         assert has_wrong_sign(turned)
         mass = shown_inertia(record)
@@ -246,7 +246,7 @@ def test_an_inertia_against_all_work_is_not_believed(monkeypatch: pytest.MonkeyP
     record = picks(np.random.default_rng(seed), 0.026, 0.0)
     wrong = Rigid(-0.08, 0.003, {"coulomb": -0.1}, 0.99)
     monkeypatch.setattr(motion_checks, "shown_inertia", lambda *_: wrong)
-    assert suspicions(record) == ()
+    assert check_record(record) == ()
 
 
 @pytest.mark.parametrize(
@@ -280,7 +280,7 @@ def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
     )
     few, many = (np.random.default_rng(seed).random(len(record)) > share for share in (0.005, 0.1))
     assert "lost" not in [kind for kind, _ in kinds(record.select(few), Known())]
-    (lost,) = [finding for finding in suspicions(record.select(many), Known()) if finding.kind == "lost"]
+    (lost,) = [finding for finding in check_record(record.select(many), Known()) if finding.kind == "lost"]
     assert lost.number == pytest.approx(1 - many.mean(), abs=0.02)
 
 
@@ -293,7 +293,7 @@ def test_late_stamps_but_not_irregular_sampling(seed: int) -> None:
     assert (finding.kind, finding.severity) == ("jitter", "warn")
     assert finding.number == pytest.approx(H * 0.4 / 12**0.5 * 2**0.5, rel=0.1)
     irregular = Record(np.cumsum(H * rng.uniform(0.8, 1.2, len(r))), r.u, r.y, "speed")
-    assert suspicions(irregular, Known()) == ()
+    assert check_record(irregular, Known()) == ()
 
 
 @pytest.mark.parametrize("what", ["torque", "output"])
@@ -303,7 +303,7 @@ def test_outliers(record: Record, what: str, seed: int) -> None:
     values[where] += 3 * np.ptp(values)
     broken = (with_u if what == "torque" else with_y)(record, values)
     assert np.flatnonzero(outliers(values)).tolist() == where.tolist()
-    found = [finding for finding in suspicions(broken, KNOWN) if finding.kind == "outliers"]
+    found = [finding for finding in check_record(broken, KNOWN) if finding.kind == "outliers"]
     assert [(finding.severity, finding.number) for finding in found] == [("warn", 5)]
     assert f"the first at {record.t[where[0]] - record.t[0]:.3f} s" in found[0].sentence
     values[np.arange(5, 1995, 40)] += 3 * np.ptp(record.u)
@@ -331,7 +331,7 @@ def test_missing_samples(record: Record) -> None:
 def test_absurd_numbers(record: Record) -> None:
     y = record.y.copy()
     y[[5, 77]] = 5.9e293
-    finding = suspicions(with_y(record, y), KNOWN)[0]
+    finding = check_record(with_y(record, y), KNOWN)[0]
     assert (finding.kind, finding.severity, finding.number) == ("absurd", "refuse", 5.9e293)
     assert "at 2 samples, up to 5.9e+293" in finding.sentence
 

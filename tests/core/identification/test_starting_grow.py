@@ -14,7 +14,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting import Growth, grow, mass_count
 from monitor_core.identification.starting.chains import Chain, Slots, chain, problem_of
 from monitor_core.identification.starting.growing_chains import Modal, Mode, joined, lacking, shape, stems
-from monitor_core.identification.starting.mass_count import asked, doubt_of, verdict
+from monitor_core.identification.starting.mass_count import doubt_of, is_supported, verdict
 from monitor_core.identification.starting.response import measure
 from monitor_core.identification.starting.search import errors
 from monitor_core.identification.starting.starting_fits import best_fit
@@ -84,7 +84,7 @@ def test_who_asks_for_one_more(growth: Growth) -> None:
     """Each of the three criteria alone says no."""
     small = growth.models[0]
     large = replace(growth.models[1], bic=small.bic - 1.0, validation=(small.validation[0] + 1.0,), doubt="")
-    assert asked(small, large)
+    assert is_supported(small, large)
     by_chance = replace(large, bic=small.bic + 1.0)
     worse = replace(large, validation=(small.validation[0] - 1.0,))
     none = replace(large, doubt="one of them is a fly")
@@ -93,7 +93,7 @@ def test_who_asks_for_one_more(growth: Growth) -> None:
         (worse, "kept aside"),
         (none, "but one of them is a fly"),
     ):
-        assert not asked(small, other)
+        assert not is_supported(small, other)
         found = verdict([small, other], "")
         assert found.recommended == 1
         assert word in found.words[0]

@@ -12,7 +12,7 @@ from monitor_core.identification.assessment.explained_torque import (
     explained_torque,
     follows_pose,
     holds_weight,
-    lifts,
+    offset_exceeds_friction,
 )
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
@@ -96,7 +96,7 @@ def test_a_constant_torque_that_friction_does_not_hold_is_a_weight() -> None:
     alone = replace(problem, varying={}, slopes={})
     for times, holds in ((0.9, False), (-1.1, True)):
         offset = times * VALUES["fc"]
-        assert lifts(replace(alone, nominal={**alone.nominal, "tau0": offset})) is holds
+        assert offset_exceeds_friction(replace(alone, nominal={**alone.nominal, "tau0": offset})) is holds
 
 
 def test_friction_of_an_axis_that_stands_is_no_weight(seed: int) -> None:
