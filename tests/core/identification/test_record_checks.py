@@ -25,7 +25,7 @@ from monitor_core.identification.record_checks.known_axis import antiresonance_s
 from monitor_core.identification.record_checks.sample_checks import outliers
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fit
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import three_mass, two_mass
+from monitor_core.modeling.standard_drives import EXAMPLE_VALUES, three_mass, two_mass
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y
 
 HEALTHY = 3
@@ -344,15 +344,8 @@ def test_the_rigid_inertia_is_the_sum_of_all(output: Output) -> None:
     assert rigid_inertia(three_mass(output), {**VALUES, "kT": 2.0, "fm": 0.0}) == pytest.approx(
         total / 2, rel=1e-6
     )
-    two = {name: VALUES[name] for name in ("Jm", "Ja", "fm", "fc", "tau0", "kT", "r")} | {
-        "k": 3e5,
-        "d": 900.0,
-    }
-    names = {p.name for p in two_mass(output).parameters}
-    if names <= two.keys():
-        assert rigid_inertia(two_mass(output), two) == pytest.approx(
-            VALUES["Jm"] + r**2 * VALUES["Ja"], rel=1e-6
-        )
+    two = {**EXAMPLE_VALUES["two-mass"], "Jm": VALUES["Jm"], "Ja": VALUES["Ja"], "r": r}
+    assert rigid_inertia(two_mass(output), two) == pytest.approx(VALUES["Jm"] + r**2 * VALUES["Ja"], rel=1e-6)
 
 
 def test_the_lowest_antiresonance() -> None:
