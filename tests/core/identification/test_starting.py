@@ -33,6 +33,7 @@ from monitor_core.identification.starting.response import Response, Target, meas
 from monitor_core.identification.starting.starting_fits import from_records
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import (
+    EXAMPLE_VALUES,
     INTERVAL_S,
     REFERENCE_VALUES,
     five_mass,
@@ -116,7 +117,7 @@ def five_masses() -> dict[str, float]:
 
 def two_masses() -> dict[str, float]:
     v = REFERENCE_VALUES
-    return {"Jm": v["Jm"], "Ja": v["Jg"], "k": v["kg"], "d": v["dg"], "fm": v["fm"], **OTHERS}
+    return {**EXAMPLE_VALUES["two-mass"], "Ja": v["Jg"], "k": v["kg"], "d": v["dg"], **OTHERS}
 
 
 TWO = Case("two", two_mass("speed"), two_mass("angle"), two_masses(), 20.0, 95)
@@ -181,6 +182,7 @@ def test_masses_and_springs_find_their_names(name: str, output: Output, seed: in
     """Whatever the nominal values are; dampers by their modal damping, which is exact while they are small."""
     case = CASES[name]
     slots = Slots(case.problem(case.wrong(seed, 10.0), output))
+    assert len(slots.dampers) == slots.masses, "each mode tells the damping of one damper"
     J = np.array([v * (1 if n == "Jm" else R**2) for n, v in case.values.items() if n[0] == "J"])
     k = np.array([v * R**2 for n, v in case.values.items() if n[0] == "k" and n != "kT"])
     light = {n: v * (1e-4 if n[0] in "df" else 1) for n, v in case.values.items()}

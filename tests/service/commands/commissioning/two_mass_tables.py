@@ -9,18 +9,17 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
-from monitor_core.modeling import SimulatedAxis, two_mass
+from monitor_core.modeling import EXAMPLE_VALUES, SimulatedAxis, two_mass
 
 H = 0.005
 VALUES = {
+    **EXAMPLE_VALUES["two-mass"],
     "Jm": 0.006,
     "Ja": 100.0,
     "k": 1.5e5,
     "d": 400.0,
     "fm": 0.06,
     "fc": 0.08,
-    "tau0": 0.0,
-    "kT": 1.0,
     "r": 0.0085,
 }
 AXIS = """
