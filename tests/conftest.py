@@ -15,6 +15,17 @@ from hypothesis import settings
 
 from service.pipeline.warming import choose
 
+# What an assertion of a helper module compares is shown, too.
+pytest.register_assert_rewrite(
+    "tests.bench",
+    "tests.core",
+    "tests.end_to_end",
+    "tests.golden",
+    "tests.real",
+    "tests.service",
+    "tests.soak",
+)
+
 ROOT = Path(__file__).resolve().parent.parent
 CI = os.environ.get("CI") == "true"
 

@@ -267,6 +267,23 @@ def test_every_name_on_a_face_of_the_core_is_taken() -> None:
     assert left == set()
 
 
+RUN_AGAIN = {"tests/core/modeling/test_elimination_laws.py", "tests/core/test_figures.py"}
+"""Of these files tests/soak runs the tests themselves, with more examples."""
+
+
+def test_what_test_files_share_is_in_a_module_of_its_own() -> None:
+    strays = [
+        f"{relative(path)}:{node.lineno}: imports from {file}"
+        for path in python_files("tests")
+        for node in nodes_of(path)
+        if isinstance(node, ast.ImportFrom)
+        for name in (node.module or "", *(f"{node.module}.{alias.name}" for alias in node.names))
+        if (file := f"{name.replace('.', '/')}.py").rpartition("/")[2].startswith("test_")
+        if (ROOT / file).exists() and file not in RUN_AGAIN
+    ]
+    assert strays == []
+
+
 @pytest.mark.parametrize(
     ("source", "package", "impure"),
     [

@@ -15,7 +15,7 @@ from tests.bench.measure import Say, cpu, memory_mb
 from tests.end_to_end.processes import Daemon, daemon, demo_config, edit, robot, wait_for
 from tests.ports import own_port
 from tests.service.pipeline.robots import blocks
-from tests.soak.test_full_bus import finished, sending, written
+from tests.soak.full_bus_traffic import finished, sending, written
 
 pytestmark = pytest.mark.bench
 

@@ -15,12 +15,12 @@ import pytest
 
 from service.pipeline.snapshot import AxisSnapshot
 from service.store.journal import Journal
+from tests.bench.full_bus_robot import configured, frames
 from tests.bench.measure import Say, cpu
-from tests.bench.test_full_bus import configured, frames
 from tests.end_to_end.processes import daemon, wait_for
 from tests.ports import own_port
 from tests.service.web.conftest import Stage, monitored_axis
-from tests.soak.test_full_bus import sending, written
+from tests.soak.full_bus_traffic import sending, written
 
 pytestmark = pytest.mark.bench
 

@@ -1,7 +1,5 @@
 """The life cycle of an alarm against the diagram of ISA-18.2: what is legal, what is not, and replay of the journal."""
 
-from collections.abc import Iterable
-from functools import reduce
 from typing import Any
 
 import pytest
@@ -26,6 +24,7 @@ from monitor_core.monitoring import (
     returns_us,
     transition,
 )
+from tests.core.alarm_lives import replayed
 
 S, E = AlarmState, AlarmEvent
 PERSON = (E.ACKNOWLEDGE, E.SHELVE, E.UNSHELVE, E.COMMENT)
@@ -135,11 +134,6 @@ def test_a_longer_off_delay_brings_no_alarm_back_that_has_returned() -> None:
         assert not is_present(AlarmLife(state), 7, 8, AlarmRules(off_delay_s=60))
     assert returns_us(AlarmLife(S.SHELVED, S.ACKNOWLEDGED, 99), 7, AlarmRules(off_delay_s=60)) == 60_000_007
     assert returns_us(AlarmLife(S.ACKNOWLEDGED), None, AlarmRules(off_delay_s=60)) is None
-
-
-def replayed(events: Iterable[tuple[AlarmEvent, int | None]]) -> AlarmLife:
-    """The state after these events and ends of shelves, from the beginning."""
-    return reduce(lambda life, event: transition(life, *event).after, events, AlarmLife())
 
 
 class Life(RuleBasedStateMachine):

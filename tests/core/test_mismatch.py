@@ -6,55 +6,13 @@ tests/soak/test_mismatch.py has them found for twenty plants and ten hours each.
 
 import numpy as np
 
-from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.kalman import filter_gain, gains_after
-from monitor_core.drive.operating_conditions import Conditions, Follow
-from monitor_core.drive.signal_terms import Term
-from monitor_core.modeling.standard_drives import three_mass
-from monitor_core.settings import Settings, Threshold
-from tests.core.mismatch import FAULTS, INTERVAL_S, NOMINAL, MismatchPlant, R, Watch, after_fault, right
-
-FOUND = {
-    "Jm": 0.01551645314,
-    "Jg": 125.7015065,
-    "Ja": 140.4358972,
-    "kg": 342341.0432,
-    "ka": 168001.0909,
-    "dg": 825.6970626,
-    "da": 297.7105027,
-    "fm": 0.04409790637,
-    "fc": 0.7780608457,
-    "tau0": -0.00136814947,
-    "kT": 1.0,
-    "r": R,
-}
-TORQUE_NOISE, OUTPUT_NOISE, INNOVATION_VARIANCE = 0.2417745098, 2.191615535e-05, 1.409491523e-06
-FRICTION = Follow("fm", Term.read("temperature"), -0.0009824076915, 31.3, 21.0, 39.4)
-THRESHOLDS = (
-    Threshold(0.9238620667, 151.4268736, 0.0148059364, 0.02),
-    Threshold(0.7501558646, 624.4104795, 0.0, 0.02),
-    Threshold(0.7810745616, 538.7278361, 0.0001900147234, 0.02),
+from tests.core.mismatch import FAULTS, NOMINAL, MismatchPlant, after_fault, right
+from tests.core.mismatch_monitor import (
+    FRICTION,
+    watch,
 )
-MEMORY_S, SETTLE_S = 5.0, 9.0
+
 MINUTES, BLOCK_S = 30, 300.0
-
-
-def watch(*follows: Follow) -> Watch:
-    model = AxisModel(three_mass("angle"), FOUND, tuple(FAULTS))
-    noises = model, INTERVAL_S, TORQUE_NOISE, OUTPUT_NOISE
-    settings = Settings.paper(
-        INTERVAL_S,
-        lam=1 - INTERVAL_S / MEMORY_S,
-        lam0=INNOVATION_VARIANCE,
-        thresholds=THRESHOLDS,
-        K=tuple(filter_gain(*noises)[0].tolist()),
-        K_after=gains_after(*noises),
-        settle_s=SETTLE_S,
-        information_floor=0.05,
-        min_excitation=0.05,
-        outlier_limit=6.0,
-    )
-    return Watch(model, settings, Conditions(("temperature",), follows))
 
 
 def test_half_an_hour_from_cold_is_quiet_and_faults_are_named(seed: int) -> None:

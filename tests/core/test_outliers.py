@@ -16,8 +16,8 @@ from monitor_core.settings import Settings
 from tests.core.figures import settings_of, side_by_side, steady_p
 from tests.core.laws import part
 from tests.core.mismatch import NOMINAL, MismatchPlant, Watch
+from tests.core.mismatch_monitor import FRICTION, INNOVATION_VARIANCE, watch
 from tests.core.supervised import SUPERVISED
-from tests.core.test_mismatch import FRICTION, INNOVATION_VARIANCE, watch
 
 MODEL = reference_model("speed")
 AXES = 48

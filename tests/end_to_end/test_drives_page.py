@@ -13,7 +13,7 @@ from service.can.frames import Frame
 from service.config import load
 from service.ingest.bus_samples import Ingest
 from tests.conftest import ROOT
-from tests.end_to_end.test_readme import TOML, shown
+from tests.end_to_end.documents import TOML, shown
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands.commissioning.two_mass_tables import table
 from tests.service.commands.live_robots import moving

@@ -23,8 +23,9 @@ from service.config import load
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Fault
 from service.store.journal import Journal
+from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, wait_for
-from tests.end_to_end.test_daemon import played_robot, saved
+from tests.end_to_end.saved_monitors import saved
 from tests.service.command_line import axiswatch
 
 UNRECORDED = "cannot be recorded yet, is tried again"

@@ -2,10 +2,9 @@
 
 import json
 import re
-import shlex
 import subprocess
 import tomllib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,42 +13,22 @@ import httpx
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from service.can.frame_recorder import FrameRecorder
 from service.commands import commission
 from service.commands.commissioning import axis_processes, live_recording
-from service.config import Config, load
+from service.config import load
 from service.simulation.robot import Fault
 from service.store.journal import Journal
 from tests.conftest import no_pictures
+from tests.end_to_end.documents import CONSOLE, DOCUMENTS, TEXTS, TOML, code, shown
+from tests.end_to_end.played_robot import write_log
 from tests.end_to_end.processes import PATIENCE_S, ROOT, demo_config, edit
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
+from tests.service.commands.commissioned_demo import as_shipped
 from tests.service.commands.commissioning.two_mass_tables import FEW, table
 from tests.service.commands.live_robots import configured, moving
-from tests.service.commands.test_demo import as_shipped
 from tests.service.identification.conftest import write_record, write_robot
-from tests.service.pipeline.robots import blocks
 from tests.service.web.conftest import FM_ALARM, Stage, serving, stored_history
-
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-TEXTS = {path.name: path.read_text(encoding="utf-8") for path in DOCUMENTS}
-
-
-def code(language: str) -> list[str]:
-    """The code blocks of all documents, each once."""
-    blocks = (re.findall(rf"```{language}\n(.*?)```", text, re.S) for text in TEXTS.values())
-    return list(dict.fromkeys(block for found in blocks for block in found))
-
-
-CONSOLE = list(dict.fromkeys(re.findall(r"^\$ (.+)$", "\n".join(code("console")), re.M)))
-TOML = code("toml")
-
-
-def shown(start: str) -> list[list[str]]:
-    """The commands that begin with these words, as arguments."""
-    found = [shlex.split(line) for line in CONSOLE if f"{line} ".startswith(start + " ")]
-    assert found, f"the documents show no {start!r} any more"
-    return found
 
 
 def arguments(command: list[str], folder: Path) -> list[str]:
@@ -234,13 +213,6 @@ def watches(config: Path, text: str, file: str) -> None:
 
 
 FAULT = Fault("demo.axis1", {"fm": 1.3}, 15.0)
-
-
-def write_log(path: Path, config: Config, seconds: float, seed: int, faults: Sequence[Fault]) -> None:
-    """What `run --record` would write."""
-    with FrameRecorder(path) as recorder:
-        for block in blocks(config, seconds, seed, faults):
-            recorder.write(config.bus[0].name, block)
 
 
 def pointed_at_nominal(text: str) -> str:

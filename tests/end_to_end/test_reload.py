@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from service.simulation.robot import Fault
+from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, robot, wait_for
-from tests.end_to_end.test_daemon import played_robot
-from tests.service.links.test_webhook import Answers, receiving
+from tests.service.links.http_receiver import Answers, receiving
 
 USED, REFUSED = "SIGHUP: the configuration is used", "SIGHUP: nothing was changed"
 HOST = "axiswatch.plant.example"

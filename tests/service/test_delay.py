@@ -1,7 +1,6 @@
 """A torque that acts late: watched by the configuration's word, named as what it is, all the way to the user."""
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -11,33 +10,19 @@ import pytest
 from service.config import ConfigErrors, load
 from service.config.drives import axis_model
 from service.simulation.robot import Fault
-from tests.end_to_end.processes import edit
-from tests.service.command_line import shown
-from tests.service.robot_tables import configured, write_table
+from tests.service.axis_with_columns import WATCHED, replayed, written
+from tests.service.robot_tables import write_table
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
 H, FAULT_S, END_S = 0.005, 14.0, 24.0
-WATCHED = 'monitor = ["kT", "1/Ja", "fm", "delay"]'
 INERTIAS = 'monitor = ["1/Jm", "1/Ja", "fm", "delay"]'
-
-
-def written(folder: Path, *changes: tuple[str, str], monitor: str = WATCHED) -> Path:
-    """The demo's first axis, with columns; ``changes`` of the text."""
-    file = configured(folder, "skew", ('monitor = ["kT", "1/Ja", "fm"]', monitor))
-    text = re.sub(r"^initial_p.*\n", "", file.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    file.write_text(text, encoding="utf-8")
-    return edit(file, *changes)
 
 
 def record(folder: Path, config: Path, seed: int, late_s: float) -> Path:
     """A record in which the torque acts that late from FAULT_S on."""
     faults = [Fault("demo.axis1", {"delay": late_s}, FAULT_S)]
     return write_table(folder / "late.csv", config, seed, faults, END_S)
-
-
-def replayed(file: Path, *arguments: object) -> str:
-    return shown("replay", "--config", file, *arguments)
 
 
 def alarms(file: Path, late: Path) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.pipeline.axis_monitors import AxisMonitors
 from tests.service import robot_tables
-from tests.service.test_delay import written
+from tests.service.axis_with_columns import written
 
 H, N, FAULT = 0.005, 6000, 4000
 WATCHED = 'monitor = ["kT", "1/Ja", "fm"]'

@@ -24,7 +24,7 @@ from service.ingest.loaded_records import begins_cold
 from service.texts.alarm_words import episode_words
 from service.texts.not_tested_words import not_tested_sentences
 from tests.core.mismatch import Block
-from tests.core.test_mismatch import FOUND
+from tests.core.mismatch_monitor import FOUND
 from tests.core.warming import Warming, WarmingPlant
 from tests.service.command_line import refused, shown
 from tests.service.warming_axis import CUSUM, PARAMETERS, Watcher, after_fault, identified, on_a_bus, write

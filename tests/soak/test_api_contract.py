@@ -12,8 +12,8 @@ import pytest
 
 from service.simulation.robot import Fault
 from tests.conftest import ROOT
+from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
-from tests.end_to_end.test_daemon import played_robot
 from tests.service.command_line import axiswatch
 
 pytestmark = pytest.mark.soak

@@ -12,8 +12,9 @@ from structlog.testing import capture_logs
 
 from service.pipeline.warming import VARIABLE, CacheFiller, Shape
 from tests.bench.measure import memory_mb
+from tests.end_to_end.killed_daemons import killed
+from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import daemon, demo_config, wait_for
-from tests.end_to_end.test_daemon import killed, played_robot
 
 pytestmark = pytest.mark.soak
 

@@ -6,11 +6,7 @@ Run by `tools/with-vcan.sh .venv/bin/python -m pytest -s -m "soak and vcan" test
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +19,7 @@ from service.can.log_files import CanLog
 from service.config.schema import BusConfig, Config
 from service.ingest.bus_samples import Ingest
 from tests.service.ingest.plant import axis1, make_config
+from tests.soak.full_bus_traffic import finished, sending, written
 
 pytestmark = [pytest.mark.soak, pytest.mark.vcan]
 
@@ -33,34 +30,6 @@ SILENT_S = 2.0
 
 def bus_of(config: Config, **other: object) -> BusConfig:
     return config.bus[0].model_copy(update={"interface": "socketcan", "channel": "vcan0", **other})
-
-
-def written(path: Path, frames: FrameBlock, faster: float) -> Path:
-    """The frames for the sender; ``faster``: than they were recorded, inf: without any wait."""
-    due_s = (frames.t_us - frames.t_us[0]) / 1e6 / faster
-    lines = []
-    for t, record_id, length, data in zip(due_s, frames.ids, frames.lengths, frames.data, strict=True):
-        record = int(record_id).to_bytes(4, "little") + bytes([length, 0, 0, 0]) + data[:8].tobytes()
-        lines.append(f"{t:.6f} {record.hex()}\n")
-    path.write_text("".join(lines), encoding="ascii")
-    return path
-
-
-@contextmanager
-def sending(seconds: float, path: Path, channel: str = "vcan0") -> Iterator[subprocess.Popen[str]]:
-    """A process that sends these frames again and again until so many seconds have passed."""
-    command = [sys.executable, "-m", "tests.soak.full_bus_sender", channel, str(seconds), str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            yield process
-        finally:
-            process.kill()
-
-
-def finished(process: subprocess.Popen[str]) -> tuple[int, float, float]:
-    """Frames sent, the time that it took and the longest delay, s."""
-    sent, took_s, late_s = process.communicate()[0].split()
-    return int(sent), float(took_s), float(late_s)
 
 
 def test_a_real_log_ten_times_as_fast(records_dir: Path, tmp_path: Path) -> None:

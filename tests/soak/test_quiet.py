@@ -26,8 +26,8 @@ from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Fault, Moment, SimulatedRobot
 from tests.service.pipeline.robots import replayed
-from tests.service.pipeline.test_operating_conditions import VARYING, frames_of
-from tests.service.pipeline.test_operating_conditions import robot as following
+from tests.service.pipeline.varying_robot import VARYING, frames_of
+from tests.service.pipeline.varying_robot import robot as following
 
 pytestmark = pytest.mark.soak
 

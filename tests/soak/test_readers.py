@@ -13,8 +13,8 @@ import pytest
 from service.config import load
 from service.store.history_query import MOST_POINTS
 from service.store.history_store import Bounds, HistoryStore, Point, Resolution, Series
+from tests.end_to_end.played_robot import write_log
 from tests.end_to_end.processes import daemon, demo_config, running, wait_for
-from tests.end_to_end.test_readme import write_log
 
 pytestmark = pytest.mark.soak
 

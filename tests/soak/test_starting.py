@@ -11,7 +11,7 @@ from scipy.stats import binom
 
 from monitor_core.drive.structure import Output
 from monitor_core.identification.starting import grow
-from tests.core.identification.test_starting import AT_OPTIMUM, CASES, Way
+from tests.core.identification.starting_cases import AT_OPTIMUM, CASES, Way
 
 pytestmark = pytest.mark.soak
 

@@ -19,7 +19,7 @@ import pytest
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.excitation import multisine
 from tests.core.mismatch import INTERVAL_S, FaultAlarm
-from tests.core.test_mismatch import FOUND
+from tests.core.mismatch_monitor import FOUND
 from tests.core.warming import WarmingPlant, redrawn_warming
 from tests.service.by_commands import RefusedError
 from tests.service.warming_axis import Watcher, after_fault, calibrated, identified, write

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates, best_nu, nu_over_sigma, rates, thresholds
@@ -21,24 +20,14 @@ from monitor_core.calibration.healthy_records import RecordDeviations
 from monitor_core.calibration.healthy_statistics import allowance, shrink
 from monitor_core.calibration.scatter import OFFSET, Scatter, scatter
 from monitor_core.settings import Threshold
+from tests.core.calibration.forgetting import LAM, MEMORY, P, forgotten
 from tests.shares import soaked
 
-MEMORY = 50
-LAM = 1 - 1 / MEMORY
-P = 2
 LENGTH, BUDGET, WITHIN = 300, 600, 10.0
 """In memories."""
 MANY, FEW = 60, 20
 """Calibrations in `make soak`, and here."""
 NO_ERROR = np.zeros((2 * P, 2 * P))
-
-
-def forgotten(rng: np.random.Generator, memories: int, colour: float = 0.0) -> Floats:
-    """White (or coloured) noise, forgotten: of standard deviation 1 where it is white."""
-    e = rng.standard_normal(((memories + 10) * MEMORY, P))
-    if colour:
-        e = lfilter([1 - colour], [1, -colour], e, axis=0)
-    return np.asarray(lfilter([math.sqrt(1 - LAM**2)], [1, -LAM], e, axis=0)[10 * MEMORY :])
 
 
 def deviations(d: Floats) -> RecordDeviations:

@@ -28,7 +28,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
 from tests.core import supervised
-from tests.core.calibration.test_budget import MEMORY, forgotten
+from tests.core.calibration.forgetting import MEMORY, forgotten
 from tests.core.supervised import TORQUE_NOISE, H, moved
 
 MODEL = reference_model("speed", ("kT", "fm"))

@@ -18,7 +18,7 @@ from monitor_core.identification.starting.mass_count import doubt_of, is_support
 from monitor_core.identification.starting.response import measure
 from monitor_core.identification.starting.search import errors
 from monitor_core.identification.starting.starting_fits import best_fit
-from tests.core.identification.test_starting import CASES, THREE, TWO, Case
+from tests.core.identification.starting_cases import CASES, THREE, TWO, Case
 
 MASSES = {"two": 2, "three": 3, "five": 5}
 SHORT_TWO = replace(TWO, seconds=10.0)

@@ -13,7 +13,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.thermal.warm_up import LEAST_MOTION_S, find_warm_up, moving_s, with_heat
 from monitor_core.modeling.standard_drives import three_mass
-from tests.core.test_mismatch import FOUND
+from tests.core.mismatch_monitor import FOUND
 from tests.core.warming import Warming, WarmingPlant
 
 STEADY = Warming(fm=0.0, fc=0.0, stribeck=0.0)

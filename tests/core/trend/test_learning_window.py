@@ -15,8 +15,8 @@ from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, 
 from monitor_core.monitoring import AxisBatch
 from monitor_core.trend import PARTS, Kept, LearningWindow, Reading, WindowDoubt, WindowError
 from monitor_core.trend.learning_window import SKIPPED
+from tests.core.honesty import settings_for
 from tests.core.simulated import simulated, torques
-from tests.core.test_honesty import settings_for
 
 MODEL = reference_model("speed")
 SETTINGS = settings_for("speed", 0.05, 4.0, joint=False)

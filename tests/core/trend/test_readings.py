@@ -11,8 +11,8 @@ from monitor_core.excitation.reference_experiment import NOISE
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch, TrendMonitor
 from monitor_core.trend.entries import Reading
+from tests.core.honesty import settings_for
 from tests.core.simulated import simulated, torques
-from tests.core.test_honesty import settings_for
 
 AXES, HOURS, PER_HOUR = 12, 10, 8
 TORQUE_NOISE = 0.05

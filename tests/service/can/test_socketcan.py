@@ -1,10 +1,8 @@
 """The reader on real SocketCAN devices: filters, buffers, drops, and devices that come and go."""
 
 import random
-import shutil
 import socket
 import struct
-import subprocess
 import threading
 import time
 from collections.abc import Iterator
@@ -24,16 +22,11 @@ from service.can.user_errors import BusError
 from service.commands.play import PlayFrame, play_frames
 from service.config.schema import BusConfig
 from tests.end_to_end.processes import PATIENCE_S
-from tests.service.can.test_can_source import EXTENDED, STANDARD, reading, take, wait_for
+from tests.service.can.network_devices import ip
+from tests.service.can.read_frames import EXTENDED, STANDARD, reading, take, wait_for
 from tests.service.ingest.plant import axis1, make_config
 
 pytestmark = pytest.mark.vcan
-
-
-def ip(*words: str) -> None:
-    program = shutil.which("ip", path="/usr/sbin:/sbin:/usr/bin:/bin")
-    assert program is not None
-    subprocess.run([program, *words], check=True, capture_output=True)
 
 
 def bus_config(folder: Path, channel: str = "vcan0", **bus: object) -> BusConfig:

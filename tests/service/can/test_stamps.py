@@ -16,7 +16,7 @@ from service.can import socket_receivers
 from service.can.bus import send
 from service.can.socket_receivers import StampClock, receiver_of
 from tests.ports import own_port
-from tests.service.can.test_can_source import STANDARD
+from tests.service.can.read_frames import STANDARD
 
 NOON_NS = 1_760_000_000_000_000_000
 SOFTWARE = 1 << 3 | 1 << 4

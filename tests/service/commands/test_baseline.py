@@ -23,8 +23,8 @@ from tests.end_to_end.processes import PATIENCE_S
 from tests.service.command_line import axiswatch, session, shown
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.running_core import AXIS, RunningCore, cell, changed_axis
+from tests.service.web.api_schema import obeys_schema
 from tests.service.web.conftest import serving
-from tests.service.web.test_server import obeys_schema
 
 SECTION = "### After the repair: a new baseline"
 

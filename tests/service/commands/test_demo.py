@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,22 +11,17 @@ import pytest
 
 from service.commands import commission
 from service.commands.commissioning import axis_processes
-from service.commands.commissioning.axis_commissioning import Order
-from service.commands.commissioning.signal_proposals import Review
 from service.config import Config, load
-from service.config.commissioned import Correction
 from service.config.drive_sources import shipped
 from service.pipeline.axis_monitors import FramePipeline
-from service.reports.commissioning_report import Outcome
 from service.simulation.robot import Fault, columns_of, table_lines
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch
+from tests.service.commands.commissioned_demo import COMMISSIONED, as_shipped
 from tests.service.commands.commissioning.two_mass_tables import FEW
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
-
-COMMISSIONED = ROOT / "config" / "demo" / "axiswatch.toml"
 
 
 class Daemon:
@@ -113,28 +106,6 @@ def test_the_command_that_made_what_is_shipped_is_documented() -> None:
 
 
 # --- the whole way ----------------------------------------------------------------------------------------------------
-
-
-def as_shipped(
-    order: Order, review: Review, _progress: Callable[[str, str, float], None] = lambda *_: None
-) -> Outcome:
-    """The axis with the values of the shipped demo, in place of half a minute of its own identification."""
-    assert not review.faults
-    assert order.records
-    files = {what: f"{order.axis_id}-{what}.toml" for what in ("nominal", "thresholds")}
-    for what, name in files.items():
-        shutil.copy(COMMISSIONED.with_name(f"demo.axis1-{what}.toml"), order.folder / name)
-    drive = Correction(("model", "drive"), "three-mass", "as shipped")
-    return Outcome(
-        order.axis_id,
-        outlook="Can be watched: kT, 1/Ja, fm",
-        watched=("kT", "1/Ja", "fm"),
-        corrections=(*review.corrections, drive),
-        nominal_file=files["nominal"],
-        thresholds_file=files["thresholds"],
-        within_s=30.0,
-        smallest=(("kT", 0.1, -0.1),),
-    )
 
 
 @pytest.mark.parametrize("identified", [False, pytest.param(True, marks=pytest.mark.soak)])

@@ -13,7 +13,7 @@ from service.commands.main import app
 from service.simulation.robot import Fault
 from tests.conftest import no_pictures
 from tests.service.command_line import refused
-from tests.service.identification.test_reports import read
+from tests.service.identification.report_pages import read
 from tests.service.robot_tables import START_S, configured, rows
 
 GATE = """

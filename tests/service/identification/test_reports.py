@@ -6,7 +6,6 @@ import json
 import re
 import tomllib
 from dataclasses import replace
-from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +26,7 @@ from service.reports.identification_report import IdentificationReport, print_te
 from service.reports.outlook_words import watched_table
 from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
-
-_WITHOUT_END = {"meta", "br", "img", "link"}
+from tests.service.identification.report_pages import read
 
 
 @pytest.fixture(scope="session")
@@ -100,39 +98,6 @@ def test_a_disturbance_and_a_delay_are_found_and_reach_the_file(
 
 
 # --- report.html -------------------------------------------------------------------------------------
-
-
-class _Reader(HTMLParser):
-    """Checks that what is opened is closed, and collects texts and addresses."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.texts: list[str] = []
-        self.addresses: list[str] = []
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.addresses += [value or "" for name, value in attrs if name in ("src", "href", "xlink:href")]
-        if tag not in _WITHOUT_END:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.handle_starttag(tag, attrs)
-        if tag not in _WITHOUT_END:
-            self.open.pop()
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.texts.append(data)
-
-
-def read(page: str) -> _Reader:
-    reader = _Reader()
-    reader.feed(page)
-    assert reader.open == []
-    return reader
 
 
 def test_the_page_stands_alone(page: str) -> None:

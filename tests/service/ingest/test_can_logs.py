@@ -18,6 +18,7 @@ from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import load
 from service.ingest.records import read_record
+from tests.service.can.full_disk import fill_the_disk
 from tests.service.ingest.plant import angle1, axis1, axis2, both2, fed, make_config, torque1
 from tests.shares import soaked
 
@@ -122,24 +123,17 @@ def test_what_cannot_be_recorded(tmp_path: Path) -> None:
         FrameRecorder(tmp_path / "no" / "a.log")
 
 
-def fill_the_disk(recorder: FrameRecorder) -> None:
-    """From now on the disk takes nothing more."""
-    full = os.open("/dev/full", os.O_WRONLY)
-    os.dup2(full, recorder._file.fileno())
-    os.close(full)
-
-
 def test_a_full_disk(tmp_path: Path) -> None:
     """It is said when frames are written, and again when the file is closed, which it is in any case."""
     recorder, full = FrameRecorder(tmp_path / "a.log"), r"cannot write .*a\.log: No space left on device"
-    fill_the_disk(recorder)
+    descriptor = fill_the_disk(tmp_path / "a.log")
     with pytest.raises(RecordError, match=full):
         recorder.write("bus0", FrameBlock.from_frames(traffic(0, 1)))
-    recorder._file.write("what a disk took only into its buffer")
-    with pytest.raises(RecordError, match=full):
+    with pytest.raises(RecordError, match=full):  # the frames are still in its buffer
         recorder.close()
     recorder.close()
-    assert recorder._file.closed
+    with pytest.raises(OSError, match="Bad file descriptor"):
+        os.fstat(descriptor)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -22,7 +22,7 @@ from service.ingest.encode import FrameEncoder
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import Moment, SimulatedRobot, run_robot
 from tests.end_to_end.processes import demo_config, edit
-from tests.service.can.test_socketcan import ip
+from tests.service.can.network_devices import ip
 
 pytestmark = pytest.mark.vcan
 

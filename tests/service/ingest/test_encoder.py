@@ -18,8 +18,8 @@ from service.ingest.loaded_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import Fault
 from tests.service import robot_tables
+from tests.service.axis_with_columns import replayed, written
 from tests.service.pipeline.robots import blocks, live
-from tests.service.test_delay import replayed, written
 from tests.shares import soaked
 
 H, N, FAULT = 0.005, 4400, 3000  # the first 2000 samples find P(0)

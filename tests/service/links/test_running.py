@@ -18,8 +18,8 @@ from service.links.webhook import Webhook
 from service.store.journal import Journal
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.daemon_thread import daemon_thread, on_any_port
+from tests.service.links.http_receiver import Answers, receiving
 from tests.service.links.journals import just_raised, record
-from tests.service.links.test_webhook import Answers, receiving
 from tests.service.pipeline.robots import demo
 from tests.service.web.conftest import whole_snapshot
 

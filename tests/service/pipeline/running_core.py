@@ -191,3 +191,12 @@ class RunningCore(StandingCore):
         self.worker.stop()
         super().close()
         assert self.failed.is_set() or self.worker.error is None
+
+
+def seconds(frames: Sequence[Frame], begin: float, end: float) -> list[Frame]:
+    return [f for f in frames if begin <= (f.t_us - START_US) / 1e6 < end]
+
+
+def states(daemon: RunningCore, axis_id: str) -> bytes:
+    arrays = daemon.core.monitors.by_id[axis_id].to_arrays()
+    return b"".join(arrays[name].tobytes() for name in sorted(arrays))

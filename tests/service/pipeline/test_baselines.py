@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,15 @@ from service.web.models import sentences
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.robots import START_US, changed
-from tests.service.pipeline.running_core import AXIS, OTHER, TRUTH, RunningCore, cell, changed_axis
+from tests.service.pipeline.running_core import (
+    AXIS,
+    OTHER,
+    TRUTH,
+    RunningCore,
+    cell,
+    changed_axis,
+    seconds,
+)
 
 WINDOW_S = 36.0
 REPAIR = Note(START_US, "anna", "gearbox changed", "WO-1718")
@@ -49,15 +57,6 @@ def start(tmp_path: Path) -> Iterator[Start]:
     yield begin
     for daemon in started:
         daemon.close()
-
-
-def seconds(frames: Sequence[Frame], begin: float, end: float) -> list[Frame]:
-    return [f for f in frames if begin <= (f.t_us - START_US) / 1e6 < end]
-
-
-def states(daemon: RunningCore, axis_id: str) -> bytes:
-    arrays = daemon.core.monitors.by_id[axis_id].to_arrays()
-    return b"".join(arrays[name].tobytes() for name in sorted(arrays))
 
 
 def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(

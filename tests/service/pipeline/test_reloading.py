@@ -18,8 +18,7 @@ from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_transitions import Note
 from tests.end_to_end.processes import wait_for
 from tests.service.pipeline.robots import START_US, changed, on_bus, with_axes
-from tests.service.pipeline.running_core import AXIS, OTHER, RunningCore, cell, changed_axis
-from tests.service.pipeline.test_baselines import seconds, states
+from tests.service.pipeline.running_core import AXIS, OTHER, RunningCore, cell, changed_axis, seconds, states
 
 
 @pytest.fixture(scope="module")

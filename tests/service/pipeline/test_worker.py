@@ -26,7 +26,7 @@ from service.store.checkpoints import Checkpoint
 from service.store.database import StoreError
 from service.store.history_query import Question, ask
 from tests.end_to_end.processes import PATIENCE_S, wait_for
-from tests.service.ingest.test_can_logs import fill_the_disk
+from tests.service.can.full_disk import fill_the_disk
 from tests.service.pipeline.robots import Waiting, blocks, changed, demo
 from tests.service.pipeline.running_core import NOW_US, StandingCore
 
@@ -366,7 +366,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
     tmp_path: Path, frames: Sequence[Frame]
 ) -> None:
     recorder = FrameRecorder(tmp_path / "frames.log")
-    fill_the_disk(recorder)
+    fill_the_disk(tmp_path / "frames.log")
     bench = StandingCore(tmp_path, demo(tmp_path, 2), Waiting(frames), recorder)
     bench.run()
     with capture_logs() as logs:

@@ -23,7 +23,7 @@ from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import MIGRATION, Note
 from service.store.database import StoreError
 from service.store.journal import MIGRATIONS, Journal, UnknownAlarmError
-from tests.core.test_alarm_life_cycle import replayed
+from tests.core.alarm_lives import replayed
 
 S, E = AlarmState, AlarmEvent
 AXIS, SECOND = "demo.axis1", 1_000_000

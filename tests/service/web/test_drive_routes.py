@@ -9,16 +9,16 @@ import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.drive import AxisModel
-from monitor_core.modeling import DRAWINGS, drive_of, eliminate, reference_model
+from monitor_core.modeling import drive_of, eliminate
 from monitor_core.modeling.drawing import Drawing, part
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.resonances import resonances
 from monitor_core.settings import Settings
 from service.pipeline.snapshot import MonitoredDrive
-from tests.service.web.conftest import PARAMETERS, Stage
+from tests.service.web.conftest import Stage
+from tests.service.web.watched_drives import MODEL, reference, watch
 
 AXIS = "/api/v1/axes/demo.axis1"
-MODEL = reference_model("angle")
 STIFF = Drawing(
     "stiff",
     [
@@ -31,24 +31,6 @@ STIFF = Drawing(
     ],
 ).flat()
 """Both inertias turn together: only their sum can be monitored."""
-
-
-def watch(stage: Stage, watched: MonitoredDrive, **estimates: float) -> None:
-    """The first axis with this drive; its parameters have their nominal values, or these estimates."""
-    axis = stage.snapshot.axes[0]
-    parameters = [
-        replace(p, name=name, nominal=theta0, estimate=estimates.get(name, theta0))
-        for p, name, theta0 in zip(PARAMETERS, watched.model.monitored, watched.model.theta0, strict=False)
-    ]
-    status = replace(axis.status, parameters=tuple(parameters))
-    stage.snapshot = replace(
-        stage.snapshot,
-        axes=(replace(axis, status=status, output=watched.model.drive.output, watched=watched),),
-    )
-
-
-def reference(**settings: Any) -> MonitoredDrive:
-    return MonitoredDrive(MODEL, Settings(0.005, **settings), DRAWINGS["three-mass"].flat().components)
 
 
 def test_every_parameter_is_in_a_component_that_has_its_place(client: TestClient, stage: Stage) -> None:

@@ -1,8 +1,6 @@
 """Recordings over REST and the command line: the alarm names its file, a request makes one, a reader may not."""
 
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -12,6 +10,7 @@ from service.can.log_files import CanLog
 from service.commands.exit_codes import UNAVAILABLE
 from service.pipeline.recording import Extracts, RecordingFolder
 from tests.service.command_line import axiswatch, refused, shown
+from tests.service.pipeline.ticking_extracts import ticking
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
 
 S = 1_000_000
@@ -62,24 +61,6 @@ def test_the_last_minutes_on_request(recorded: Stage, tmp_path: Path) -> None:
     assert text.endswith(f"recorded: {name}\nwritten: {copy}\n")
     (block,) = CanLog(copy).blocks()
     assert block.frames.size == 9  # of eight seconds, both ends
-
-
-@contextmanager
-def ticking(extracts: Extracts) -> Iterator[None]:
-    """The worker's part, in a thread of its own."""
-    end = threading.Event()
-
-    def work() -> None:
-        while not end.wait(0.02):
-            extracts.tick()
-
-    thread = threading.Thread(target=work)
-    thread.start()
-    try:
-        yield
-    finally:
-        end.set()
-        thread.join()
 
 
 def test_without_room_none_is_made(stage: Stage) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import httpx
 import pytest
 from fastapi.testclient import TestClient
-from jsonschema import Draft202012Validator
 
 from hatch_build import is_current, npm
 from monitor_core.detection import Alarm
@@ -20,8 +19,9 @@ from service.web.app import STATIC
 from service.web.server import CannotListenError, listen, serve
 from tests.end_to_end.processes import PATIENCE_S
 from tests.ports import own_port
+from tests.service.web.api_schema import obeys_schema
 from tests.service.web.conftest import Daemon, Stage, robot_setup
-from tests.service.web.test_drive_routes import reference, watch
+from tests.service.web.watched_drives import reference, watch
 
 
 def test_it_serves_until_it_is_stopped(stage: Stage) -> None:
@@ -188,14 +188,6 @@ def test_each_address_answers_as_described(
         answer = client.get(request_path)
         assert answer.status_code == (503 if path == "/readyz" else 200), path
         obeys_schema(answer, schema["paths"][path]["get"], schema)
-
-
-def obeys_schema(answer: Any, operation: dict[str, Any], schema: dict[str, Any]) -> None:
-    content = operation["responses"][str(answer.status_code)]["content"]
-    body = {**schema, **content[answer.headers["content-type"]]["schema"]}
-    obeys = Draft202012Validator(body, format_checker=Draft202012Validator.FORMAT_CHECKER)
-    obeys.validate(answer.json())
-    assert not obeys.is_valid({**answer.json(), "more": 1})
 
 
 def test_each_action_answers_as_described_also_when_it_is_not_possible(

@@ -9,31 +9,8 @@ from hypothesis import strategies as st
 
 from monitor_core.modeling.flat import FlatModel, ModelError
 from monitor_core.modeling.modelica import Source, read
-from tests.core.modeling.modelica.test_two_mass import TWO_MASS
+from tests.core.modeling.modelica.texts import NESTED, TWO_MASS
 
-NESTED = """
-package Lib
-  constant Real two = 2;
-  type Mass = Real(unit = "kg.m2");
-  partial model Shaft extends Modelica.Mechanics.Rotational.Interfaces.PartialTwoFlanges; end Shaft;
-  model Arm
-    extends Shaft; import R = Modelica.Mechanics.Rotational.Components;
-    parameter Mass J = two/4; parameter Real k = 10; parameter Boolean loaded = true;
-    R.Inertia mass(J = J); R.SpringDamper spring(c = 2*k^2/k, d = 0.1); R.Inertia load(J = J);
-  equation
-    connect(flange_a, spring.flange_a); connect(spring.flange_b, mass.flange_a);
-    connect(mass.flange_b, flange_b); connect(mass.flange_b, load.flange_a);
-  end Arm;
-  model Drive
-    Arm first(J = 3, spring(c = 5)); Arm second(k = stiffness, loaded = false); parameter Real stiffness = 7;
-    Modelica.Mechanics.Rotational.Sources.Torque torque; Modelica.Mechanics.Rotational.Sensors.AngleSensor s;
-    Modelica.Blocks.Math.Gain gain(k = two); input Real u; Real twice = 2*der(s.phi);
-  equation
-    connect(torque.flange, first.flange_a); connect(first.flange_b, second.flange_a); gain.u = u;
-    connect(gain.y, torque.tau); connect(s.flange, first.flange_a);
-  end Drive;
-end Lib;
-"""
 TOKENS = [re.findall(r'"(?:\\"|[^"])*"|[\w.]+|\s+|.', text) for text in (TWO_MASS, NESTED)]
 ODD = [
     "", ";", "(", ")", "=", "end", "1", "-1", "0", "flange_a", "J", "model", "Real", "extends", "der", "true", "1e400",

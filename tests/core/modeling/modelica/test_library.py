@@ -16,7 +16,7 @@ from monitor_core.modeling.modelica import read
 from monitor_core.modeling.modelica.classes import descendants, tree_of
 from monitor_core.modeling.modelica.library import BEARING, LEAVES, REFUSED, SIGNAL_SOURCE, library
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
-from tests.core.modeling.modelica.test_broken_texts import NESTED
+from tests.core.modeling.modelica.texts import NESTED
 
 OWN = {name: leaf for name, leaf in LEAVES.items() if leaf.kind not in (BEARING, SIGNAL_SOURCE)}
 

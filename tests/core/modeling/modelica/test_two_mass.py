@@ -5,40 +5,7 @@ from __future__ import annotations
 from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.modelica import Source, read
-
-TWO_MASS = """within ;
-model TwoMass "motor and arm"
-  extends Modelica.Icons.Example;
-  import SI = Modelica.Units.SI;
-  parameter SI.Inertia Jm = 5e-3 "inertia of the motor" annotation(Dialog(group = "motor"));
-  parameter Real fm(unit = "N.m.s/rad") = 0.002;
-  parameter Real fc = 0.3;
-  Modelica.Mechanics.Rotational.Sources.Torque torque annotation(
-    Placement(visible = true, transformation(origin = {-50, 0}, extent = {{-10, -10}, {10, 10}}, rotation = 0)));
-  Modelica.Mechanics.Rotational.Components.Inertia motor(J = Jm, phi(fixed = true, start = 0), w.start = 0) annotation(
-    Placement(visible = true, transformation(origin = {-10, 0}, extent = {{-10, -10}, {10, 10}}, rotation = 0)));
-  Modelica.Mechanics.Rotational.Components.BearingFriction bearing(tau_pos = [0, fc; 1, fc + fm], useSupport = false);
-  Modelica.Mechanics.Rotational.Components.SpringDamper belt(c(displayUnit = "N.m/deg") = 100, d = 0.1) "toothed belt";
-  Modelica.Mechanics.Rotational.Components.Inertia arm(J = 1/2, stateSelect = StateSelect.prefer);
-  Modelica.Mechanics.Rotational.Sensors.SpeedSensor encoder;
-  Modelica.Blocks.Interfaces.RealInput u annotation(Placement(iconTransformation(extent = {{-1, -1}, {1, 1}})));
-  Modelica.Blocks.Interfaces.RealOutput y;
-equation
-  connect(u, torque.tau) annotation(
-    Line(points = {{-90, 0}, {-62, 0}}, color = {0, 0, 127}));
-  connect(torque.flange, motor.flange_a);
-  connect(motor.flange_b, bearing.flange_a);
-  connect(bearing.flange_b, belt.flange_a) annotation(Line(points = {{10, 0}, {20, 0}}));
-  connect(belt.flange_b, arm.flange_a);
-  connect(encoder.flange, motor.flange_a);
-  connect(encoder.w, y);
-  annotation(
-    uses(Modelica(version = "4.0.0")),
-    experiment(StartTime = 0, StopTime = 1, Tolerance = 1e-6, Interval = 0.002),
-    Documentation(info = "<html>A <b>belt</b> drive; \\"two\\" masses</html>"),
-    __OpenModelica_commandLineOptions = "--matchingAlgorithm=PFPlusExt");
-end TwoMass;
-"""
+from tests.core.modeling.modelica.texts import TWO_MASS
 
 
 def test_parameters_keep_name_value_unit_meaning_and_place() -> None:

@@ -14,7 +14,7 @@ from service.config import Config
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.web.robot_setup import NoLookError, SignalCheck
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, with_axes
-from tests.service.web.test_recording_routes import ticking
+from tests.service.pipeline.ticking_extracts import ticking
 
 SECONDS = 6.0
 NOW_US = START_US + round(SECONDS * 1e6)
