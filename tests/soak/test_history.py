@@ -1,6 +1,8 @@
 """A month of six axes, fast-forwarded into the history: its size, its bounds, and the time of questions about it."""
 
+import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter, process_time
@@ -113,7 +115,7 @@ def test_six_axes_stay_far_below_the_bound_for_a_year(tmp_path: Path) -> None:
     for begin in range(NOW_S, NOW_S + 2 * DAY_S, 60):  # as they come: a minute of all at once
         store.add([Point(s, t, [t % 97] * 7) for t in range(begin, begin + 60, INTERVAL_S) for s in series])
     per_day = {}
-    with store._db.read() as connection:
+    with closing(sqlite3.connect(tmp_path / "history.sqlite")) as connection:
         for table, period_s in PERIODS_S.items():
             pages = "SELECT sum(pgsize) FROM dbstat WHERE name = ?"
             (size,) = connection.execute(pages, [table]).fetchone()

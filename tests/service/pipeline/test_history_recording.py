@@ -20,6 +20,7 @@ from service.store.database import StoreError
 from service.store.history_query import Question, ask
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
 from tests.end_to_end.processes import wait_for
+from tests.service.store.connections import connections
 
 AXIS, NOW_S = "cell.axis1", 1_760_000_000
 BOUNDS = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e12)
@@ -69,17 +70,17 @@ class Bench:
         answer = ask(self.recording.store, Question(AXIS, 1.0, wanted, points=5000, resolution="raw"))
         return [t - NOW_S for c in answer.courses for t in answer.t[c.rows.n > 0].tolist()]
 
-    @property
-    def connection(self) -> sqlite3.Connection:
-        assert self.recording.store is not None
-        return self.recording.store._db._writer
+    connection: sqlite3.Connection
+    """Of the file that was there at first, its writer."""
 
 
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     monkeypatch.setattr(database, "BUSY_TIMEOUT_S", 0.02)
     bench = Bench(tmp_path / "history.sqlite")
-    bench.recording.write()
+    with connections() as opened:
+        bench.recording.write()
+    bench.connection = opened[0]
     yield bench
     bench.recording.stop()
 

@@ -2,17 +2,19 @@
 
 import os
 import signal
-from collections.abc import Callable, Mapping
+import sqlite3
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
-
-import pytest
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
 from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import Note
+from service.store.database import StoreError
 from service.store.epochs import Configured, Epoch, EpochPlan, EpochValue
 from service.store.journal import Journal
+from tests.service.store.connections import Watched, connections
 
 AXIS = "cell.a3"
 FIRST = Configured(AXIS, "{}", "as built", (EpochValue("fm", "N m s/rad", 0.06),))
@@ -134,8 +136,9 @@ def test_killed_at_any_statement_it_is_the_old_epoch_or_the_new_one(tmp_path: Pa
     for statement in range(1, 60):
         child = os.fork()
         if not child:
-            journal = Journal(tmp_path / "alarms.sqlite")
-            journal._db._writer.set_trace_callback(killed_at(statement))
+            with connections() as opened:
+                journal = Journal(tmp_path / "alarms.sqlite")
+            opened[0].set_trace_callback(killed_at(statement))
             journal.epochs.take_over(PLAN, NOTE, RULES)
             os._exit(0)
         _, status = os.waitpid(child, 0)
@@ -153,15 +156,23 @@ def test_killed_at_any_statement_it_is_the_old_epoch_or_the_new_one(tmp_path: Pa
     assert ([e.state for e in found], states) == (["verifying", "closed"], AFTER)
 
 
-def test_a_refused_write_leaves_all_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    journal = journal_with_alarms(tmp_path)
-    before = seen(journal)
+def test_refused_at_any_statement_it_leaves_all_as_it_was(tmp_path: Path) -> None:
+    with connections(Watched) as opened:
+        journal = journal_with_alarms(tmp_path)
+    writer, before, statements = opened[0], seen(journal), 0
+    while seen(journal) == before:
+        left = iter(range(statements, -1, -1))
 
-    def fails(*_: object) -> None:
-        raise RuntimeError("in the middle")
+        def refuse(left: Iterator[int] = left) -> None:
+            if next(left, None) == 0:
+                raise sqlite3.OperationalError("in the middle")
 
-    monkeypatch.setattr(journal.epochs, "_end_alarms", fails)
-    with pytest.raises(RuntimeError):
-        journal.epochs.take_over(PLAN, NOTE, RULES)
-    assert seen(journal) == before
+        writer.before = refuse
+        with suppress(StoreError):
+            journal.epochs.take_over(PLAN, NOTE, RULES)
+        statements += 1
+    writer.before = lambda: None
+    assert statements > 10
+    assert [e.state for e in seen(journal)[0]] == ["verifying", "closed"]
+    assert seen(journal)[1] == AFTER
     journal.close()

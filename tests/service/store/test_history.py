@@ -26,6 +26,7 @@ from service.store.history_store import (
     Resolution,
     Series,
 )
+from tests.service.store.connections import Watched, connections
 
 DAY_S, NOW_S = 86400, 1_760_000_000
 AXIS = "demo.axis1"
@@ -116,47 +117,38 @@ def test_a_number_that_is_not_finite_spoils_its_own_quantity_only() -> None:
 # --- whatever ends the process ------------------------------------------------------------------------------
 
 
-class Copying:
-    """A connection that copies its file, as a process that is killed leaves it, before each statement."""
-
-    def __init__(self, connection: sqlite3.Connection, path: Path, target: Path) -> None:
-        self._connection, self._path, self._target = connection, path, target
-        self.copies: list[Path] = []
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("execute", "executemany"):
-            self._copy()
-        return getattr(self._connection, name)
-
-    def _copy(self) -> None:
-        folder = self._target / f"{len(self.copies)}"
-        folder.mkdir()
-        for suffix in ("", "-wal"):
-            shutil.copy(f"{self._path}{suffix}", folder / f"{self._path.name}{suffix}")
-        self.copies.append(folder / self._path.name)
+def copied(path: Path, target: Path) -> Path:
+    """The file, as a process that is killed now leaves it."""
+    target.mkdir()
+    for suffix in ("", "-wal"):
+        shutil.copy(f"{path}{suffix}", target / f"{path.name}{suffix}")
+    return target / path.name
 
 
 def test_killed_at_any_statement_a_point_is_everywhere_or_nowhere(tmp_path: Path) -> None:
     path = tmp_path / "history.sqlite"
     first = [point(NOW_S + 10 * k, series=s) for k in range(400) for s in SERIES]
     second = [point(NOW_S + 10 * k + 5, seed=1, series=s) for k in range(400) for s in SERIES]
-    with opened(path) as store:
+    copies = list[Path]()
+    with connections(Watched) as made, opened(path) as store:
         store.add(first)
-        store._db._writer.execute("PRAGMA cache_size=10")  # what is not committed gets into the file, too
-        store._db._writer = copying = Copying(store._db._writer, path, tmp_path)  # type: ignore[assignment]
+        writer = made[0]
+        writer.execute("PRAGMA cache_size=10")  # what is not committed gets into the file, too
+        writer.before = lambda: copies.append(copied(path, tmp_path / f"{len(copies)}"))
         store.add(second)
-        copying._copy()
-    assert len(copying.copies) > 100
-    sizes = {copy.with_name(f"{copy.name}-wal").stat().st_size for copy in copying.copies[:-1]}
+        writer.before()
+        writer.before = lambda: None
+    assert len(copies) > 100
+    sizes = {copy.with_name(f"{copy.name}-wal").stat().st_size for copy in copies[:-1]}
     assert len(sizes) > 5, "the file grew before the commit"
     before_after = list[int]()
-    for copy in copying.copies[:: max(1, len(copying.copies) // 40)] + copying.copies[-1:]:
+    for copy in copies[:: max(1, len(copies) // 40)] + copies[-1:]:
         with opened(copy) as store:
             counts = {sum(row[0] for row in rows(store, table).values()) for table in RESOLUTIONS}
             assert counts in ({len(first)}, {len(first) + len(second)})
             before_after += counts
     assert before_after == sorted(before_after)
-    with opened(copying.copies[-1]) as store:
+    with opened(copies[-1]) as store:
         assert_true(store, [*first, *second])
 
 
