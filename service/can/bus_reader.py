@@ -20,7 +20,8 @@ from service.can.user_errors import BusError
 READER_REASONS = ("queue_full", "kernel_overflow", "error_frame", "remote_frame")
 """Why a frame did not reach the worker.  kernel_overflow is counted for socketcan and udp_multicast only."""
 
-_RETRY_S = 0.25
+RETRY_S = 0.25
+"""Time until the next try to open a bus, at first"""
 LONGEST_RETRY_S = 5.0
 """Longest time between two tries to open a bus"""
 _IFF_UP = 1
@@ -105,7 +106,7 @@ class CanReader:
         """Counts up to the last time that the bus was opened"""
         self._errors = 0
         """Error frames since the last frame with data"""
-        self._retry_s = _RETRY_S
+        self._retry_s = RETRY_S
         self.turns = 0
         """Number of loops of the thread, to see that it is alive; it also loops on a silent bus"""
         self._stop = threading.Event()
@@ -199,7 +200,7 @@ class CanReader:
             _GONE if gone else sentence("bus fault", "down: {why}; trying to open it again", why=error)
         )
         if self._frames == self._frames_before:  # at a broken bus, an adapter may fail as soon as it is open
-            self._stop.wait(_RETRY_S)
+            self._stop.wait(RETRY_S)
 
     def _check_interface(self) -> None:
         """While the bus is down: set it to up if its interface is up; close it if the interface is gone."""
@@ -213,7 +214,7 @@ class CanReader:
     def _reopen(self) -> None:
         try:
             self.open()
-            self._retry_s = _RETRY_S
+            self._retry_s = RETRY_S
         except BusError as error:
             self._state = sentence("down", "down: {why}", why=error.args[0])
             self._stop.wait(self._retry_s)

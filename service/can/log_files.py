@@ -41,7 +41,7 @@ LOG_REASONS = ("error_frame", "remote_frame", "not_a_frame", "unreadable")
 """Why an entry of a log gave no frame.  not_a_frame: an event, or a line of unknown form; unreadable: damaged."""
 
 _BLOCK = 256
-_PIECE = 256 * 1024
+PIECE = 256 * 1024
 """Bytes of a log of lines that are parsed together"""
 _OBJECT = 64 * 1024
 """Longer than any object with a CAN frame in a BLF file, in bytes."""
@@ -177,7 +177,7 @@ class CanLog:
         begin, first, rest = head, 0, b""
         if head.startswith((CSV_HEAD, SAVVYCAN_HEAD)):
             begin, first = b"", 1
-        read = partial(self._bytes.stream.read, _PIECE)
+        read = partial(self._bytes.stream.read, PIECE)
         for piece in chain([begin + read()], iter(read, b"")):
             text, end, rest = (rest + piece).rpartition(b"\n")
             if end:

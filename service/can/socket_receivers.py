@@ -65,7 +65,9 @@ _FITS = sys.platform == "linux" and sys.byteorder == "little" and ctypes.sizeof(
 """Whether these record layouts are right for this machine; otherwise python-can also receives from SocketCAN."""
 
 
-class _IoVec(ctypes.Structure):
+class IoVec(ctypes.Structure):
+    """``struct iovec``: where the content of a message lies."""
+
     _fields_ = (("base", ctypes.c_void_p), ("length", ctypes.c_size_t))
 
 
@@ -73,7 +75,7 @@ class _MsgHdr(ctypes.Structure):
     _fields_ = (
         ("name", ctypes.c_void_p),
         ("name_length", ctypes.c_uint32),
-        ("vectors", ctypes.POINTER(_IoVec)),
+        ("vectors", ctypes.POINTER(IoVec)),
         ("vectors_length", ctypes.c_size_t),
         ("control", ctypes.c_void_p),
         ("control_length", ctypes.c_size_t),
@@ -81,7 +83,9 @@ class _MsgHdr(ctypes.Structure):
     )
 
 
-class _MMsgHdr(ctypes.Structure):
+class MMsgHdr(ctypes.Structure):
+    """``struct mmsghdr``: a message among many, and its length."""
+
     _fields_ = (("header", _MsgHdr), ("length", ctypes.c_uint32))
 
 
@@ -101,15 +105,15 @@ class BlockReceiver(Receiver):
         self._poll.register(bus.fileno(), select.POLLIN)
         self._recvmmsg = ctypes.CDLL(None, use_errno=True).recvmmsg
         self._raw, self._notes = np.zeros(BLOCK_FRAMES, message), np.zeros(BLOCK_FRAMES, _NOTES)
-        self._vectors, self._headers = (_IoVec * BLOCK_FRAMES)(), (_MMsgHdr * BLOCK_FRAMES)()
+        self._vectors, self._headers = (IoVec * BLOCK_FRAMES)(), (MMsgHdr * BLOCK_FRAMES)()
         for k, (vector, header) in enumerate(zip(self._vectors, self._headers, strict=True)):
             vector.base, vector.length = self._raw[k : k + 1].ctypes.data, message.itemsize
             header.header.vectors, header.header.vectors_length = ctypes.pointer(vector), 1
             header.header.control = self._notes[k : k + 1].ctypes.data
         headers = np.frombuffer(self._headers, np.uint8).reshape(BLOCK_FRAMES, -1)  # type: ignore[call-overload]
-        at = _MMsgHdr.header.offset + _MsgHdr.control_length.offset
+        at = MMsgHdr.header.offset + _MsgHdr.control_length.offset
         self._control_lengths = headers[:, at : at + 8].view("<u8")[:, 0]
-        self._lengths = headers[:, _MMsgHdr.length.offset :][:, :4].view("<u4")[:, 0]
+        self._lengths = headers[:, MMsgHdr.length.offset :][:, :4].view("<u4")[:, 0]
 
     def read(self, most: int, stop: Event) -> Received:
         """See Receiver."""

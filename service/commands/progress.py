@@ -21,7 +21,8 @@ from rich.progress import (
 
 T = TypeVar("T")
 _POLL_S = 0.2
-_SOON_S = 1.0
+SOON_S = 1.0
+"""Shorter tasks show nothing [s]"""
 
 
 @contextmanager
@@ -48,7 +49,7 @@ def announced(what: str, work: Callable[[], T]) -> T:
     """The result of work that is usually short; if it takes longer, a message says what is being done."""
     with ThreadPoolExecutor(1) as pool:
         task = pool.submit(work)
-        if not wait([task], _SOON_S).done:
+        if not wait([task], SOON_S).done:
             print(f"{what} ...", file=sys.stderr, flush=True)
             with steps_bar(what):
                 wait([task])

@@ -28,7 +28,8 @@ MOST_RING_BYTES = 64_000_000
 """Memory of the kept frames: two minutes at 20 000 frames/s"""
 _SILENT_US = 5_000_000
 """Longest wait for frames after the end of an extract, as the bus may have become silent."""
-_RETRY_S = 5.0
+RETRY_S = 5.0
+"""Time until the next try to write what the disk refused"""
 _FORMAT = "%Y%m%dT%H%M%SZ"
 _NAME = re.compile(r"frames-(\d{8}T\d{6}Z)-(\d{8}T\d{6}Z)\.(?:log|blf)")
 
@@ -286,7 +287,7 @@ class Extracts:
         going_on = True
         while going_on:
             try:
-                job = self._jobs.get(timeout=None if refused is None else _RETRY_S)
+                job = self._jobs.get(timeout=None if refused is None else RETRY_S)
                 going_on = job is not None
             except queue.Empty:
                 job = None

@@ -20,7 +20,7 @@ GRACE_S = 3
 """Time for running requests to end when the daemon stops [s]"""
 _UNREAD_S = 2
 """Time for clients to read their answers then [s]; shorter than GRACE_S, as later aborts would be logged as faults"""
-_SILENT_S = 20
+SILENT_S = 20
 """A connection without a complete request head for this time is closed [s]."""
 _CONNECTIONS = 256
 """Most connections, as each takes a file descriptor and memory; further requests are answered with 503."""
@@ -97,7 +97,7 @@ class _Protocol(H11Protocol):
     def _wait(self) -> None:
         if self._silence is not None:
             self._silence.cancel()
-        self._silence = self.loop.call_later(_SILENT_S, self._close_if_silent)
+        self._silence = self.loop.call_later(SILENT_S, self._close_if_silent)
 
     def _close_if_silent(self) -> None:
         if self.conn.their_state is h11.IDLE:  # otherwise the application handles a request
@@ -162,7 +162,7 @@ def serve(
         proxy_headers=False,  # a client could use them to pretend to be another one
         lifespan="off",
         limit_concurrency=_CONNECTIONS,
-        timeout_keep_alive=_SILENT_S,
+        timeout_keep_alive=SILENT_S,
         timeout_graceful_shutdown=GRACE_S,
         ssl_certfile=None if certificate is None else certificate.file,
         ssl_keyfile=None if certificate is None else certificate.key,

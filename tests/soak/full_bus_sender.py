@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from service.can.socket_receivers import _IoVec, _MMsgHdr
+from service.can.socket_receivers import IoVec, MMsgHdr
 
 MOST = 64
 """Frames that are sent with one call"""
@@ -44,7 +44,7 @@ def send_all(channel: str, seconds: float, path: Path) -> None:
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     due_s = np.array([float(due) for due, _ in rows])
     records = ctypes.create_string_buffer(b"".join(bytes.fromhex(record) for _, record in rows))
-    vectors, headers = (_IoVec * len(rows))(), (_MMsgHdr * len(rows))()
+    vectors, headers = (IoVec * len(rows))(), (MMsgHdr * len(rows))()
     for k, (vector, header) in enumerate(zip(vectors, headers, strict=True)):
         vector.base, vector.length = ctypes.addressof(records) + RECORD * k, RECORD
         header.header.vectors, header.header.vectors_length = ctypes.pointer(vector), 1

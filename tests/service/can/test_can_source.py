@@ -279,7 +279,7 @@ def test_a_bus_that_a_fault_has_closed_is_down_until_it_is_open_again(
     reader.close()
     fault = "down: adapter unplugged; trying to open it again"
     assert states == ["down: not opened yet", fault]
-    monkeypatch.setattr("service.can.bus_reader._RETRY_S", 3600.0)  # no other try before it is closed
+    monkeypatch.setattr("service.can.bus_reader.RETRY_S", 3600.0)  # no other try before it is closed
     reader.start()
     wait_for(lambda: reader.stats().state == fault, reader.stats)
     reader.close()

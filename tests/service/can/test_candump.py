@@ -92,7 +92,7 @@ def test_all_lines_are_read_as_one_by_one(
     torn = not ended and wrong[-1:] == [len(text.split(b"\n"))]
     log, found, problem = CanLog(path), list[Entry](), ""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(log_files, "_PIECE", piece)
+        patch.setattr(log_files, "PIECE", piece)
         try:
             for block in log.blocks():
                 channels = (block.names[channel] for channel in block.channels.tolist())

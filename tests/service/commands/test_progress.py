@@ -61,10 +61,10 @@ class _Noticed(StringIO):
 def test_what_takes_a_while_is_announced(monkeypatch: pytest.MonkeyPatch) -> None:
     stream = _Noticed()
     monkeypatch.setattr(sys, "stderr", stream)
-    monkeypatch.setattr(progress, "_SOON_S", 30.0)
+    monkeypatch.setattr(progress, "SOON_S", 30.0)
     assert announced("compiling", lambda: 7) == 7
     assert stream.getvalue() == ""
-    monkeypatch.setattr(progress, "_SOON_S", 0.0)
+    monkeypatch.setattr(progress, "SOON_S", 0.0)
     assert announced("compiling", lambda: stream.event.wait(30)) is True  # it ends when the line is there
     assert stream.getvalue() == "compiling ...\n"
 

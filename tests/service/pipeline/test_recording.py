@@ -165,7 +165,7 @@ def test_a_folder_that_cannot_be_written_is_reported_and_monitoring_goes_on(tmp_
 
 
 def test_frames_wait_for_space_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording_module, "_RETRY_S", 0.05)
+    monkeypatch.setattr(recording_module, "RETRY_S", 0.05)
     folder = tmp_path / "recordings"
     folder.write_text("in the way")
     found = extracts(folder)

@@ -49,7 +49,7 @@ def test_a_certificate_that_was_renewed_is_used_for_new_connections(stage: Stage
 
 def test_a_connection_that_sends_no_request_is_closed(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even a part of one keeps it open, before the first request or after it."""
-    monkeypatch.setattr(server, "_SILENT_S", 1.0)  # within it a connection that was made must have sent
+    monkeypatch.setattr(server, "SILENT_S", 1.0)  # within it a connection that was made must have sent
     first = b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"
     with serving(stage) as url:
         port = port_of(url)
@@ -66,7 +66,7 @@ def test_a_body_without_an_end_is_not_read_and_to_head_only_the_head_is_sent(
     stage: Stage, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The request is answered, and the connection closed, though silence would be borne for an hour."""
-    monkeypatch.setattr(server, "_SILENT_S", 3600.0)
+    monkeypatch.setattr(server, "SILENT_S", 3600.0)
     with serving(stage) as url:
         port = port_of(url)
 
