@@ -18,6 +18,7 @@ from service.commands import identification_task
 from service.commands.commissioning import axis_commissioning
 from service.commands.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
+from service.config.axis_settings import AxisError
 from service.config.commissioned import Found, commissioned
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
@@ -131,7 +132,11 @@ def test_commissioning_plans_the_motion_that_is_missing(
     folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Within the limits of the record.  The command that plans another one works, too."""
-    monkeypatch.setattr(axis_commissioning, "_calibrated", lambda _order, _text, outcome, _progress: outcome)
+
+    def calibrate(*_: object) -> None:
+        raise AxisError("left out here")
+
+    monkeypatch.setattr(axis_commissioning, "calibrate_axis", calibrate)
     request = partial(Request, free=("Jm", "Ja", "fm", "fc"), start="values")
     monkeypatch.setattr(identification_task, "Request", request)
     record = followed(folder, "slow.csv", seed, SLOW)

@@ -7,7 +7,7 @@ import pty
 import signal
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,12 +16,15 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.commands import commission
-from service.commands.commissioning import live_recording
+from service.commands.commissioning import axis_processes, live_recording, signal_proposals
+from service.commands.commissioning.axis_commissioning import Order
 from service.commands.commissioning.checked_axis import moves
 from service.commands.commissioning.live_look import Look, look_at
 from service.commands.commissioning.live_recording import recorded
+from service.commands.commissioning.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.config import load
+from service.ingest import axis_records
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands import can_logs
@@ -286,17 +289,21 @@ def test_a_planned_motion_may_be_recorded_at_once(
     """At a terminal, a real one here, it asks; yes records again, for as long as the motion takes."""
     found = Outcome("cell.a1", watched=("kT",), nominal_file="n.toml")
     moved = replace(found, lost=("fm",), excite=("--find", "fm"), motion="motion/cell.a1.csv", motion_s=36.0)
-    recorded, results = list[float](), iter([[moved], [found]])
+    recorded, results = list[float](), iter([moved, found])
     monkeypatch.setattr(
         live_recording,
         "record_live",
         lambda _config, _text, _folder, seconds, _yes: recorded.append(seconds / 60),
     )
-    monkeypatch.setattr(live_recording, "recorded", lambda _folder: [])
-    monkeypatch.setattr(commission, "_orders", lambda *_: (["an order"], []))
-    monkeypatch.setattr(commission, "_reviewed", lambda *_: {})
-    monkeypatch.setattr(commission, "_carried_out", lambda *_: next(results))
-    monkeypatch.setattr(commission, "_write", lambda *_: None)
+    monkeypatch.setattr(live_recording, "recorded", lambda _folder: [folder / "record.log"])
+    monkeypatch.setattr(axis_records, "silent_in", lambda *_: {})
+    monkeypatch.setattr(signal_proposals, "exchanged", lambda *_: {})
+    monkeypatch.setattr(signal_proposals, "review", lambda *_: Review((), (), (), ""))
+
+    def outcomes(orders: Sequence[Order], *_: object) -> list[Outcome]:
+        return [next(results), *(replace(found, axis_id=order.axis_id) for order in orders[1:])]
+
+    monkeypatch.setattr(axis_processes, "outcomes", outcomes)
     ours, theirs = pty.openpty()
     with os.fdopen(ours, "wb", buffering=0) as keyboard, os.fdopen(theirs, encoding="utf-8") as terminal:
         monkeypatch.setattr(sys, "stdin", terminal)

@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, Obstacle, Quality, Rejection, TurningWeight, Watched
-from service.commands import commission
-from service.commands.commissioning import axis_commissioning, axis_processes
+from service.commands.commissioning import axis_commissioning, axis_processes, signal_proposals
 from service.commands.commissioning.axis_commissioning import Order, not_identified, unmonitored_words
 from service.commands.commissioning.commissioning_remedies import (
     memories_of,
@@ -25,10 +23,12 @@ from service.commands.commissioning.commissioning_remedies import (
 )
 from service.commands.commissioning.link_load import LinkLoad
 from service.commands.commissioning.signal_proposals import Review, configured
+from service.commands.exit_codes import MISTAKE
 from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.outlook_words import outlook_words
+from tests.service.command_line import axiswatch
 from tests.service.config.config_texts import FILE, furnish
 
 TEXT = """
@@ -295,8 +295,8 @@ def test_each_axis_sees_the_corrections_of_the_others(
 ) -> None:
     """The motion of one may be a signal of another, in the unit and at the interval that were found for it."""
     text = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
-    options, provenance = CalibrationOptions(600.0), Provenance.now()
-    orders = [Order(text, name, (), tmp_path, options, provenance, True) for name in (NAME, "cell.a2")]
+    (tmp_path / "axes.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "record.csv").write_text("u,phi\n" + "0.1,0.2\n" * 10, encoding="utf-8")
     reviews = {
         NAME: Review((Correction(("angle", "factor"), 0.5, "degrees"),), (), (), ""),
         "cell.a2": Review((Correction(("sample_interval_s",), 0.008, "as measured"),), (), (), ""),
@@ -308,7 +308,10 @@ def test_each_axis_sees_the_corrections_of_the_others(
         yield from (Outcome(order.axis_id) for order in given)
 
     monkeypatch.setattr(axis_processes, "outcomes", outcomes)
-    commission._carried_out(orders, reviews, Console(quiet=True))
+    monkeypatch.setattr(signal_proposals, "exchanged", lambda *_: {})
+    monkeypatch.setattr(signal_proposals, "review", lambda _text, axis_id, *_: reviews[axis_id])
+    monkeypatch.chdir(tmp_path)
+    assert axiswatch("commission", "record.csv", "--config", "axes.toml", "--yes").exit_code == MISTAKE
     for order in seen:
         first, second = configured(order.text, order.axis_id, tmp_path)[0].axes
         assert first.config.motion.factor == 0.5

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
+from service.can.user_errors import IngestError
 from service.commands.commissioning import axis_commissioning
 from service.commands.commissioning.axis_commissioning import Order, commission_axis
 from service.commands.commissioning.signal_proposals import exchanged, review
-from service.reports.commissioning_report import Outcome
+from service.config import Config, NamedAxis
 from service.reports.formats import Provenance
 from tests.service.commands.commissioning.two_mass_tables import (
     AXIS,
@@ -115,16 +116,16 @@ def test_a_record_in_which_the_axis_stands_is_left_out(
     alone = review(text, "cell.a1", [standing], tmp_path)
     assert "is 0.1 throughout" in alone.faults[0]
 
-    used = list[Order]()
+    used = list[object]()
 
-    def identified(order: Order, _text: str, outcome: Outcome, _progress: object) -> Outcome:
-        used.append(order)
-        return outcome
+    def prepare(_config: Config, _axis: NamedAxis, records: object, *_: object) -> None:
+        used.append(records)
+        raise IngestError("seen")
 
-    monkeypatch.setattr(axis_commissioning, "_identified", identified)
+    monkeypatch.setattr(axis_commissioning, "prepare", prepare)
     order = Order(text, "cell.a1", (moving, standing), tmp_path, FEW, Provenance("", "", ""), shorten=False)
     outcome = commission_axis(order, found)
-    assert used[0].records == (moving,)
+    assert (used, outcome.refusal) == ([(moving,)], "not identified: seen")
     assert f"{standing} is left out: the axis does not move in it." in outcome.notes
 
 
