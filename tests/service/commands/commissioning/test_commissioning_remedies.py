@@ -15,7 +15,12 @@ import pytest
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, Obstacle, Quality, Rejection, TurningWeight, Watched
 from service.commands.commissioning import axis_commissioning, axis_processes, signal_proposals
-from service.commands.commissioning.axis_commissioning import Order, not_identified, unmonitored_words
+from service.commands.commissioning.axis_commissioning import (
+    Order,
+    commission_axis,
+    not_identified,
+    unmonitored_words,
+)
 from service.commands.commissioning.commissioning_remedies import (
     memories_of,
     memory_change,
@@ -25,6 +30,7 @@ from service.commands.commissioning.link_load import LinkLoad
 from service.commands.commissioning.signal_proposals import Review, configured
 from service.commands.exit_codes import MISTAKE
 from service.config.commissioned import Correction
+from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.outlook_words import outlook_words
@@ -62,8 +68,10 @@ def report(
         verdict=SimpleNamespace(missing=missing, slow=0.1, quality=quality),
         estimate=estimate,
         slow_left_out=0.0,
+        not_following=(),
+        warm_up=None,
     )
-    return SimpleNamespace(rejection=rejection, result=result)
+    return SimpleNamespace(rejection=rejection, result=result, outlook="", warnings=())
 
 
 KT, FM = Watched("kT", 0.1, None), Watched("fm", 0.2, None)
@@ -273,21 +281,26 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     monkeypatch.setattr(axis_commissioning, "motion_for", lambda *_: None)
     taken = list[Any]()
 
-    def with_values(*given: Any) -> Outcome:
+    def memory_change(*given: Any) -> tuple[()]:
         taken.append(given)
-        outcome: Outcome = given[3]
-        return outcome
+        return ()
 
-    monkeypatch.setattr(axis_commissioning, "_with_values", with_values)
+    monkeypatch.setattr(axis_commissioning, "memory_change", memory_change)
+    monkeypatch.setattr(identification_html, "as_html", lambda _: "")
+    monkeypatch.setattr(axis_commissioning, "verdict_line", lambda _: "")
+    monkeypatch.setattr(axis_commissioning, "as_toml", lambda _: "")
     text = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
-    order = Order(text, NAME, ("a.csv",), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
-    outcome = axis_commissioning._identified(order, text, Outcome(NAME), lambda *_: None)
-    assert not outcome.refusal
-    ((_, axis, chosen, _, words),) = taken
+    (tmp_path / "a.csv").touch()
+    records = (str(tmp_path / "a.csv"),)
+    order = Order(text, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    outcome = commission_axis(order, Review((), (), (), ""))
+    assert outcome.refusal.startswith("not calibrated: "), "no values are in that file"
+    ((chosen, axis),) = taken
     better = with_links.rejection is None and with_links.result.watched == (KT,)
     assert chosen is (with_links if better else alone)
-    assert [s.axis for s in axis.config.signal] == (["a2"] if better else [])
-    assert (len(outcome.corrections), len(outcome.notes), words) == ((1, 1, "") if better else (0, 0, ""))
+    assert outcome.watched == (("kT",) if better else ("kT", "fm"))
+    assert [s.axis for s in axis.signal] == (["a2"] if better else [])
+    assert (len(outcome.corrections), len(outcome.notes)) == ((1, 1) if better else (0, 0))
 
 
 def test_each_axis_sees_the_corrections_of_the_others(
