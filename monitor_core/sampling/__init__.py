@@ -10,6 +10,7 @@ from monitor_core.sampling.controller_clocks import (
     counter_clock,
     cyclic_clock,
     cyclic_interval_s,
+    time_per_count_s,
 )
 from monitor_core.sampling.pairing import DROP_REASONS, Pairing, new_pairing
 from monitor_core.sampling.stamp_meter import new_meter

@@ -91,7 +91,9 @@ class AxisInput:
         if stream.clock == sampling.CYCLIC:
             return stamps_of(stream.meter, "cyclic", sampling.cyclic_interval_s(stream.clocks[1]))
         if stream.clock == sampling.COUNTER:
-            return stamps_of(stream.meter, "counter", sampling.counted_interval_s(stream.clocks[0]))
+            counts = stream.clocks[0]
+            fitted_s, counted_s = sampling.counted_interval_s(counts), sampling.time_per_count_s(counts)
+            return stamps_of(stream.meter, "counter", fitted_s, counted_s)
         return stamps_of(stream.meter, "receipt")
 
     def take(self, decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:

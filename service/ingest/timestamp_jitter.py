@@ -24,32 +24,44 @@ class Stamps(NamedTuple):
     ``scatter_s``: standard deviation of the time of receipt minus the time of the sample [s].  With the clock
     "receipt", in which these are equal: the standard deviation of the intervals divided by sqrt(2), as for independent
     errors.  ``interval_s``: interval of the controller, measured by the clock of this machine [s].  None: not known
-    yet.
+    yet.  ``spread_s``: scatter of the intervals of which ``interval_s`` is the median, if a clock has not fitted it.
     """
 
     clock: Clock
     scatter_s: float | None
     interval_s: float | None
+    spread_s: float | None = None
 
 
 NOT_KNOWN = Stamps("receipt", None, None)
 
 
-def stamps_of(meter: NDArray[np.void], clock: Clock, fitted_s: float | None = None) -> Stamps:
+def stamps_of(
+    meter: NDArray[np.void], clock: Clock, fitted_s: float | None = None, counted_s: float | None = None
+) -> Stamps:
     """The results so far of a meter of ``monitor_core.sampling.new_meter``.
 
-    ``clock``: clock of the samples' times; ``fitted_s``: interval that this clock has fitted [s].
+    ``clock``: clock of the samples' times; ``fitted_s``: interval that this clock has fitted [s]; ``counted_s``: time
+    of receipt per count of a sample counter [s].
     """
     m = meter[0]
-    spread, share = ("intervals", 0.5) if clock == "receipt" else ("delays", 1.0)
-    known = m[f"{spread}_count"] >= _ENOUGH
-    scatter_s = math.sqrt(share * m[f"{spread}_variance"]) * 1e-6 if known else None
+    known = {name: m[f"{name}_count"] >= _ENOUGH for name in ("intervals", "delays")}
+    between_s = math.sqrt(0.5 * m["intervals_variance"]) * 1e-6 if known["intervals"] else None
+    late_s = math.sqrt(m["delays_variance"]) * 1e-6 if known["delays"] else None
+    scatter_s = between_s if clock == "receipt" else late_s
     if m["intervals_count"] < _ENOUGH_FOR_MEDIAN:
         return Stamps(clock, scatter_s, fitted_s)
-    median_s = float(m["median_us"]) * 1e-6
+    measured_s, nominal_s = float(m["median_us"]) * 1e-6, float(m["interval_us"]) * 1e-6
+    if counted_s is not None and abs(counted_s - nominal_s) < abs(measured_s - nominal_s):
+        measured_s = (
+            counted_s  # late frames that catch up shorten most intervals, but not all of them together
+        )
+    # With a wrong interval the samples of a counter are later and later: that is no scatter.
+    spread_s = between_s if clock == "counter" else scatter_s
     # Use the interval of the fitted clock, unless the nominal interval is too far off for the fit to work.
-    clear = fitted_s is None or _far_off(median_s, float(m["interval_us"]) * 1e-6, scatter_s)
-    return Stamps(clock, scatter_s, median_s if clear else fitted_s)
+    if fitted_s is None or _far_off(measured_s, nominal_s, spread_s):
+        return Stamps(clock, scatter_s, measured_s, None if clock == "receipt" else spread_s)
+    return Stamps(clock, scatter_s, fitted_s)
 
 
 def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
@@ -64,8 +76,9 @@ def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
         )
     if found_s is None:
         return
-    by_clock = stamps.clock != "receipt" and abs(found_s / interval_s - 1) > _CRYSTALS
-    if by_clock or _far_off(found_s, interval_s, scatter_s):
+    fitted = stamps.clock != "receipt" and stamps.spread_s is None
+    by_clock = fitted and abs(found_s / interval_s - 1) > _CRYSTALS
+    if by_clock or _far_off(found_s, interval_s, scatter_s if fitted else stamps.spread_s or scatter_s):
         yield sentence(
             "interval differs",
             "a sample comes every {found} ms, not every {interval} ms: correct sample_interval_s",

@@ -84,7 +84,7 @@ def _axis(a: AxisSnapshot, now_us: int) -> dict[str, object]:
         "counters": status.counters,
         "dropped": a.dropped,
         "clock": a.clock,
-        "stamps": a.stamps._asdict(),
+        "stamps": {name: getattr(a.stamps, name) for name in ("clock", "scatter_s", "interval_s")},
         "detectors": [
             {"name": d.name, "alarms": d.alarms, "leading": d.leading or None, "evidence": d.evidence}
             for d in status.detectors

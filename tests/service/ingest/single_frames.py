@@ -14,6 +14,7 @@ from monitor_core.sampling import (
     cyclic_clock,
     cyclic_interval_s,
     new_meter,
+    time_per_count_s,
 )
 from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE, count_time, read_cycle, release_held
 from monitor_core.sampling.pairing import MOTION, NO_TIME, SAMPLE, TORQUE, add_pair, add_value, flush_pairing
@@ -80,6 +81,10 @@ class SampleClock:
     def interval_s(self) -> float | None:
         return counted_interval_s(self.clock)
 
+    @property
+    def time_per_count_s(self) -> float | None:
+        return time_per_count_s(self.clock)
+
     def read(self, received_us: int, raw: int) -> int | str:
         time_us, reason = _count(self.clock.state, received_us, float(raw))
         return int(time_us) if reason == GIVEN else DROP_REASONS[reason]
@@ -132,8 +137,8 @@ class StampMeter:
     def timed(self, received_us: int, time_us: int) -> None:
         _meter(self._meter, received_us, time_us, True)
 
-    def stamps(self, clock: Clock, fitted_s: float | None = None) -> Stamps:
-        return stamps_of(self._meter, clock, fitted_s)
+    def stamps(self, clock: Clock, fitted_s: float | None = None, counted_s: float | None = None) -> Stamps:
+        return stamps_of(self._meter, clock, fitted_s, counted_s)
 
 
 class Paired(NamedTuple):

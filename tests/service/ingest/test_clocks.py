@@ -3,7 +3,7 @@
 import itertools
 import random
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from hypothesis import given, settings
@@ -571,3 +571,44 @@ def test_a_clock_that_cannot_be_fitted_gives_way_to_the_intervals(seed: int) -> 
     found = meter(random.Random(seed), 50, 5500)
     assert found.stamps("cyclic", 0.00501).interval_s == pytest.approx(0.0055, rel=0.01)
     assert meter(random.Random(seed), 50, 5000).stamps("cyclic", 0.00501).interval_s == 0.00501
+
+
+def counted(received_us: Iterable[float]) -> Stamps:
+    """The stamps of a counter of 5 ms after frames that were received at these times."""
+    clock, found = SampleClock(0.005, 16), StampMeter(0.005)
+    for n, at_us in enumerate(received_us):
+        found.received(START_US + round(at_us))
+        time_us = clock.read(START_US + round(at_us), n % 65536)
+        if isinstance(time_us, int):
+            found.timed(START_US + round(at_us), time_us)
+    return found.stamps("counter", clock.interval_s, clock.time_per_count_s)
+
+
+@pytest.mark.parametrize("frames", [1500, 2000, 5000])
+def test_frames_that_catch_up_do_not_change_the_interval_of_a_counter(frames: int) -> None:
+    # A busy sender stalls for 0.1 s every half a second, and then sends faster, until it is on time again.
+    sent, at_us = list[float](), 0.0
+    for n in range(frames):
+        stalled = 100_000.0 if n % 100 == 0 else 0.0
+        at_us = max(5000.0 * n + stalled, at_us + 3500.0)
+        sent.append(at_us)
+    steps = [b - a for a, b in itertools.pairwise(sent)]
+    assert sorted(steps)[len(steps) // 2] == 3500.0  # most intervals are short
+    assert list(remarks(0.005, counted(sent))) == []
+
+
+@pytest.mark.parametrize("clock", ["counter", "cyclic"])
+def test_scatter_is_no_other_interval_before_the_clock_is_fitted(clock: Any, seed: int) -> None:
+    stamps = meter(random.Random(seed), 300, 5000, 2000).stamps(clock)
+    assert stamps.interval_s is not None
+    for ppm in (1e6 * (stamps.interval_s / 0.005 - 1), 800.0, -800.0):  # a median is not known to 300 ppm
+        assert list(remarks(0.005, stamps._replace(interval_s=0.005 * (1 + 1e-6 * ppm)))) == []
+
+
+@pytest.mark.parametrize("frames", [1500, 2000, 5000, 20_000])
+@pytest.mark.parametrize("interval_us", [4800.0, 5200.0])
+def test_a_wrong_interval_of_a_counter_is_told(interval_us: float, frames: int, seed: int) -> None:
+    rng = random.Random(seed)
+    stamps = counted(interval_us * n + abs(rng.gauss(0, 300)) for n in range(frames))
+    assert stamps.interval_s == pytest.approx(interval_us * 1e-6, rel=0.01)
+    assert any("correct sample_interval_s" in words for words in remarks(0.005, stamps))
