@@ -49,7 +49,13 @@ from monitor_core.identification.record_checks.value_patterns import (
     whole_numbers,
     wrap_of,
 )
-from monitor_core.identification.records.measured_record import UNITS, Record, between, lively_parts
+from monitor_core.identification.records.measured_record import (
+    UNITS,
+    Record,
+    between,
+    lively_parts,
+    long_pieces,
+)
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
 from monitor_core.identification.torque_balance.late_torque import samples_late

@@ -39,7 +39,7 @@ from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
-from service.ingest.loaded_records import Loaded, load
+from service.ingest.loaded_records import Loaded, between_gaps, load
 from service.ingest.recorded_units import units_as_recorded
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
@@ -48,6 +48,8 @@ _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
 SAME_INTERVAL = 0.01
 """Largest relative difference of intervals that count as equal, such as in a file of nominal values and its axis"""
+_SETTLED = 5.0
+"""Length of a part between gaps, in time constants of the drive; then its unknown initial state matters little"""
 _OTHER_SAMPLING = 2.0
 """Ratio of intervals above which the sampling differs; below it the clock is only inexact"""
 TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
@@ -151,6 +153,8 @@ def prepare(
     known = known_of(drive, nominal, count, speed_scale, unknown)
     warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
     warnings += tuple(units_as_recorded(config, axis, used[0].source.path))
+    (used, cut), (kept_aside, cut_aside) = (_cut(items, known) for items in (used, kept_aside))
+    warnings += (*cut, *cut_aside)
     scheduled = scheduled_terms(schedule, [item.record for item in used])
     used, kept_aside = (
         [item._replace(record=with_terms(item.record, scheduled)) for item in group]
@@ -311,6 +315,25 @@ def _disturbance(
         raise IdentificationError("output error has no gain, so no disturbance: leave out --disturbance")
     torque = max(float(loaded.record.u.std()) for loaded in used)
     return Disturbance(slow=_SLOW * torque, time_constant_s=time_constant_s)
+
+
+def _cut(items: Sequence[Loaded], known: Known) -> tuple[list[Loaded], list[str]]:
+    """Records without their gaps, and what has become of those that have any."""
+    kept, words = list[Loaded](), list[str]()
+    for item in items:
+        record, found = item.record, between_gaps(item, _SETTLED * (known.slowest_s or 0.0))
+        kept += found or [item]
+        if found and found[0] is not item:
+            left = 100 * sum(len(piece.record) for piece in found) / len(record)
+            words.append(
+                f"{record.name}: cut at its gaps; {left:.3g} % of the samples, in {len(found)} parts, are used."
+            )
+        elif not found:
+            words.append(
+                f"{record.name}: used as a whole, since little is left between its gaps; the drive may then seem not to"
+                " explain the motion: record again, without gaps."
+            )
+    return kept, words
 
 
 # --- checks of the records ----------------------------------------------------------------------------------

@@ -1,12 +1,12 @@
 """Loads records of an axis with their origin: for identification, and as blocks of samples for calibration."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
 from monitor_core.drive import AxisModel
-from monitor_core.identification import Record
+from monitor_core.identification import Record, long_pieces
 from monitor_core.monitoring import conditioned_records
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
@@ -75,6 +75,29 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     block = block._replace(name=source.path.name)
     record = Record.from_samples(block, axis.config.output, [s.name for s in signals], source.start_s)
     return Loaded(record, source)
+
+
+def between_gaps(loaded: Loaded, shortest_s: float) -> list[Loaded]:
+    """The pieces of a record between its gaps that are at least as long and worth a fit; empty: too little is left."""
+    record, source = loaded
+    found = long_pieces(record, shortest_s)
+    if found and found[0] is record:
+        return [loaded]
+    return [
+        Loaded(
+            piece,
+            replace(
+                source,
+                used=len(piece),
+                start_s=float(piece.t[0]),
+                end_s=float(piece.t[-1]),
+                begins_s=None
+                if source.begins_s is None
+                else source.begins_s + float(piece.t[0] - record.t[0]),
+            ),
+        )
+        for piece in found
+    ]
 
 
 def load_samples(

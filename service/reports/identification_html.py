@@ -50,8 +50,11 @@ def as_html(report: IdentificationReport) -> str:
         traces=list(report.traces()),
         fits=content.fits_table(report),
         trace_pictures=[
-            (f"{trace.name} ({purpose})", safe(trace_picture(trace, result.start.drive.output, f"trace{k}")))
-            for k, (purpose, _, trace) in enumerate(report.traces())
+            (
+                f"{content.name_of(source, trace)} ({purpose})",
+                safe(trace_picture(trace, result.start.drive.output, f"trace{k}")),
+            )
+            for k, (purpose, source, trace) in enumerate(report.traces())
         ],
         bode_picture=safe(bode_picture(result.bode)),
         residual_picture=safe(residual_picture(report)),

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 from rich.console import Console
@@ -121,7 +122,11 @@ class IdentificationReport:
         found = self.result.warm_up
         if found is None:
             return
-        longest_s = max(float(trace.t[-1] - trace.t[0]) for trace in self.result.estimation)
+        ends_s = dict[Path, tuple[float, float]]()
+        for source in self.estimation:  # of a record with gaps, the parts
+            start_s, _ = ends_s.get(source.path, (source.start_s, source.end_s))
+            ends_s[source.path] = start_s, source.end_s
+        longest_s = max(end_s - start_s for start_s, end_s in ends_s.values())
         slow_s, slow_share = found.model.parts[0]
         needed_s = slow_s * (_WARM + math.log(slow_share))
         if longest_s < needed_s:
@@ -247,11 +252,18 @@ def parameter_table(rows: list[ParameterRow]) -> Table:
     return Table(titles[:count], [row[:count] for row in cells])
 
 
+def name_of(source: RecordOrigin, trace: Trace) -> str:
+    """The name of a record, with the part of it that is used: several parts of a record have one name."""
+    if source.used == source.samples:
+        return trace.name
+    return f"{trace.name}, {source.start_s:.4g} to {source.end_s:.4g} s"
+
+
 def fits_table(report: IdentificationReport) -> Table:
     """A row for each record."""
     rows = [
-        (trace.name, purpose, f"{trace.fit:.2f} %", f"{trace.fit_simulation:.2f} %")
-        for purpose, _, trace in report.traces()
+        (name_of(source, trace), purpose, f"{trace.fit:.2f} %", f"{trace.fit_simulation:.2f} %")
+        for purpose, source, trace in report.traces()
     ]
     return Table(("record", "for", "one step ahead", "simulated"), rows)
 

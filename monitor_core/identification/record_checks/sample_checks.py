@@ -8,7 +8,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification.record_checks.findings import Finding
 from monitor_core.identification.record_checks.known_axis import Known
-from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.measured_record import GAP, Record
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import how_often
 
@@ -106,8 +106,6 @@ uses it can be trusted."""
 _TAUS_LEAST, _TAUS_ENOUGH = 1.0, 5.0
 """Length of a record in time constants: within one, the slowest motion looks like a straight line; after five, the
 unknown initial state has decayed to less than 1 %."""
-_GAP = 10.0
-"""Length of a gap in typical intervals; by default the daemon restarts its predictor after such a gap."""
 _LOST = 0.02
 """Share of lost samples that is reported: 2 % cause an error of 13 % in a damper if they are not noticed; here they
 are, but the torque during the loss is still unknown."""
@@ -150,22 +148,21 @@ def _too_short(record: Record, known: Known) -> Iterator[Finding]:
 
 def _gaps(record: Record) -> Iterator[Finding]:
     intervals = record.intervals
-    wide = intervals > _GAP * record.interval_s
+    wide = intervals > GAP * record.interval_s
     if wide.any():
         k = int(np.argmax(intervals))
         yield Finding(
             "gaps",
             "warn",
-            f"{how_often(int(np.count_nonzero(wide)))} nothing was recorded for more than {_GAP:g} intervals, longest "
-            f"for {intervals[k]:.3g} s from {record.t[k] - record.t[0]:.3f} s on; the torque in a gap is not known: "
-            "cut the record there",
+            f"{how_often(int(np.count_nonzero(wide)))} nothing was recorded for more than {GAP:g} intervals, longest "
+            f"for {intervals[k]:.3g} s from {record.t[k] - record.t[0]:.3f} s on; the torque in a gap is not known",
             float(intervals[k]),
         )
 
 
 def _lost(record: Record) -> Iterator[Finding]:
     intervals = record.intervals
-    near = intervals[intervals <= _GAP * record.interval_s]
+    near = intervals[intervals <= GAP * record.interval_s]
     lost = int((np.rint(near / record.interval_s) - 1).clip(min=0).sum())
     if lost > _LOST * (len(record) + lost):
         share = lost / (len(record) + lost)
@@ -182,7 +179,7 @@ def _jitter(record: Record) -> Iterator[Finding]:
     scatter = record.jitter_s
     if scatter <= max(_JITTER * record.interval_s, _JITTER_S):
         return
-    d = record.intervals[record.intervals < _GAP * record.interval_s]
+    d = record.intervals[record.intervals < GAP * record.interval_s]
     d = d - d.mean()
     correlation = float(d[1:] @ d[:-1] / (d @ d))
     if correlation < _STAMPS:

@@ -13,6 +13,9 @@ from monitor_core.samples import SampleBlock
 
 _LOST = 1.5
 """An interval longer than this number of median intervals contains a gap or lost samples."""
+GAP = 10.0
+"""Length of a gap in typical intervals, during which the torque is not known; by default the daemon restarts its
+predictor after it."""
 UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}
 
 
@@ -205,6 +208,28 @@ def segments(record: Record, gap_s: float) -> list[Record]:
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
         if end - start >= _FEWEST
     ]
+
+
+def pieces(record: Record) -> list[Record]:
+    """A record between its gaps."""
+    return segments(record, GAP * record.interval_s)
+
+
+_SHORTEST = 1000
+"""Least number of samples of a piece that is fitted: many more than the initial state that it has of its own."""
+_MOSTLY = 0.5
+
+
+def long_pieces(record: Record, shortest_s: float = 0.0) -> list[Record]:
+    """The pieces of a record between its gaps that are worth a fit; empty if most of the record would be lost.
+
+    A record without a gap is returned as it is.  A drive that runs through a gap on an unknown torque is off for long
+    afterwards: after a few gaps no drive seems to explain the record.
+    """
+    if not (record.intervals > GAP * record.interval_s).any():
+        return [record]
+    found = [piece for piece in pieces(record) if len(piece) >= _SHORTEST and piece.duration_s >= shortest_s]
+    return found if sum(map(len, found)) >= _MOSTLY * len(record) else []
 
 
 _ENOUGH = 40_000

@@ -25,7 +25,7 @@ from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.friction_roles import braking
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import Output
-from monitor_core.drive.thermal_state import HEAT, MOVED, ThermalModel, ThermalStart, ThermalState
+from monitor_core.drive.thermal_state import GAP_S, HEAT, MOVED, ThermalModel, ThermalStart, ThermalState
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
 from monitor_core.identification.problem import Problem
@@ -210,8 +210,9 @@ def _carried(
         begun, begins = begins_s[k], begins_s[k + 1]
         pause = None if begun is None or begins is None else begins - begun - before.duration_s
         way = abs(record.y[record.measured][0] - before.y[before.measured][-1])
-        stood = pause is not None and pause >= 0 and not (output == "angle" and way > MOVED)
-        pauses.append(pause if stood else None)
+        known = pause is not None and pause >= 0
+        stood = pause is not None and (pause <= GAP_S or not (output == "angle" and way > MOVED))
+        pauses.append(pause if known and stood else None)
     return pauses
 
 

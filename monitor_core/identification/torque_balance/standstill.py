@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.measured_record import Record, pieces
 from monitor_core.identification.torque_balance.rigid_body import resting_torque, rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import (
     AROUND,
@@ -21,7 +21,6 @@ from monitor_core.identification.torque_balance.torque_windows import (
     GridPart,
     least_speed,
     moves_one_way,
-    pieces,
     rms_speed,
     speed_of,
     windowed_parts,

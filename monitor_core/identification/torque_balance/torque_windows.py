@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.structure import Output
-from monitor_core.identification.records.measured_record import Record, segments
+from monitor_core.identification.records.measured_record import Record, pieces
 from monitor_core.identification.records.uniform_grid import mean_torque
 
 TorqueTerm = Literal[
@@ -47,8 +47,6 @@ _MOSTLY = 0.9
 """Share of a window in which the axis must move."""
 _DETERMINED = 1e-8
 """Singular values below this share of the largest belong to values that the equations do not determine."""
-_GAP = 10.0
-"""Length of a gap in typical intervals, during which the torque is not known."""
 
 
 class GridPart(NamedTuple):
@@ -76,11 +74,6 @@ def windowed_parts(records: Sequence[Record]) -> list[GridPart]:
     """The pieces of records between gaps, each on a regular grid."""
     found = [piece for record in records for piece in pieces(record)]
     return [_part(piece) for piece in found if np.count_nonzero(piece.measured) > 1]
-
-
-def pieces(record: Record) -> list[Record]:
-    """A record between its gaps."""
-    return segments(record, _GAP * record.interval_s)
 
 
 def balance_equations(

@@ -125,7 +125,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             task = prepare(config, axis, order.records, [], request)
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
             load = partial(link_load, text, axis.id, order.records, order.folder)
-            turn = partial(turning_weight, task.estimation[0].record)
+            turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
             guessed = order.shorten and not tried  # by what is first, whatever the axis is
             for part in (task.lively_part(), task) if guessed else (task,):
                 report = part.run(provenance, _within("identify", progress))

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.drive.thermal_state import MOVED
 from monitor_core.identification import IdentificationOptions, identify
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
@@ -43,6 +44,19 @@ def test_friction_that_falls_is_found_with_its_time_constant(seed: int) -> None:
     assert not found.judged
     half = {name: abs(slope) * found.model.largest / 2 for name, (slope, _) in found.slopes.items()}
     assert found.errors == pytest.approx(half)
+
+
+def test_heat_goes_on_through_a_moment_in_which_nothing_was_received(seed: int) -> None:
+    record, _ = recorded(seed, QUICK)
+    parts = [record.select(record.t < 150.0), record.select(record.t > 150.45)]
+    assert abs(parts[1].y[0] - parts[0].y[-1]) > MOVED  # a longer pause would leave the heat unknown
+    constant = fit(Problem(three_mass("angle"), FOUND, FOLLOWERS), parts, most_iterations=15)
+    found = find_warm_up(constant, parts, FOLLOWERS, begins_s=[part.t[0] for part in parts])
+    assert found is not None
+    before = with_heat(parts[0], found.model, found.starts[0]).signals["heat"][-1]
+    away_s = float(parts[1].t[0] - parts[0].t[-1])
+    assert sum(found.starts[1]) == pytest.approx(before * found.model.kept(away_s), rel=1e-3)
+    assert QUICK.fast_s / 2 < found.model.tau_s < QUICK.slow_s
 
 
 def test_friction_that_is_steady_follows_nothing(seed: int) -> None:

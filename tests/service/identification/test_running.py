@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from monitor_core.identification import Record
+from monitor_core.identification import Quality, Record
 from monitor_core.identification.assessment.bode import band, drive_response
 from monitor_core.identification.greybox import colour_of, traces_of
 from monitor_core.identification.identification_result import ParameterRow, Start
@@ -39,6 +39,45 @@ def test_the_truth_is_within_what_is_reported_beside_what_was_before(found: Iden
     assert rows["Jm"].change == pytest.approx(rows["Jm"].value / GUESS["Jm"] - 1)
     assert (rows["kT"].sd, rows["kT"].value) == (None, 1.0)
     assert set(rows) == {*REFERENCE_VALUES, "fc", "tau0"}
+
+
+def without(folder: Path, made: Path, *gaps_s: tuple[float, float]) -> str:
+    """The healthy record, of which nothing was received in these spans."""
+    first, *rows = (folder / "healthy.csv").read_text(encoding="utf-8").splitlines(keepends=True)
+    times = [float(row.partition(",")[0]) for row in rows]
+    kept = [row for row, t in zip(rows, times, strict=True) if not any(a < t < b for a, b in gaps_s)]
+    made.write_text(first + "".join(kept), encoding="utf-8")
+    return str(made)
+
+
+def test_a_bus_that_was_away_for_moments_does_not_spoil_the_record(
+    folder: Path, robot: Config, tmp_path: Path
+) -> None:
+    path = without(folder, tmp_path / "torn.csv", (6.5, 6.95), (13.2, 13.65))
+    made = prepare(robot, robot.axes[0], [path], [], Request(start="values", free=FREE))
+    ends_s = [end for part in made.estimation for end in (part.source.start_s, part.source.end_s)]
+    assert ends_s == pytest.approx([0.0, 6.5, 6.95, 13.2, 13.65, 19.995])
+    complete = load(path, robot, "demo.axis1").source
+    assert sum(part.source.used for part in made.estimation) == complete.used
+    assert made.options.begins_s == pytest.approx((0.0, 6.95, 13.65))
+    assert any(
+        words == "torn.csv: cut at its gaps; 100 % of the samples, in 3 parts, are used."
+        for words in made.warnings
+    )
+    found = made.run(PROVENANCE)
+    e = found.result.estimate
+    off = e.theta - np.array([REFERENCE_VALUES[name] for name in e.names])
+    assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(FREE))
+    assert found.rejection == ""
+    assert found.result.verdict.quality is Quality.GOOD
+
+
+def test_a_record_of_nothing_but_gaps_is_used_as_it_is(folder: Path, robot: Config, tmp_path: Path) -> None:
+    gaps = [(k + 0.5, k + 0.6) for k in range(20)]
+    path = without(folder, tmp_path / "torn.csv", *gaps)
+    made = prepare(robot, robot.axes[0], [path], [], Request(start="values", free=FREE))
+    assert [len(part.record) for part in made.estimation] == [load(path, robot, "demo.axis1").source.used]
+    assert any("used as a whole, since little is left between its gaps" in words for words in made.warnings)
 
 
 def test_the_responses_agree_where_the_torque_is(found: IdentificationReport) -> None:
