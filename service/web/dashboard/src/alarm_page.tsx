@@ -3,9 +3,9 @@ import { useCallback, useEffect, useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { Frames, OnsetRange, Saved, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord, type Axis } from "./ask";
-import { moment, percent, stamp, zone } from "./format";
+import { percent, stamp, zone } from "./format";
 import { useLive } from "./live";
-import { AlarmWords, Meaning, meaningOf, Reached } from "./alarm_words";
+import { AlarmWords, Meaning, meaningOf, Reached, stepText } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time } from "./marks";
 import { causeName, failure, whoName, Words } from "./sentences";
 import { Table, type Cells } from "./table";
@@ -142,7 +142,7 @@ function Transitions({ alarm }: { alarm: AlarmRecord }) {
   const { when, what, who, note } = t.transitions;
   const rows = alarm.transitions.map((step): Cells => [
     <Time at={step.at} />,
-    <>{t.event[step.event] ?? step.event}{step.until !== null && ` ${t.until(moment(step.until))}`}</>,
+    stepText(step),
     <bdi>{whoName(step.who)}</bdi>,
     (step.comment || step.work_order) && <bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi>,
   ]);

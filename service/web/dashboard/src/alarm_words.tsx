@@ -1,6 +1,6 @@
 // An alarm in one sentence: in the language of the page, or in English as the daemon words it.
 import type { Alarm, Body } from "./ask";
-import { unit } from "./format";
+import { moment, unit } from "./format";
 import { Words } from "./sentences";
 import { t } from "./texts";
 
@@ -10,6 +10,14 @@ export const alarmSentence = (alarm: Alarm): string => t.sentence(alarm, unit(al
 export function AlarmWords({ alarm }: { alarm: Alarm }) {
   const own = t.sentence(alarm, unit(alarm.unit));
   return own === null ? <Words>{alarm.words}</Words> : <bdi>{own}</bdi>;
+}
+
+/** A step of an alarm: what happened, and until when it is shelved if that is new. */
+export function stepText(step: Body<"AlarmTransition">): string {
+  const event = t.event[step.event] ?? step.event;
+  if (step.until === null || step.from_state === "shelved" && step.event !== "shelve") return event;
+  const until = t.until(moment(step.until));
+  return step.event === "shelve" ? `${event} ${until}` : `${event}, ${t.alarmState.shelved} ${until}`;
 }
 
 /** When a limit is reached, counted from a time, in a sentence. */

@@ -115,4 +115,10 @@ export function needText({ axis, need, alarms }: Item): string {
   return "";
 }
 
+/** An alarm that is not shown, in words: without it, its axis would seem to be normal. */
+export function hiddenText({ hidden }: Item): string {
+  const first = hidden[0];
+  return first ? `${t.alarmState[first.state] ?? first.state}: ${arrow(first.direction)} ${causeName(first.parameter)}` : "";
+}
+
 export const numberWithUnit = (x: number | null, of: string): string => `${number(x)} ${unit(of)}`.trim();

@@ -10,6 +10,8 @@ export interface Item {
   need: Need;
   /** The shown active alarms, the most urgent first, of equal ones the earliest first. */
   alarms: Alarm[];
+  /** The active alarms that are not shown. */
+  hidden: Alarm[];
 }
 
 const OLD_S = 5;
@@ -40,14 +42,15 @@ function needOf(axis: Axis, alarms: Alarm[]): Need {
 
 /** Each axis with its shown alarms and its need. */
 export function itemsOf(axes: Axis[], active: Alarm[]): Item[] {
-  const shown = new Map<string, Alarm[]>();
+  const [shown, hidden] = [new Map<string, Alarm[]>(), new Map<string, Alarm[]>()];
   for (const alarm of active) {
-    if (!isHidden(alarm)) shown.set(alarm.axis, [...(shown.get(alarm.axis) ?? []), alarm]);
+    const group = isHidden(alarm) ? hidden : shown;
+    group.set(alarm.axis, [...(group.get(alarm.axis) ?? []), alarm]);
   }
   return axes.map((axis) => {
     // Of equal ones the first: later ones may be its consequence.
     const alarms = (shown.get(axis.id) ?? []).sort((a, b) => urgency(a) - urgency(b) || Date.parse(a.raised) - Date.parse(b.raised));
-    return { axis, alarms, need: needOf(axis, alarms) };
+    return { axis, alarms, hidden: hidden.get(axis.id) ?? [], need: needOf(axis, alarms) };
   });
 }
 

@@ -6,7 +6,7 @@ import { AlarmWords, Meaning } from "./alarm_words";
 import { epochWords } from "./epochs";
 import { span } from "./format";
 import { useLive, ageOf } from "./live";
-import { alarmLink, AlarmMark, axisLink, Bar, barText, shareText, estimateText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
+import { alarmLink, AlarmMark, axisLink, Bar, barText, shareText, estimateText, hiddenText, kindOf, NeedMark, needText, stateOf, Time } from "./marks";
 import { isHidden, itemsOf, matches, NEEDS, ordered, urgency, type Item, type Need } from "./need";
 import { t } from "./texts";
 import { GAP, layoutOf } from "./tile_layout";
@@ -193,7 +193,7 @@ class Tile extends Component<TileProps> {
 
 function drawnTile({ item, known, wide, room, age }: TileProps) {
   const { axis, need, alarms } = item;
-  const words = needText(item) || epochWords(axis) || t.needs.normal;
+  const words = needText(item) || epochWords(axis) || hiddenText(item) || t.needs.normal;
   // A wide tile shows all this in its own text.
   const label = wide || !known ? undefined : [`${axis.id}: ${words}`, ...axis.parameters.map(barText)].join("; ");
   return (
@@ -216,7 +216,9 @@ function drawnTile({ item, known, wide, room, age }: TileProps) {
 const idOf = (item: Item): string => item.axis.id;
 
 const sameItem = (a: Item, b: Item): boolean =>
-  a.axis === b.axis && a.need === b.need && a.alarms.length === b.alarms.length && a.alarms.every((alarm, i) => alarm === b.alarms[i]);
+  a.axis === b.axis && a.need === b.need && sameAlarms(a.alarms, b.alarms) && sameAlarms(a.hidden, b.hidden);
+
+const sameAlarms = (a: Item["alarms"], b: Item["alarms"]): boolean => a.length === b.length && a.every((alarm, i) => alarm === b[i]);
 
 function sameTile(a: TileProps, b: TileProps): boolean {
   return a.wide === b.wide && a.room === b.room && a.age === b.age && a.known === b.known && sameItem(a.item, b.item);

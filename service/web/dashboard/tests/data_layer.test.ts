@@ -1,12 +1,12 @@
 // The data layer of the dashboard: what is plotted, the order of the axes, how numbers and times are written.
 import { beforeEach, describe, expect, test } from "vitest";
-import { alarmSentence, meaningOf } from "../src/alarm_words";
+import { alarmSentence, meaningOf, stepText } from "../src/alarm_words";
 import { Refused, type Alarm, type Axis, type Body } from "../src/ask";
 import { chainOf, monitoredIn, placeless, type Component, type DriveModel } from "../src/chain";
 import { EventParser } from "../src/events";
 import * as format from "../src/format";
 import { liveBuffer } from "../src/live_buffer";
-import { shareText } from "../src/marks";
+import { hiddenText, shareText } from "../src/marks";
 import { itemsOf, matches, ordered } from "../src/need";
 import { farthest, signsOf } from "../src/resonances";
 import { causeName, failure, translated } from "../src/sentences";
@@ -238,6 +238,10 @@ describe("need", () => {
   test("sorts the most urgent first, the others by evidence and name", () => {
     expect(names("need")).toEqual(["high", "low", "known", "silent", "untested", "near", "hidden", "r.9", "r.10"]);
   });
+  test("tells of an alarm that is shelved", () => {
+    const texts = itemsOf(axes, alarms).map((item) => [item.axis.id, hiddenText(item)]);
+    expect(texts.filter(([, text]) => text !== "")).toEqual([["hidden", "shelved: ▲ fm"]]);
+  });
   test("sorts by name with numbers as numbers", () => {
     expect(names("name").slice(-4)).toEqual(["r.9", "r.10", "silent", "untested"]);
   });
@@ -245,6 +249,20 @@ describe("need", () => {
     const item = itemsOf([axisOf("cell.Axis3")], [])[0]!;
     expect(["", "axis3", "FRICTION cell", "can0"].map((words) => matches(item, words))).toEqual([true, true, true, true]);
     expect(matches(item, "axis3 torque")).toBe(false);
+  });
+});
+
+describe("a step of an alarm", () => {
+  const until = iso(3600);
+  type Step = Body<"AlarmTransition">;
+  const words = (event: Step["event"], from_state: Step["from_state"], to_state: Step["to_state"], end: string | null): string =>
+    stepText({ at: iso(0), event, from_state, to_state, until: end, who: "anna", comment: null, work_order: null });
+  test("says until when it is shelved, once", () => {
+    const shown = t.until(format.moment(until));
+    expect(words("shelve", "acknowledged", "shelved", until)).toBe(`shelved ${shown}`);
+    expect(words("raise", "normal", "shelved", until)).toBe(`raised, shelved ${shown}`);
+    expect(words("comment", "shelved", "shelved", until)).toBe("comment");
+    expect(words("acknowledge", "unacknowledged", "acknowledged", null)).toBe("acknowledged");
   });
 });
 
