@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 TIMEOUT_S, CHANGING_S = 10.0, 130.0
 """Time-outs of a request, and of a request that changes something, for which the daemon may take 120 s"""
+UNAUTHORIZED = 401
 MOST_KNOWN = 12
 """Most existing names that are listed when a name does not exist"""
 
@@ -165,7 +166,8 @@ class Client:
                 ) from error
             raise ClientError(f"{self._url} does not answer ({error}); does the daemon run there?") from error
         if answer.is_error:
-            raise ClientError(_reason(self._json(answer)), answer.status_code)
+            hint = "; give it by AXISWATCH_TOKEN or --token" if answer.status_code == UNAUTHORIZED else ""
+            raise ClientError(_reason(self._json(answer)) + hint, answer.status_code)
         return answer
 
     def _json(self, answer: httpx.Response) -> Any:

@@ -82,7 +82,7 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -
             device != config.channel for _, device in socket.if_nameindex()
         ):
             raise OSError(errno.ENODEV, "no such device")
-        return can.Bus(ignore_config=True, **options)
+        opened = can.Bus(ignore_config=True, **options)
     except (can.CanInterfaceNotImplementedError, NotImplementedError) as error:
         words = "bus {bus}: cannot use interface {interface} here: {why}"
         refusal = sentence("no interface", words, bus=config.name, interface=config.interface, why=error)
@@ -93,6 +93,9 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -
         # The operating system's error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
         raise BusError(_cannot_open(config, why)) from None
+    if opened.channel_info == can.BusABC.channel_info:  # some interfaces leave it at "unknown"
+        opened.channel_info = f"{config.interface} {config.channel}"
+    return opened
 
 
 def can_devices(devices: Path = Path("/sys/class/net")) -> list[str]:
@@ -165,7 +168,8 @@ def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
             return
         except (can.CanError, OSError) as error:
             if getattr(error, "error_code", None) != errno.ENOBUFS or time.monotonic() > end:
-                raise BusError(f"cannot send on {bus.channel_info}: {error}") from None
+                why = str(error) or f"no frame was accepted for {_SEND_TIMEOUT_S:g} s"
+                raise BusError(f"cannot send on {bus.channel_info}: {why}") from None
         time.sleep(0.001)  # the transmit queue is full; poll does not report that
 
 

@@ -248,6 +248,22 @@ def test_a_bus_that_cannot_be_opened(tmp_path: Path, bus: dict[str, object], mes
         reader.open()
 
 
+def test_a_frame_that_is_not_accepted_in_time_is_reported_with_the_bus(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stalled(message: can.Message, timeout: float | None = None) -> None:
+        raise can.CanTimeoutError
+
+    config = make_config(tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2").bus[0]
+    with open_bus(config) as sender:
+        monkeypatch.setattr(sender, "send", stalled)
+        with pytest.raises(
+            BusError,
+            match=r"^cannot send on udp_multicast 239\.74\.163\.2: no frame was accepted for 1 s$",
+        ):
+            send(sender, STANDARD, b"x")
+
+
 def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1(), interface="udp_multicast", channel="10.0.0.1").bus[0]
     reader = CanReader(config, [FrameFilter(STANDARD)])

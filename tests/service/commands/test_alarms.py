@@ -211,6 +211,16 @@ def test_the_token_is_sent_and_another_server_is_named(
     assert b"authorization: bearer secret-7" in requests[0].lower()
 
 
+def test_without_a_token_the_command_says_how_to_give_one(
+    answering: Callable[[bytes], tuple[str, list[bytes]]],
+) -> None:
+    body = b'{"detail": "this needs a token"}'
+    head = b"HTTP/1.1 401 Unauthorized\r\ncontent-length: %d\r\nconnection: close\r\n\r\n" % len(body)
+    address, _ = answering(head + body)
+    message = refused("status", "--url", address)
+    assert message == "axiswatch: this needs a token; give it by AXISWATCH_TOKEN or --token"
+
+
 def test_a_refused_request_differs_from_a_daemon_in_trouble(stage: Stage, url: str) -> None:
     number = recorded(stage)
     with Client(url) as client:
