@@ -29,12 +29,12 @@ from monitor_core.settings import Settings
 
 SAMPLES, OWN_SAMPLES = 32_000_000, 4_000_000
 """Numbers of simulated samples: for the excursions, and (at most) for the error of the copies."""
-MANY, FEW, FEWEST = 8.0, 0.125, 8
-"""Ratio of the number of blocks of a copy to that of the record: with MANY all copies are alike, with FEW they differ.
-FEWEST: least number of blocks of a copy."""
-SETTLED = 3
+MANY_BLOCKS, FEW_BLOCKS, MIN_BLOCKS = 8.0, 0.125, 8
+"""Ratios of the number of blocks of a copy to that of the record: with many, all copies are alike; with few, they
+differ.  MIN_BLOCKS: least number of blocks of a copy."""
+SETTLING_MEMORIES = 3
 """Memories until the deviations have forgotten their start."""
-LEAST = 0.5
+MIN_EXCURSION = 0.5
 """Only excursions above this are kept, in sigma times memory."""
 _CAPACITY, _SIGMA_MEMORIES = 300_000, 50
 """Largest number of kept peaks; memories of deviations from which sigma is computed"""
@@ -53,7 +53,7 @@ class Excursions:
     mean: Floats
     """Mean of the deviation, in sizes (p,)"""
     error: Floats
-    """Covariance (2 p, 2 p) of the errors of the copies: of mean over sigma, and of log sigma (``own_error``)"""
+    """Covariance (2 p, 2 p) of the errors of the copies: of mean over sigma, and of log sigma (``copy_covariance``)"""
     largest: tuple[tuple[Floats, ...], ...]
     samples: float
 
@@ -85,7 +85,7 @@ def simulate_excursions(
     for turn in range(turns):
         for source in sources:
             watch.begin()
-            for d, s in copies.run(source, _bootstrap_blocks(axis.settings, source, MANY, rng)):
+            for d, s in copies.run(source, _bootstrap_blocks(axis.settings, source, MANY_BLOCKS, rng)):
                 watch.take(d, s)
         progress((turn + 2) / (turns + 1))
     return watch.found(error)
@@ -95,7 +95,7 @@ def _bootstrap_error(
     copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator, samples: int
 ) -> Floats:
     """Error covariance (2 p, 2 p) of the copies: that of copies with few innovations, scaled to all innovations."""
-    few = [_bootstrap_blocks(copies.axis.settings, source, FEW, rng) for source in sources]
+    few = [_bootstrap_blocks(copies.axis.settings, source, FEW_BLOCKS, rng) for source in sources]
     parts: list[PartSums] = []
     turns = math.ceil(samples / LANES / sum(len(source.u) for source in sources))
     for _ in range(turns):
@@ -103,9 +103,9 @@ def _bootstrap_error(
             for d, _ in copies.run(source, blocks):
                 parts.append(part_sums(d))
         if not parts:
-            raise ValueError(f"no record is longer than {SETTLED} memories")
+            raise ValueError(f"no record is longer than {SETTLING_MEMORIES} memories")
     share = sum(blocks.samples for blocks in few) / sum(len(source.eps) for source in sources)
-    return own_error(parts) * share
+    return copy_covariance(parts) * share
 
 
 def _bootstrap_blocks(
@@ -113,7 +113,9 @@ def _bootstrap_blocks(
 ) -> MatchedBlocks:
     """Innovations for LANES copies of a record; each copy uses this share of the record's innovations."""
     length = block_length(settings)
-    return MatchedBlocks(source.eps, length, max(FEWEST, round(share * len(source.eps) / length)), LANES, rng)
+    return MatchedBlocks(
+        source.eps, length, max(MIN_BLOCKS, round(share * len(source.eps) / length)), LANES, rng
+    )
 
 
 class _Copies:
@@ -133,7 +135,7 @@ class _Copies:
             times = np.repeat(t_us[:, np.newaxis], LANES, axis=1)
             held = None if weight is None else np.repeat(weight[:, np.newaxis], LANES, axis=1)
             trace = self._batch.trace(times, u, y, weight=held)
-            first = max(0, round(SETTLED * settings.memory) - since)
+            first = max(0, round(SETTLING_MEMORIES * settings.memory) - since)
             since += len(u)
             rows = slice(first + q - 1, None, q)
             d = np.ascontiguousarray((trace.theta[rows] - model.theta0[:, np.newaxis]) / scale)
@@ -166,7 +168,7 @@ class _PeakCounter:
             if self._counted * self._q < _SIGMA_MEMORIES * self._memory * LANES and self._begun < 2:
                 return  # sigma must be known first
             self._alpha1 = self._k * self._sigma() / (self._sums[2] / self._counted)
-        least = LEAST * self._sigma() * self._memory / self._q
+        least = MIN_EXCURSION * self._sigma() * self._memory / self._q
         excursions(d, s * self._alpha1[:, np.newaxis], self._g, self._top, least, self._largest, self._found)
         self._tested += len(d) * LANES
 
@@ -203,7 +205,7 @@ def part_sums(d: Floats) -> PartSums:
     return np.stack([d.sum(axis=0), (d * d).sum(axis=0)]), float(len(d))
 
 
-def own_error(parts: Sequence[PartSums]) -> Floats:
+def copy_covariance(parts: Sequence[PartSums]) -> Floats:
     """Covariance (2 p, 2 p) between copies due to their blocks, of the means over sigma and of log sigma.
 
     These errors are correlated: stronger autocorrelation of the innovations increases the bias and the scatter of all

@@ -90,7 +90,7 @@ def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
 # The copies determine the scatter much better than a short record does.  They contain the bias of the recursion under
 # coloured innovations, as the recursion itself runs over them; but they contain no model errors.  So a difference
 # between a record and its copies is treated as chance if chance explains it, and otherwise as real.  The copies
-# themselves have an error from the innovations that they are made of (``copy_excursions.own_error``).
+# themselves have an error from the innovations that they are made of (``copy_excursions.copy_covariance``).
 #
 # The prior of the differences is the horseshoe (Carvalho, Polson and Scott 2010): numbers N(0, tau^2 zeta_i^2) with
 # half Cauchy zeta_i and a common tau.  If all differences are far from zero, none is shrunk; if none is, all are.  The

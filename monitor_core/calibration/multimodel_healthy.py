@@ -28,7 +28,7 @@ COPIES = 8_000_000
 """Number of samples of copies over which the bank is run."""
 PARTS = 8
 """Number of parts of a record; the allowance makes the mean evidence for a hypothesis negative in each of them."""
-LOOK = 2
+SEGMENT_BLOCKS = 2
 """Length, in blocks, of the segments for the power of the innovations: an offset needs it close to frequency zero."""
 _CHUNK = 10_000
 
@@ -68,7 +68,7 @@ def multimodel_statistics(
     bank = HypothesisBank(*axis, bank.hypotheses, allowance=allowance)
     variance = axis.settings.lam0 * np.array([1.0, *(hypothesis.variance for hypothesis in bank.hypotheses)])
     recorded, places = ExcursionPeaks(len(allowance)), _Blocks(axis.settings, records)
-    spectra = Spectra(variance, allowance, LOOK * block_length(axis.settings))
+    spectra = Spectra(variance, allowance, SEGMENT_BLOCKS * block_length(axis.settings))
     for number, record in enumerate(records):
         spectra.add(_run_record(bank, record, recorded, places, number))
     if not recorded.samples:

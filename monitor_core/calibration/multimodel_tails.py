@@ -89,7 +89,7 @@ class ExcursionPeaks:
 # counts the variance of each single excursion three times (Owen 2007); the surplus is computed from the influence of
 # the excursions and subtracted.
 
-ALIKE = 10
+ADDED_EXCURSIONS = 10
 """If there are fewer than TOP excursions, this number is added, distributed as for an exact model."""
 _LEAST_SHAPE, _MOST_SHAPE = -0.1, 0.45
 """Bounds of the shape.  No tail falls faster than an exponential, but the estimate of a zero shape is negative in half
@@ -143,9 +143,9 @@ def bank_tails(
     highest = [heights.highest(i) for i in range(many)]
     base = np.array([pair[0] for pair in highest])
     number = np.array([len(pair[1]) for pair in highest])
-    alike = np.where(number == TOP, 0, ALIKE)[:, np.newaxis]
+    alike = np.where(number == TOP, 0, ADDED_EXCURSIONS)[:, np.newaxis]
     count, first, lower = (np.empty((many, len(farther))) for _ in range(3))
-    own = np.array([_own_variances(above, ALIKE * (len(above) < TOP)) for _, above, _ in highest])
+    own = np.array([_own_variances(above, ADDED_EXCURSIONS * (len(above) < TOP)) for _, above, _ in highest])
     for i, (_, above, (place, origin)) in enumerate(highest):
         w = weights[0][:, place] * weights[1][:, origin]
         higher = np.cumsum(w, axis=1) - w / 2  # weight of the higher ones, as ``above`` is in falling order

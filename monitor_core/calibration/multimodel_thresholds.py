@@ -23,10 +23,10 @@ from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, Excursi
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.samples import SampleBlock
 
-_LARGEST = 1.1
+_MIN_MARGIN = 1.1
 """A threshold is at least this multiple of the largest g in the healthy records."""
 _DRAWS = 1000
-_MOST = 4.0
+_MAX_LOG = 4.0
 """Logarithm of the largest factor by which the shares of the budget are corrected."""
 _NEAR = 0.01
 _HALVINGS = 14
@@ -74,7 +74,7 @@ def limits_for_budget(
     seen = bank_tails(statistics.recorded, many, weights, farther)
     off = rng.multivariate_normal(np.zeros(many), statistics.covariance, 1 + _DRAWS, method="eigh")
     of_bank = log_share(statistics.copied, many, log_budget, rng.standard_normal(_DRAWS))
-    least = np.maximum(_LARGEST * statistics.recorded.largest, LEAST_HEIGHT)
+    least = np.maximum(_MIN_MARGIN * statistics.recorded.largest, LEAST_HEIGHT)
 
     def each(h: Floats) -> Floats:
         return tails.log_rates(h, np.exp(-off))[1:]
@@ -90,7 +90,7 @@ def limits_for_budget(
     def excess(less: float) -> float:
         return float(np.quantile(total(h_for(less)), UPPER)) - log_budget
 
-    less = root(excess, -_MOST, _MOST, xtol=_NEAR) if excess(-_MOST) > 0 > excess(_MOST) else 0.0
+    less = root(excess, -_MAX_LOG, _MAX_LOG, xtol=_NEAR) if excess(-_MAX_LOG) > 0 > excess(_MAX_LOG) else 0.0
     h = h_for(less)
     own = tuple(
         Limit(hypothesis.cause, hypothesis.size, height, allowance, hypothesis.alike, size_error)

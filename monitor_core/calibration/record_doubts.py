@@ -20,12 +20,12 @@ FEWEST = 20
 """Least number of memories of tested samples."""
 LEAST_TESTED = 0.5
 """Least share of tested samples among those after P(0) was found."""
-STEP = 5.0
+MIN_STEP_SIGMAS = 5.0
 """Standard deviations of the estimate: a larger change inside a record, or a larger constant deviation, is a fault."""
-OFF = 0.1
+MIN_OFFSET = 0.1
 """A constant deviation is a fault only beyond this share of the size: nu allows for a smaller one, as no nominal values
 are exact."""
-_SURE = 6.0
+_MIN_MEAN_SIGMAS = 6.0
 """Standard deviations of the difference of two means: a larger difference is not chance."""
 MIN_WITHIN_MEMORIES = 2.0
 _EDGE = 5
@@ -80,7 +80,7 @@ def check_within(settings: Settings, within_s: float) -> None:
     memory_s = settings.memory * settings.interval_s
     if within_s < MIN_WITHIN_MEMORIES * memory_s:
         raise CalibrationError(
-            f"--within {within_s:g}: a memory is {memory_s:.3g} s, and a test needs at least twice that to be certain,"
+            f"--within {within_s:g}: the memory is {memory_s:.3g} s, and a reliable test needs at least twice that,"
             f" {MIN_WITHIN_MEMORIES * memory_s:.3g} s; give at least that, or a shorter memory_s"
         )
 
@@ -164,7 +164,7 @@ def _check_length(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested
         gated = sum(deviations.gated for deviations in found)
         in_all_s = (FEWEST + SEEDING_MEMORIES * len(found)) * memory * h * len(tested) / (len(tested) - gated)
         in_all = (
-            f"; the axis stands, or a gate leaves it out, for {100 * gated / len(tested):.0f} % of the time, so give"
+            f"; the axis is at rest, or a gate is closed, for {100 * gated / len(tested):.0f} % of the time, so give"
             f" records of about {duration(in_all_s)}"
         )
         raise CalibrationError(
@@ -198,7 +198,7 @@ def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
     for i in range(d.shape[1]):
         k, step, sd = _largest_step(d[:, i], edge)
         sure = abs(step) / (sd * math.sqrt(2 * BINS * (1 / k + 1 / (n - k))))
-        if abs(step) > STEP * sd and sure > _SURE:
+        if abs(step) > MIN_STEP_SIGMAS * sd and sure > _MIN_MEAN_SIGMAS:
             changes.append((abs(step) / sd, i, k, step))
     if not changes:
         return
@@ -234,9 +234,10 @@ def _check_no_offset(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> 
     d = np.concatenate([binned(deviations, axis.settings.memory)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():
-        if abs(mean[i]) > max(STEP * sd[i], OFF):
+        if abs(mean[i]) > max(MIN_STEP_SIGMAS * sd[i], MIN_OFFSET):
             raise CalibrationError(
-                f"{axis.model.monitored[i]} is off its nominal value all along, by {100 * mean[i]:+.1f} % of its size,"
+                f"{axis.model.monitored[i]} differs from its nominal value throughout,"
+                f" by {100 * mean[i]:+.1f} % of its size,"
                 f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values do not fit these"
                 " records; identify the axis with them first"
             )

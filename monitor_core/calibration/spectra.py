@@ -25,7 +25,7 @@ from monitor_core.calibration.budget import bisected
 
 _DOUBLINGS, _HALVINGS = 30, 60
 _LEAST = 1e-9
-_MOST = 0.5
+_MAX_DEVIATION = 0.5
 """Largest standard deviation of log r: beyond it, log r is no linear function of the power."""
 
 
@@ -76,10 +76,10 @@ class Spectra:
         return _root(cumulant, 1 / np.maximum(slack.max(axis=0), _LEAST))
 
     def covariance(self) -> Floats:
-        """Covariance of log r (H, H), with standard deviations limited to ``_MOST``."""
+        """Covariance of log r (H, H), with standard deviations limited to ``_MAX_DEVIATION``."""
         share = self._shares()
         own = (share / self._bands).T @ share * self._length / max(self._samples, 1)
-        less = _MOST / np.maximum(np.sqrt(np.diag(own)), _MOST)
+        less = _MAX_DEVIATION / np.maximum(np.sqrt(np.diag(own)), _MAX_DEVIATION)
         return np.asarray(own * np.outer(less, less))
 
     def _shares(self) -> Floats:

@@ -166,8 +166,8 @@ class Accuracy:
 def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[Finding]:
     absent = [d.names[0] for d in directions if d.size == 0 and len(d.parts) == 1]
     if absent:
-        verb = "do" if len(absent) > 1 else "does"
-        yield Finding(tuple(absent), True, f"{listed(absent)} {verb} not show in this record at all.")
+        verb = "have" if len(absent) > 1 else "has"
+        yield Finding(tuple(absent), True, f"{listed(absent)} {verb} no effect in this record.")
     poor = {name: percent(sd) for name, sd in deviations.items() if POOR < sd < np.inf}
     if len(poor) == 1:
         ((name, sd),) = poor.items()
@@ -214,7 +214,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
         if direction.size == 0:
             effect = "does not move the output at all"
         else:
-            effect = f"moves the output by only {percent(direction.size)} of what they would one by one"
+            effect = f"moves the output by only {percent(direction.size)} of what separate changes do"
             inside = [pair for pair in pairs if _inside(pair, direction)]
             # If more of them correlate, the joint change is reported instead.
             if len(inside) == 1:

@@ -35,7 +35,7 @@ from monitor_core.identification.parameter_selection import (
     with_terms,
 )
 from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
-from monitor_core.identification.record_checks.known_axis import Known, known_of
+from monitor_core.identification.record_checks.known_axis import KnownAxis, known_axis
 from monitor_core.identification.record_checks.motion_checks import (
     check_record,
     has_wrong_sign,

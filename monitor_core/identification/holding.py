@@ -78,9 +78,7 @@ def hold_offset(problem: Problem, monitored: Collection[str]) -> tuple[Problem, 
         for name in problem.drive.constant_torques()
         if name in problem.free and name not in problem.varying and name not in watched
     ]
-    reason = (
-        f"the axis moves in one direction only, and there it is the same as {', '.join(sorted(friction))}"
-    )
+    reason = f"the axis moves in one direction only, so it cannot be told from {', '.join(sorted(friction))}"
     free = tuple(name for name in problem.free if name not in offsets)
     return replace(problem, free=free), dict.fromkeys(offsets, reason)
 

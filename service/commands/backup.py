@@ -20,7 +20,10 @@ from service.config.schema_links import SECRET_FILES
 from service.texts.instants import iso, now_us
 
 Output = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE", help="The archive, a .tar.gz for its owner alone.")
+    Path,
+    typer.Option(
+        "--output", "-o", metavar="FILE", help="The archive, a .tar.gz that only its owner can read."
+    ),
 ]
 Secrets = Annotated[
     bool,
@@ -31,11 +34,11 @@ Secrets = Annotated[
 
 
 def backup(config: ConfigPath, output: Output, secrets: Secrets = False, force: Force = False) -> None:
-    """Keep configuration and state in one archive; the daemon may run on.
+    """Save configuration and state in one archive; the daemon can keep running.
 
     The archive holds the configuration and every file that it names, the report of its commissioning, and the state
     directory: alarms and what was done about them, checkpoints, history; each database as it is at one moment.
-    Recordings of frames are left out, and so are secrets, unless they are wanted. `axiswatch restore` takes it.
+    Recordings of frames are left out, and so are secrets without --secrets. `axiswatch restore` unpacks it.
     """
     from service.store.archive import FORMAT, Manifest, state_files, write_archive
     from service.store.tokens import TOKENS_FILE

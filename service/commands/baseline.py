@@ -42,14 +42,12 @@ def start(
     ] = None,
     nominal: Annotated[
         Path | None,
-        typer.Option(
-            "--nominal", metavar="FILE", help="Or use this nominal.toml at once.", show_default=False
-        ),
+        typer.Option("--nominal", metavar="FILE", help="Use this nominal.toml at once.", show_default=False),
     ] = None,
     thresholds: Annotated[
         Path | None,
         typer.Option(
-            "--thresholds", metavar="FILE", help="With it, this thresholds.toml.", show_default=False
+            "--thresholds", metavar="FILE", help="With --nominal: its thresholds.toml.", show_default=False
         ),
     ] = None,
     verify_hours: VerifyHours = 8.0,
@@ -62,7 +60,7 @@ def start(
     if (hours is None) == (nominal is None):
         raise typer.BadParameter("give one of --hours and --nominal")
     if thresholds is not None and nominal is None:
-        raise typer.BadParameter("--thresholds belongs to --nominal")
+        raise typer.BadParameter("--thresholds needs --nominal")
     plan: dict[str, Value] = {
         "mode": "files" if hours is None else "window",
         "hours": hours,
@@ -99,7 +97,7 @@ def restore(
     remark: Remark,
     verify_hours: VerifyHours = 8.0,
 ) -> None:
-    """Let the values of a former epoch be in force again."""
+    """Restore the values of a former epoch."""
     found = daemon.client.restore_epoch(axis, number, verify_hours, remark)
     daemon.show(found, _lines(found))
 

@@ -24,16 +24,16 @@ Token = Annotated[
         "--token",
         envvar="AXISWATCH_TOKEN",
         metavar="TOKEN",
-        help="Token of the daemon; better in the environment, as other users can see the words of a command.",
+        help="Token of the daemon; safer in the environment, as other users can see command lines.",
         show_default=False,
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the answer of the API as JSON.")]
 Comment = Annotated[
-    str, typer.Option("--comment", metavar="TEXT", help="For the journal.", show_default=False)
+    str, typer.Option("--comment", metavar="TEXT", help="Comment for the alarm journal.", show_default=False)
 ]
 WorkOrder = Annotated[
-    str, typer.Option("--work-order", metavar="NUMBER", help="In the plant's system.", show_default=False)
+    str, typer.Option("--work-order", metavar="NUMBER", help="Number of a work order.", show_default=False)
 ]
 
 

@@ -77,10 +77,10 @@ def demo(
     budget: Budget = "1y",
     port: Port = None,
 ) -> None:
-    """Look around: a simulated robot on a bus inside the process, and the daemon that monitors it.
+    """Run a simulated robot on a bus inside the process, and the daemon that monitors it.
 
     After a minute a fault occurs: the friction of the second axis grows by 30 %, unless options choose another
-    fault. The robot comes commissioned; with --commission the whole way is shown: a record of the healthy robot, a
+    fault. The robot is commissioned already; --commission shows all steps: a record of the healthy robot, a
     first configuration, nominal values and thresholds, then the daemon with these.
     """
     count = axes or (_FEW_AXES if commission else _MOST_AXES)
@@ -153,7 +153,7 @@ def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
 
 def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: threading.Event) -> None:
     def happened(fault: Fault) -> None:
-        log.info("the robot breaks", axis=fault.axis_id, factors=dict(fault.factors))
+        log.info("the fault begins", axis=fault.axis_id, factors=dict(fault.factors))
 
     ready.wait()
     try:

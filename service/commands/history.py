@@ -19,15 +19,15 @@ Since = Annotated[
     typer.Option(
         "--since",
         metavar="TIME",
-        help="Begin: ISO 8601 with time zone, 2026-03-01T12:00:00Z, or so long before now: 7d, 12h.",
-        show_default="all there is",
+        help="Start: ISO 8601 with time zone, 2026-03-01T12:00:00Z, or a time before now: 7d, 12h.",
+        show_default="start of the history",
     ),
 ]
 Until = Annotated[
     str | None, typer.Option("--until", metavar="TIME", help="End, in the same form.", show_default="now")
 ]
 Parameter = Annotated[
-    str | None, typer.Option("--parameter", metavar="NAME", help="Only this one.", show_default="all")
+    str | None, typer.Option("--parameter", metavar="NAME", help="Only this parameter.", show_default="all")
 ]
 ResolutionName = Annotated[
     Literal["raw", "minute", "hour", "day"] | None,

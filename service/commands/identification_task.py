@@ -16,7 +16,7 @@ from monitor_core.identification import (
     Disturbance,
     IdentificationError,
     IdentificationOptions,
-    Known,
+    KnownAxis,
     ParameterSelection,
     Predictor,
     Problem,
@@ -26,7 +26,7 @@ from monitor_core.identification import (
     Start,
     check_record,
     identify,
-    known_of,
+    known_axis,
     lively_parts,
     scheduled_terms,
     select_parameters,
@@ -150,7 +150,7 @@ def prepare(
     loaded = [item.record for item in (*used, *kept_aside)]
     speed_scale, *scales = _speed_scales(axis.config, drive, nominal, [item.record for item in used])
     count = len(selection.free)
-    known = known_of(drive, nominal, count, speed_scale, unknown)
+    known = known_axis(drive, nominal, count, speed_scale, unknown)
     warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
     warnings += tuple(units_as_recorded(config, axis, used[0].source.path))
     (used, cut), (kept_aside, cut_aside) = (_cut(items, known) for items in (used, kept_aside))
@@ -260,8 +260,8 @@ def _thermal_start(
         return None
     if named:
         raise IdentificationError(
-            f"--thermal {request.thermal}: a signal of the configuration is called {HEAT}, as what friction would"
-            " follow: give it another name"
+            f"--thermal {request.thermal}: a signal of the configuration is called {HEAT}, the name of the heat that"
+            " friction follows: give the signal another name"
         )
     return request.thermal
 
@@ -317,7 +317,7 @@ def _disturbance(
     return Disturbance(slow=_SLOW * torque, time_constant_s=time_constant_s)
 
 
-def _cut(items: Sequence[Loaded], known: Known) -> tuple[list[Loaded], list[str]]:
+def _cut(items: Sequence[Loaded], known: KnownAxis) -> tuple[list[Loaded], list[str]]:
     """Records without their gaps, and what has become of those that have any."""
     kept, words = list[Loaded](), list[str]()
     for item in items:
@@ -339,7 +339,7 @@ def _cut(items: Sequence[Loaded], known: Known) -> tuple[list[Loaded], list[str]
 # --- checks of the records ----------------------------------------------------------------------------------
 
 
-def _doubts(records: Sequence[Record], known: Known) -> list[str]:
+def _doubts(records: Sequence[Record], known: KnownAxis) -> list[str]:
     findings = [
         (finding.severity, f"{record.name}: {finding.sentence}.")
         for record in records

@@ -32,7 +32,9 @@ Free = Annotated[
 ]
 Fix = Annotated[
     list[str] | None,
-    typer.Option("--fix", metavar="NAMES", help="Hold these at their nominal values, beside kT and r."),
+    typer.Option(
+        "--fix", metavar="NAMES", help="Hold these at their nominal values, in addition to kT and r."
+    ),
 ]
 PredictorOption = Annotated[
     Literal["innovations", "output-error"] | None,
@@ -147,7 +149,7 @@ def identify(
     values = None if refused else as_toml(result)
     files.write(values, as_html(result), partial(as_json, result), partial(print_text, result))
     if refused:
-        way = "; --force writes them all the same" if result.is_poor else ""
+        way = "; --force writes them anyway" if result.is_poor else ""
         print(f"axiswatch: no nominal values: {result.rejection}{way}", file=sys.stderr)
         raise typer.Exit(MISTAKE)
 

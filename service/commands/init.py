@@ -42,7 +42,7 @@ CanRecord = Annotated[
     typer.Argument(
         metavar="LOG",
         help=f"With a description of the bus: a CAN log ({LOG_KINDS}) of the healthy, moving robot, so that values are"
-        " looked at, too.",
+        " evaluated, too.",
         show_default=False,
     ),
 ]
@@ -77,7 +77,7 @@ def init(
 ) -> None:
     """Write a first configuration: which columns of a table, or signals of a bus, are torque and motion of which axis.
 
-    The names of the columns and their values are looked at; each proposal says how sure it is. Check it, then run
+    The names and values of the columns are evaluated; each proposal says how sure it is. Check it, then run
     `axiswatch commission` with it. A table without names is understood by its values alone. For the
     description of a bus, --bus looks at the values on the bus, too, while the robot moves. The EDS of CANopen drives
     tells what they send; what that is in SI units is in their data sheets.
@@ -200,7 +200,7 @@ def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str)
         )
     if not found.axes:
         raise RecordError(
-            f"no torque and motion of an axis on {where}: of {description} there came {_few(found.came)};"
+            f"no torque and motion of an axis on {where}: messages of {description} received: {_few(found.came)};"
             " do the axes move?"
         )
     return found

@@ -104,7 +104,7 @@ def live_buses(
         DescriptionError, IngestError: the configuration cannot be used.
     """
     opened = list[LiveBus]()
-    announced("compiling what reads the frames, once after an installation", compile_stream)
+    announced("compiling the code that reads the frames, once after an installation", compile_stream)
     try:
         for bus in config.bus:
             ingest = Ingest(config, bus.name, carried)

@@ -62,7 +62,7 @@ BusOption = Annotated[
     typer.Option(
         "--bus",
         metavar="INTERFACE:CHANNEL",
-        help="With a description of the bus: listen to this bus, so that values are looked at, too. Options of"
+        help="With a description of the bus: listen to this bus, so that values are evaluated, too. Options of"
         " python-can follow after commas: pcan:PCAN_USBBUS1,bitrate=500000.",
         show_default=False,
     ),
@@ -73,8 +73,8 @@ ThermalStartOption = Annotated[
     Literal["cold", "unknown"] | None,
     typer.Option(
         "--thermal",
-        help="How warm an axis is at the beginning of the first record, where its friction follows a heat that nobody"
-        " measures. unknown: it is found from the motion. Default: as in the configuration, [robot.axis.thermal].",
+        help="How warm an axis is at the start of the first record, if its friction follows its heat without a"
+        " thermometer. unknown: it is found from the motion. Default: as in the configuration, [robot.axis.thermal].",
         show_default=False,
     ),
 ]

@@ -61,8 +61,8 @@ def replay(
 ) -> None:
     """Run records through the same decoding, estimation and detection as the daemon, and list the alarms.
 
-    Several records are one after the other in the life of the robot; the estimates of one are the start of
-    the next. The exit code is 5 where a monitored parameter was not tested: the absence of an alarm says nothing of it.
+    Several records are processed in the given order; each one starts with the estimates of the one
+    before. The exit code is 5 where a monitored parameter was not tested: the absence of an alarm says nothing of it.
     """
     from service.reports.replay_report import as_json, print_text
 
@@ -128,7 +128,7 @@ def write_report(order: ReplayOrder) -> None:
         run.add(record, lambda _done: None)
         found = run.result([order.record.name], order.named)
         if not _can_be_drawn(found):
-            sys.exit("no sample of its axes was of use: there is nothing to draw")
+            sys.exit("no sample of its axes could be used: there is nothing to draw")
         replace_text(order.page, as_html(found))
     except (AxisError, DescriptionError, EpochValuesError, IngestError, OSError) as error:
         sys.exit(str(error))

@@ -57,10 +57,10 @@ def run(
     """Monitor the axes of a configuration until SIGTERM or Ctrl-C: the daemon.
 
     Alarms and checkpoints are kept in the state directory; the page, the REST interface and the metrics are
-    served at the configured address, and so is the report that `commission` has left beside the configuration. A bus
-    that goes down later is waited for. Any other address than 127.0.0.1 needs tokens (`axiswatch token`) and TLS.
-    SIGHUP reads the configuration again: changed, new and removed axes, buses and links are taken over, the others go
-    on as they are. A mistake, or what needs a restart, changes nothing, and is logged.
+    served at the configured address, and so is the report that `commission` has left beside the configuration. If a
+    bus goes down later, the daemon waits. Any other address than 127.0.0.1 needs tokens (`axiswatch token`) and TLS.
+    SIGHUP reads the configuration again: changed, new and removed axes, buses and links are applied, the others
+    continue. A mistake, or a change that needs a restart, is logged, and nothing is changed.
     """
     read = configuration(config)
     from service.commands.daemon import run_daemon

@@ -84,7 +84,7 @@ class ServiceManager:
         turns = self._turns()
         still = [name for name, count in turns.items() if count == self._fed_at.get(name)]
         if still and still != self._still:
-            log.error("a thread stands still, so the watchdog is not fed", threads=still)
+            log.error("a thread makes no progress, so the watchdog is not notified", threads=still)
         self._still = still
         if not still:
             self._fed_at = turns
@@ -97,7 +97,7 @@ class ServiceManager:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
                 sender.settimeout(_SEND_S)
                 sender.sendto("\n".join(lines).encode(), self._address)
-        except OSError as error:  # monitoring is worth more than what systemd knows of it
+        except OSError as error:  # monitoring must go on without systemd
             log.warning("systemd cannot be reached", reason=str(error))
 
 

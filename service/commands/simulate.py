@@ -26,7 +26,7 @@ FaultOption = Annotated[
 ]
 FaultAxis = Annotated[
     str | None,
-    typer.Option("--fault-axis", metavar="AXIS", help="The axis that breaks: its name, or robot.axis."),
+    typer.Option("--fault-axis", metavar="AXIS", help="The axis with the fault: its name, or robot.axis."),
 ]
 FaultAfter = Annotated[
     float,

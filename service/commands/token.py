@@ -26,11 +26,11 @@ from service.store.tokens import (
 token = typer.Typer(
     name="token",
     help="Who may use the API of the daemon: tokens, with a name and a scope. They are kept in the state directory of"
-    " the configuration, as hashes; a running daemon knows of a change at once.",
+    " the configuration, as hashes; a running daemon applies a change at once.",
     **GROUP,
 )
 
-Name = Annotated[str, typer.Argument(metavar="NAME", help="Who has it: letters, digits, - and _.")]
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Holder of the token: letters, digits, - and _.")]
 
 
 @token.command(epilog=EPILOG)
@@ -44,10 +44,10 @@ def new(
         ),
     ],
 ) -> None:
-    """Make a token and print it, only now: what is kept is a hash."""
+    """Create a token and print it, only this once: only its hash is stored."""
     if not NAME.fullmatch(name) or name in (LOCAL, ANYONE, NOBODY):
         raise typer.BadParameter(
-            f"{name}: must be letters, digits, - and _, at most 64; {LOCAL}, {ANYONE} and {NOBODY} have a meaning",
+            f"{name}: must be letters, digits, - and _, at most 64; {LOCAL}, {ANYONE} and {NOBODY} are reserved",
             param_hint="NAME",
         )
     file = _file(config)

@@ -102,8 +102,8 @@ def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:
     """The load is not monitored although the weight follows the pose and the payload may change."""
     if LOAD not in axis.model.monitor and turning_torques(axis):
         yield (
-            f'{axis_id}: its weight follows the pose, but "{LOAD}" is not in monitor: another payload will be called'
-            " a fault of the drive, most likely of kT"
+            f'{axis_id}: its weight follows the pose, but "{LOAD}" is not in monitor: another payload will be reported'
+            " as a fault of the drive, most likely of kT"
         )
 
 
@@ -217,7 +217,7 @@ def _detector(axis: NamedAxis, found: Detectors) -> Iterator[str]:
     """A multi-model detector that does not run, or has no thresholds from a calibration."""
     wanted = axis.config.detector
     if found.multimodel is None and wanted.shadow and found.why:
-        yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests alarm"
+        yield f"{axis.id}: the multi-model detector does not run: {found.why}. The CUSUM tests raise the alarms"
     elif found.alarm_source == "multimodel" and axis.config.model.thresholds_file is None:
         yield (
             f"{axis.id}: the thresholds of the multi-model detector are the guaranteed ones: at most one false"

@@ -113,7 +113,7 @@ class FurtherSignalConfig(Table):
     axis: Text | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
     acceleration: bool = False
-    """it is the acceleration to that angle [rad/s^2], from values that come with the samples of this axis"""
+    """it is the acceleration of that axis [rad/s^2], from values that come with the samples of this axis"""
     message: Text | None = None
     """name of the message on the bus"""
     signal: Text | None = None

@@ -202,7 +202,7 @@ def no_samples_words(path: Path, config: Config, axis: NamedAxis, dropped: Mappi
 
 
 def absence_words(path: Path, config: Config, axis: NamedAxis) -> str:
-    """What the frames of a log show to be wrong with the messages of an axis; empty: nothing.
+    """Differences between the frames of a log and the described messages of an axis; empty: none.
 
     Raises:
         RecordError, DescriptionError, IngestError: as of LogRecord.

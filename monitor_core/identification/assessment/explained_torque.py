@@ -23,7 +23,7 @@ from monitor_core.identification.torque_balance.rigid_body import Balance, unexp
 from monitor_core.identification.torque_balance.torque_windows import SIGNAL, TorqueTerm
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 
-_MOST = 0.5
+_MIN_FRICTION_SHARE = 0.5
 """Coulomb friction takes most of the torque above this share of the mean square of the torque."""
 _SLOW = 0.05
 """Frequency [rad/s] of a motion that is slow enough to be rigid."""
@@ -71,7 +71,7 @@ def friction_dominates(problem: Problem, records: Iterable[Record]) -> bool:
         return False
     taken = float(_Rigid(problem).takes(problem.nominal)[friction].sum())
     u = np.concatenate([record.u for record in records])
-    return taken**2 > _MOST * float(u @ u) / max(u.size, 1)
+    return taken**2 > _MIN_FRICTION_SHARE * float(u @ u) / max(u.size, 1)
 
 
 def follows_pose(problem: Problem) -> bool:

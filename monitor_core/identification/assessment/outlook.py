@@ -11,11 +11,11 @@ from monitor_core.identification.greybox import Estimate, monitored_information
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.wording import rounded_down
 
-_SHOWS = 3.0
+_MIN_SIGMAS = 3.0
 """A change shows from this number of standard deviations of the estimate, as with alpha_1 of the paper's tests."""
 _ZERO = 2.0
 """A value below this number of its standard deviations is not distinguished from zero."""
-_LARGEST = 1.0
+_MAX_CHANGE = 1.0
 """A parameter that shows only changes beyond 100 % is not watched."""
 
 
@@ -23,8 +23,8 @@ _SMALL = 0.2
 """Robots are monitored for changes of 20 %."""
 _OF_LOAD = 0.3
 """Change of the payload that must be detected, as a share of the weight."""
-_HARDLY_LESS = 1.1
-_NEEDED = 33
+_MAX_INCREASE = 1.1
+_MIN_MEMORIES = 33
 """Memories that a record must contain: ten to find P(0), twenty to calibrate, the rest for unusable samples."""
 
 
@@ -79,10 +79,10 @@ class Outlook:
         changes = self._changes(names, memory_s, weight)
         while names:
             worst = max(names, key=changes.__getitem__)
-            if changes[worst] <= _LARGEST:
+            if changes[worst] <= _MAX_CHANGE:
                 break
             alone = self._changes([worst], memory_s, weight)[worst]
-            obstacle = Obstacle.NOT_SHOWN if alone > _LARGEST else Obstacle.TOGETHER
+            obstacle = Obstacle.NOT_SHOWN if alone > _MAX_CHANGE else Obstacle.TOGETHER
             found[worst] = Watched(worst, alone, obstacle)
             names.remove(worst)
             changes = self._changes(names, memory_s, weight)
@@ -94,7 +94,7 @@ class Outlook:
 
         If there is none, the longest one for which the records are long enough to calibrate, but at least the first.
         """
-        most_s = max(memories_s[0], min(rounded_down(self._duration_s / _NEEDED), memories_s[-1]))
+        most_s = max(memories_s[0], min(rounded_down(self._duration_s / _MIN_MEMORIES), memories_s[-1]))
         for memory_s in memories_s:
             if memory_s >= most_s:
                 break
@@ -111,12 +111,12 @@ class Outlook:
         A change of the load differs from one of the torque constant only by friction and inertia, so both show less
         together.  Each other parameter must still show small changes, or hardly larger ones than without the load.
         """
-        if self._duration_s < _NEEDED * memory_s:  # to calibrate it
+        if self._duration_s < _MIN_MEMORIES * memory_s:  # to calibrate it
             return None
         without = self.watched(monitored, memory_s)
         names = [*(w.name for w in without if w.obstacle is None), LOAD]
         found = {w.name: w for w in self.watched(names, memory_s, weight)}
-        most = {w.name: max(_SMALL, _HARDLY_LESS * w.change) for w in without} | {LOAD: _OF_LOAD}
+        most = {w.name: max(_SMALL, _MAX_INCREASE * w.change) for w in without} | {LOAD: _OF_LOAD}
         if any(w.obstacle is not None or w.change > most[name] for name, w in found.items()):
             return None
         return (*(found.get(w.name, w) for w in without), found[LOAD])
@@ -134,7 +134,7 @@ class Outlook:
         known_as = {_base(name): name for name in called}  # Ja or 1/Ja
         sd = dict(zip(known_as, np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
         sizes = {name: _size(self._estimate, known_as[_base(name)]) for name in names} | dict(self._sizes)
-        return {name: float(_SHOWS * longer * sd[_base(name)] / sizes[name]) for name in names}
+        return {name: float(_MIN_SIGMAS * longer * sd[_base(name)] / sizes[name]) for name in names}
 
 
 def _is_zero(estimate: Estimate, name: str) -> bool:

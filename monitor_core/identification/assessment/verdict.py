@@ -46,11 +46,11 @@ _ITERATIONS = 30
 """Iterations of the fit to a half, which starts at the estimates."""
 _FEWEST = 200
 """Least number of samples in a half."""
-_LESS = 0.5
+_MAX_REMAINING = 0.5
 """An effect is missing in the drive if it reduces the unexplained torque to less than this share."""
-_MATTERS = 0.003
+_MIN_EFFECT = 0.003
 """Least share of an effect in the torque of slow motions; a smaller one is more likely due to springs."""
-_MOSTLY = 0.5
+_MIN_SLOW_SHARE = 0.5
 """If the motion is slow for this share of the time in motion, its friction outweighs everything else."""
 _RIGID = 0.9
 """If this share of the torque of slow motions is explained, the missing effect is a fast one."""
@@ -174,7 +174,7 @@ def verdict_of(
         return found
     missing = missing_effects(estimate.problem, records)
     slow, share = slow_motion(records)
-    sticks = share > _MOSTLY and not leaves_out
+    sticks = share > _MIN_SLOW_SHARE and not leaves_out
     if sticks and {Effect.FAST, Effect.FRICTION_CURVE} & set(missing) and not _PARTS & set(missing):
         return found._replace(missing=(Effect.SLOW,), slow=slow)
     if found.measure is Measure.TORQUE:  # which shows slow motions only
@@ -268,9 +268,9 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
         for effect, other in zip(lacking, others, strict=True)
         if other is not None and left > 0
     }
-    named = tuple(effect for effect in sorted(gains, key=gains.__getitem__) if gains[effect] < _LESS)
+    named = tuple(effect for effect in sorted(gains, key=gains.__getitem__) if gains[effect] < _MAX_REMAINING)
     if named:
-        small = left * (1 - min(gains.values())) < _MATTERS and own.explained > _RIGID
+        small = left * (1 - min(gains.values())) < _MIN_EFFECT and own.explained > _RIGID
         return (Effect.FAST, *named) if small else named
     if own.explained > _RIGID:
         return (Effect.FAST,)

@@ -12,9 +12,9 @@ from monitor_core.identification.greybox.levenberg_marquardt import (
     NEARLY,
     STEP,
     UNDAMPED,
-    End,
-    Normal,
+    NormalEquations,
     Region,
+    SearchResult,
     minimise,
 )
 from monitor_core.identification.predictor.parameter_vector import LEVEL
@@ -45,7 +45,7 @@ class Fitted(NamedTuple):
     """The end of a search, the limit of Huber's loss (infinite: squares), and outputs omitted of each record."""
 
     predictor: Predictor
-    end: End
+    end: SearchResult
     limit: float = np.inf
     outliers: tuple[int, ...] = ()
 
@@ -72,8 +72,8 @@ def solve(problem: Problem, records: Sequence[Record], most: int, progress: Prog
 
 
 def _across_intervals(
-    predictor: Predictor, end: End, records: Sequence[Record], most: int, progress: Progress | None
-) -> tuple[Predictor, End]:
+    predictor: Predictor, end: SearchResult, records: Sequence[Record], most: int, progress: Progress | None
+) -> tuple[Predictor, SearchResult]:
     """A delay at a limit of its interval continues in the next one, as long as that is better."""
     while (side := _held_at(predictor, end)) and all(r.jitter_s < _JITTER * r.interval_s for r in records):
         problem = settled(predictor, end.xi)
@@ -89,7 +89,7 @@ def _across_intervals(
     return predictor, end
 
 
-def _held_at(predictor: Predictor, end: End) -> int:
+def _held_at(predictor: Predictor, end: SearchResult) -> int:
     """-1 or 1 if the delay is at the lower or upper limit of its interval; 0: neither, or at a bound of the user."""
     layout = predictor.layout
     if not layout.free_delay:
@@ -135,7 +135,7 @@ def fit_starts(predictor: Predictor) -> Floats:
     if xi.size == shared:
         return xi
 
-    def evaluate(own: Floats) -> Normal:
+    def evaluate(own: Floats) -> NormalEquations:
         errors = predictor.errors_by_starts(np.concatenate([xi[:shared], own]))
         columns = np.split(np.arange(own.size), len(errors))
         return _normal(predictor, errors, columns, np.ones(own.size), np.inf)
@@ -148,7 +148,7 @@ def fit_starts(predictor: Predictor) -> Floats:
     return np.concatenate([xi[:shared], found])
 
 
-def criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
+def criterion(predictor: Predictor, xi: Floats, limit: float) -> NormalEquations:
     """Sum of squared errors over all records (Huber's loss: linear beyond ``limit``) and its Gauss-Newton model.
 
     The cost is infinite where the prediction runs away.
@@ -160,7 +160,7 @@ def criterion(predictor: Predictor, xi: Floats, limit: float) -> Normal:
 
 def _normal(
     predictor: Predictor, errors: Sequence[Errors], columns: Sequence[Ints], rates: Floats, limit: float
-) -> Normal:
+) -> NormalEquations:
     """The model of these errors, whose psi are by these entries of a vector; ``rates`` (P,): d number / d entry."""
     with np.errstate(all="ignore"):  # errors may be finite while their squares are not
         found = _sums(predictor, errors, columns, rates.size, limit)
@@ -170,18 +170,18 @@ def _normal(
 
 def _sums(
     predictor: Predictor, errors: Sequence[Errors], columns: Sequence[Ints], P: int, limit: float
-) -> Normal:
+) -> NormalEquations:
     cost, g, H, samples = 0.0, np.zeros(P), np.zeros((P, P)), 0
     for i, (eps, psi, good) in enumerate(errors):
         if not good:
-            return Normal(np.inf, g, H, samples)
+            return NormalEquations(np.inf, g, H, samples)
         weight = np.minimum(1.0, limit / np.maximum(np.abs(eps), 1e-300)) if limit < np.inf else None
         weighted = psi if weight is None else psi * weight[:, None]
         cost += _loss(eps, limit)
         g[columns[i]] += weighted.T @ eps
         H[np.ix_(columns[i], columns[i])] += weighted.T @ psi
         samples += int(predictor.series[i].counts.sum())
-    return Normal(cost, g, H, samples)
+    return NormalEquations(cost, g, H, samples)
 
 
 def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturbance | None:
@@ -220,7 +220,9 @@ def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> fl
     return criterion(predictor, predictor.start(), np.inf).cost
 
 
-def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> End:
+def _search(
+    predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None
+) -> SearchResult:
     longest, clipped = np.full((2, xi.size), np.inf)
     # Of an axis that stands at first, with errors that count from min_speed on, nothing determines the initial state.
     clipped[predictor.layout.shared :] = predictor.farthest_starts()
@@ -230,7 +232,7 @@ def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress:
         elif entry.log:
             longest[k] = STEP
 
-    def evaluate(at: Floats) -> Normal:
+    def evaluate(at: Floats) -> NormalEquations:
         return criterion(predictor, at, limit)
 
     return minimise(evaluate, xi, Region(*predictor.bounds(), longest, clipped), most, progress)
@@ -246,17 +248,17 @@ def _loss(eps: Floats, limit: float) -> float:
 # --- Outliers: in the innovations form K carries each outlier on in the state, whatever the loss ----------------------
 
 
-GROSS = 5.0
+OUTLIER_SIGMAS = 5.0
 """Limit of gross errors in standard deviations; one normal error in 1.7 million is beyond it."""
 
 _CARRIED = 20
 """Number of samples that an outlier may disturb: gross errors this close after it are computed again without it."""
 
-_LOOKS = 20
+_MAX_PASSES = 20
 """Number of passes.  In the last one all gross errors count: a stretch in which nothing fits is not split further."""
 
 
-def without_gross(fitted: Fitted, most: int, progress: Progress | None) -> Fitted:
+def without_outliers(fitted: Fitted, most: int, progress: Progress | None) -> Fitted:
     """Repeat a fit with Huber's loss without outliers, the outputs with gross errors.
 
     Only with a gain: in a simulation an outlier affects only its own error, which is clipped.
@@ -264,7 +266,7 @@ def without_gross(fitted: Fitted, most: int, progress: Progress | None) -> Fitte
     predictor, end, limit, _ = fitted
     if not (limit < np.inf and predictor.gain(end.xi).K.any()):
         return fitted
-    gross = outliers(predictor, end.xi, GROSS / HUBER * limit)
+    gross = outliers(predictor, end.xi, OUTLIER_SIGMAS / HUBER * limit)
     if not any(which.any() for which in gross):
         return fitted
     try:
@@ -282,11 +284,11 @@ def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
     """
     found = [np.zeros(len(s.record), dtype=np.bool_) for s in predictor.series]
     looking = predictor
-    for look in range(_LOOKS):
+    for look in range(_MAX_PASSES):
         gross = [np.abs(e.eps) > limit for e in looking.errors(xi)]
         if not any(which.any() for which in gross):
             break
-        last = look == _LOOKS - 1
+        last = look == _MAX_PASSES - 1
         found = [have | (new if last else _first(new)) for have, new in zip(found, gross, strict=True)]
         looking = Predictor(predictor.problem, _without(predictor, found), predictor.disturbance)
     return found

@@ -10,7 +10,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.identification.greybox.criterion import GROSS
+from monitor_core.identification.greybox.criterion import OUTLIER_SIGMAS
 from monitor_core.identification.greybox.residuals import LEVEL as CONFIDENCE
 from monitor_core.identification.greybox.residuals import Correlation
 from monitor_core.identification.predictor.parameter_vector import LEVEL, Layout, whole_intervals
@@ -131,7 +131,7 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
         )
     yield from _levels(found, layout)
     if count := sum(found.outliers):
-        yield f"{count} outputs are outliers, beyond {GROSS:g} standard deviations: they count as not measured."
+        yield f"{count} outputs are outliers, beyond {OUTLIER_SIGMAS:g} standard deviations: they are not used."
     yield from _residuals(found)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DISTURBANCE_TIME
 from monitor_core.identification.greybox.comparison import fits, simulated_fits
-from monitor_core.identification.greybox.criterion import Fitted, Progress, settled, solve, without_gross
+from monitor_core.identification.greybox.criterion import Fitted, Progress, settled, solve, without_outliers
 from monitor_core.identification.greybox.estimate import Estimate, sentences
-from monitor_core.identification.greybox.levenberg_marquardt import End
+from monitor_core.identification.greybox.levenberg_marquardt import SearchResult
 from monitor_core.identification.greybox.residuals import Information, independence, information, whiteness
 from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
 from monitor_core.identification.problem import Problem
@@ -46,7 +46,7 @@ def fit(
             start.
     """
     found = solve(problem, records, most_iterations, progress)
-    return _estimate(without_gross(found, most_iterations, progress))
+    return _estimate(without_outliers(found, most_iterations, progress))
 
 
 def _estimate(fitted: Fitted) -> Estimate:
@@ -103,7 +103,7 @@ def _largest(eps: Sequence[Floats]) -> float:
     return float(np.quantile(counted, 1 - _RARE)) if counted.size else 0.0
 
 
-def _moving(predictor: Predictor, end: End, covariance: Floats) -> tuple[str, ...]:
+def _moving(predictor: Predictor, end: SearchResult, covariance: Floats) -> tuple[str, ...]:
     """Parameters that the remaining step would move, including those that nothing determines."""
     layout = predictor.layout
     p = len(layout.names)
@@ -122,7 +122,7 @@ def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
     return blind and problem.predictor == "output-error" and problem.initial == "free"
 
 
-def _variance(end: End, errors: Sequence[Errors], limit: float) -> float:
+def _variance(end: SearchResult, errors: Sequence[Errors], limit: float) -> float:
     """lambda_0: mean square of the errors over the degrees of freedom."""
     freedom = max(end.normal.samples - end.xi.size, 1)
     if not limit < np.inf:

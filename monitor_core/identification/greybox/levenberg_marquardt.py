@@ -32,7 +32,7 @@ STEP = 0.3
 wrong by 30 % ended at the optimum, in 11 evaluations; with little damping and steps of 1.5, 21 did, in 15."""
 
 
-class Normal(NamedTuple):
+class NormalEquations(NamedTuple):
     """Sum of squares, and its Gauss-Newton model: cost(xi + s) = cost - 2 g's + s'H s."""
 
     cost: float
@@ -52,25 +52,25 @@ class Region(NamedTuple):
     """Largest change of an entry in one step; only this entry is clipped"""
 
 
-class End(NamedTuple):
-    """End of the search, and the remaining Gauss-Newton step (P,)."""
+class SearchResult(NamedTuple):
+    """Vector at the end of the search, and the remaining Gauss-Newton step ``left`` (P,)."""
 
     xi: Floats
-    normal: Normal
+    normal: NormalEquations
     evaluations: int
     converged: bool
     left: Floats
 
 
 def minimise(
-    evaluate: Callable[[Floats], Normal],
+    evaluate: Callable[[Floats], NormalEquations],
     xi: Floats,
     region: Region,
     most: int,
     progress: Callable[[int, float], None] | None = None,
     damping: float = _DAMPING,
     settled: float = _SETTLED,
-) -> End:
+) -> SearchResult:
     """Minimise from xi.  A cost that is not finite only rejects the step.
 
     Args:
@@ -92,7 +92,7 @@ def minimise(
     for count in range(1, most):
         left = steps.damped(0.0)
         if _settled(at, left, settled):
-            return End(xi, at, count, True, left)
+            return SearchResult(xi, at, count, True, left)
         wanted = steps.damped(mu)
         step = wanted / max(1.0, float(np.max(np.abs(wanted) / region.longest, initial=0.0)))
         new = np.clip(xi + np.clip(step, -region.clipped, region.clipped), region.lower, region.upper)
@@ -108,16 +108,16 @@ def minimise(
             if progress:
                 progress(count, at.cost)
             if flat:
-                return End(xi, at, count + 1, True, steps.damped(0.0))
+                return SearchResult(xi, at, count + 1, True, steps.damped(0.0))
         else:
             mu, grow = max(mu * grow, _LEAST_DAMPING), grow * 2
             if mu > _MOST_DAMPING or 0 <= expected <= _FLAT * at.cost:
-                return End(xi, at, count + 1, _settled(at, left, NEARLY), left)
+                return SearchResult(xi, at, count + 1, _settled(at, left, NEARLY), left)
     left = steps.damped(0.0)
-    return End(xi, at, most, _settled(at, left, NEARLY), left)
+    return SearchResult(xi, at, most, _settled(at, left, NEARLY), left)
 
 
-def _settled(at: Normal, left: Floats, limit: float) -> bool:
+def _settled(at: NormalEquations, left: Floats, limit: float) -> bool:
     """Whether the remaining step is negligible compared with the standard deviation, which cost / samples scales."""
     return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
@@ -134,7 +134,7 @@ class _Eigen(NamedTuple):
 class _Steps:
     """Steps from xi with any damping, from one decomposition of H for each set of free entries."""
 
-    def __init__(self, xi: Floats, at: Normal, region: Region) -> None:
+    def __init__(self, xi: Floats, at: NormalEquations, region: Region) -> None:
         self._at, self._at_lower, self._at_upper = at, xi <= region.lower, xi >= region.upper
         smallest = np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / region.clipped
         self._matter = np.sqrt(np.diag(at.H)) > smallest

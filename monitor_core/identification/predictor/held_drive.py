@@ -153,8 +153,8 @@ class Structure:
 # over h is the mean speed.  After lost samples that is over the drive's own, last interval, as in the monitor.
 
 
-def averaged(held: HeldDrive, s: int, over_s: Floats) -> HeldDrive:
-    """The held drive with the mean of s over ``over_s`` (G,) [s] in place of s, which starts at zero."""
+def with_mean_state(held: HeldDrive, s: int, over_s: Floats) -> HeldDrive:
+    """The held drive with the mean of the state s over ``over_s`` (G,) [s] in place of s, which starts at zero."""
     X, dX = held.X.copy(), held.dX.copy()
     X[:, s] /= over_s[:, np.newaxis]
     dX[:, :, s] /= over_s[:, np.newaxis, np.newaxis]
@@ -176,9 +176,9 @@ def hold_mean(
     own_s = np.where(intervals_s > LOST * interval_s, np.minimum(intervals_s - late, interval_s), 0.0)
     before_s = intervals_s - own_s
     held = hold(system, before_s) if late_s is None else hold_late(system, torque, before_s, late_s)
-    found = averaged(held, s, before_s)
+    found = with_mean_state(held, s, before_s)
     for g in np.flatnonzero(own_s).tolist():
-        own = averaged(hold(system, own_s[g : g + 1]), s, own_s[g : g + 1])
+        own = with_mean_state(hold(system, own_s[g : g + 1]), s, own_s[g : g + 1])
         found.X[g], found.dX[g] = _after(own, HeldDrive(found.X[g : g + 1], found.dX[g : g + 1]))
     return found
 

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import held_disturbance, prediction_variance
-from monitor_core.identification.predictor.held_drive import Linear, averaged, hold
+from monitor_core.identification.predictor.held_drive import Linear, hold, with_mean_state
 
 
 class Levels(NamedTuple):
@@ -60,7 +60,7 @@ def gain(
     enters = _noise_inputs(system, torque, at)
     held = hold(enters, np.array([at.interval_s]))
     if mean >= 0:
-        held = averaged(held, mean, np.array([at.interval_s]))
+        held = with_mean_state(held, mean, np.array([at.interval_s]))
     n = len(system.A)
     Ad, G, dX = held.X[0, :, :n], held.X[0, :, n:], held.dX[0]
     s2, ds2 = _variances(at, torque, G.shape[1])

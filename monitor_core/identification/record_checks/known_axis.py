@@ -17,7 +17,7 @@ _NOUGHT = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownAxis:
     """Known properties of the axis; unknown ones are not checked.
 
     Args:
@@ -67,17 +67,17 @@ def _from_torque(drive: Drive, values: Mapping[str, float]) -> tuple[Floats, Flo
     return A, B[:, drive.of_torque].sum(axis=1), C[0]
 
 
-def known_of(
+def known_axis(
     drive: Drive,
     values: Mapping[str, float],
     parameters: int,
     speed_scale: float = 1.0,
     unknown: Collection[str] = (),
-) -> Known:
-    """Known properties of an axis with these nominal values; arguments as in ``Known``.
+) -> KnownAxis:
+    """Known properties of an axis with these nominal values; arguments as in ``KnownAxis``.
 
-    ``unknown``: parameters whose values are placeholders.  What depends on them is not known; the inertia does not
-    depend on frictions and springs.
+    ``unknown``: parameters whose values are placeholders.  A property that depends on them is not known; the inertia
+    does not depend on frictions and springs.
 
     Raises:
         KeyError, ValueError: a value is missing or makes no sense.
@@ -89,7 +89,7 @@ def known_of(
         first if first and second and math.isclose(first, second, rel_tol=_SAME) else None
         for first, second in zip(*tried, strict=True)
     )
-    return Known(parameters, slowest_s, inertia, antiresonance, speed_scale)
+    return KnownAxis(parameters, slowest_s, inertia, antiresonance, speed_scale)
 
 
 def _times_and_inertia(drive: Drive, values: Mapping[str, float]) -> tuple[float | None, float, float | None]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.record_checks.findings import Finding
-from monitor_core.identification.record_checks.known_axis import Known
-from monitor_core.identification.record_checks.sample_checks import strange, times
+from monitor_core.identification.record_checks.known_axis import KnownAxis
+from monitor_core.identification.record_checks.sample_checks import implausible_values, times
 from monitor_core.identification.record_checks.stuck_signals import signals
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fits, speed_scales
@@ -29,34 +29,34 @@ _AS_NOMINAL = 5.0
 """An inertia that differs from the nominal one by more than this factor is a mistake; a guess may be off by 3."""
 _NEAR = 3.0
 """Largest factor between an inertia and that of a suspected mistake: the error of a guess."""
-_NOTHING_KNOWN = Known()
+_NOTHING_KNOWN = KnownAxis()
 _WEIGHT = 0.5
 """A weight acts if terms of the pose reduce the torque that one mass leaves unexplained to less than this share."""
 
 
-class Slip(NamedTuple):
+class UnitMistake(NamedTuple):
     """A mistake of units: factor by which the inertia comes out too large, and the correction."""
 
     factor: float
-    mistake: str
+    description: str
 
 
-_SLIPS = (
-    Slip(1000.0, "a torque in N mm or mN m"),
-    Slip(1 / 1000, "a motion in mrad, or a torque in kN m"),
-    Slip(1 / 57.3, "a motion in degrees"),
-    Slip(57.3, "a motion divided by 57.3 twice"),
-    Slip(1 / 9.55, "a speed in revolutions per minute"),
-    Slip(6.28, "an angle in revolutions"),
+_UNIT_MISTAKES = (
+    UnitMistake(1000.0, "a torque in N mm or mN m"),
+    UnitMistake(1 / 1000, "a motion in mrad, or a torque in kN m"),
+    UnitMistake(1 / 57.3, "a motion in degrees"),
+    UnitMistake(57.3, "a motion converted from degrees to radians twice"),
+    UnitMistake(1 / 9.55, "a speed in revolutions per minute"),
+    UnitMistake(6.28, "an angle in revolutions"),
 )
 
 
-def check_record(record: Record, known: Known = _NOTHING_KNOWN) -> tuple[Finding, ...]:
+def check_record(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> tuple[Finding, ...]:
     """Findings about a record; those that refuse it come first.
 
     Torque and motion are compared only where each of them is sound by itself.
     """
-    found = [*strange(record), *times(record, known), *signals(record)]
+    found = [*implausible_values(record), *times(record, known), *signals(record)]
     if not any(finding.severity == "refuse" for finding in found):
         sign = list(_wrong_sign(record, known)) if np.count_nonzero(record.measured) > 1 else []
         found += sign or _units(record, known)
@@ -74,7 +74,7 @@ def _work(record: Record) -> Floats:
     return np.concatenate(([0.0], np.cumsum(record.u[:-1] * turned)))
 
 
-def shown_inertia(record: Record, known: Known = _NOTHING_KNOWN) -> Rigid | None:
+def shown_inertia(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> Rigid | None:
     """The record explained by one mass, with a weight if there is one; None: this does not explain its torque."""
     shortest_s = _SLOW * (known.antiresonance_s or 0.0)
     # With a speed scale of another order than the speed, friction would be viscous only: an angle of the arm is slow.
@@ -110,7 +110,7 @@ def _given_and_taken(record: Record) -> tuple[float, float]:
     return float(falls.max()), float(rises.max())
 
 
-def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
+def _wrong_sign(record: Record, known: KnownAxis) -> Iterator[Finding]:
     falls, rises = _given_and_taken(record)
     mass = shown_inertia(record, replace(known, antiresonance_s=None))
     negative = mass is not None and mass.inertia < 0
@@ -128,7 +128,7 @@ def _wrong_sign(record: Record, known: Known) -> Iterator[Finding]:
     )
 
 
-def _units(record: Record, known: Known) -> Iterator[Finding]:
+def _units(record: Record, known: KnownAxis) -> Iterator[Finding]:
     nominal = known.inertia
     mass = None if nominal is None else shown_inertia(record, known)
     if nominal is None or mass is None or mass.inertia < 0:
@@ -136,12 +136,10 @@ def _units(record: Record, known: Known) -> Iterator[Finding]:
     factor = mass.inertia / nominal
     if is_about_nominal(factor):
         return
-    slip, reason = (
-        min(_SLIPS, key=lambda s: abs(math.log(factor / s.factor))),
-        "are units and gear ratio right?",
-    )
-    if 1 / _NEAR < factor / slip.factor < _NEAR:
-        reason = f"{slip.mistake} would give a factor of {slip.factor:.3g}"
+    mistake = min(_UNIT_MISTAKES, key=lambda m: abs(math.log(factor / m.factor)))
+    reason = "are units and gear ratio right?"
+    if 1 / _NEAR < factor / mistake.factor < _NEAR:
+        reason = f"{mistake.description} would give a factor of {mistake.factor:.3g}"
     yield Finding(
         "units",
         "warn",

@@ -7,7 +7,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification.record_checks.findings import Finding
-from monitor_core.identification.record_checks.known_axis import Known
+from monitor_core.identification.record_checks.known_axis import KnownAxis
 from monitor_core.identification.records.measured_record import GAP, Record
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import how_often
@@ -25,7 +25,7 @@ _REFUSE = 0.01
 """A record with a larger share of outliers is refused, as its other samples cannot be trusted either."""
 
 
-def strange(record: Record) -> Iterator[Finding]:
+def implausible_values(record: Record) -> Iterator[Finding]:
     """Absurd numbers, outliers, missing samples."""
     yield from _absurd(record)
     yield from _outliers(record)
@@ -116,7 +116,7 @@ _STAMPS = -0.35
 itself is irregular, which does no harm."""
 
 
-def times(record: Record, known: Known) -> Iterator[Finding]:
+def times(record: Record, known: KnownAxis) -> Iterator[Finding]:
     """Too short, gaps, lost samples, jitter of the stamps."""
     yield from _too_short(record, known)
     yield from _gaps(record)
@@ -124,7 +124,7 @@ def times(record: Record, known: Known) -> Iterator[Finding]:
     yield from _jitter(record)
 
 
-def _too_short(record: Record, known: Known) -> Iterator[Finding]:
+def _too_short(record: Record, known: KnownAxis) -> Iterator[Finding]:
     count, least = int(np.count_nonzero(record.measured)), max(_FEWEST, _PER_PARAMETER * known.parameters)
     if count < least:
         purpose = f" for {known.parameters} parameters" if known.parameters else ""

@@ -1,7 +1,7 @@
 """Chains of any number of masses, all at the motor's speed: what a motor sees of any drive without branches.
 
 J1 is the mass of the motor, k1 and d1 connect it to J2, and so on; friction is at the motor.  A chain follows from its
-resonances in closed form, and ``Slots`` says which parameters of a drive are its masses, springs and dampers.
+resonances in closed form, and ``ChainParameters`` says which parameters of a drive are its masses, springs and dampers.
 """
 
 from collections.abc import Mapping, Sequence
@@ -169,7 +169,7 @@ _TOLERANCES = (1e-5, 1e-3)
 """Relative tolerances; the second is used if very different nominal values cause large rounding errors."""
 
 
-class Slots:
+class ChainParameters:
     """The chain of a problem's drive.
 
     Raises:
@@ -242,7 +242,7 @@ class Slots:
 def masses_of(problem: Problem) -> int | None:
     """Number of masses in a row that the motor sees; None: they are not in a row, or not all of them are free."""
     try:
-        return Slots(problem).masses
+        return ChainParameters(problem).masses
     except (ValueError, np.linalg.LinAlgError):
         return None
 

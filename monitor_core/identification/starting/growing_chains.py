@@ -12,7 +12,12 @@ import numpy as np
 from monitor_core.arrays import Complexes, Floats
 from monitor_core.drive.structure import Output
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.starting.chains import Slots, chain_of_modes, modes_of_chain, problem_of
+from monitor_core.identification.starting.chains import (
+    ChainParameters,
+    chain_of_modes,
+    modes_of_chain,
+    problem_of,
+)
 from monitor_core.identification.starting.response import Measured, Response, Target
 from monitor_core.identification.starting.search import SearchEnd, distinct, errors, settle
 
@@ -28,12 +33,12 @@ class Modal(NamedTuple):
     decay: Floats
 
 
-class Stem(NamedTuple):
+class FittedChain(NamedTuple):
     """A chain that was fitted to the response."""
 
     response: Response
     end: SearchEnd
-    slots: Slots
+    slots: ChainParameters
 
     @property
     def cost(self) -> float:
@@ -47,30 +52,32 @@ class Stem(NamedTuple):
         return Modal(*modes_of_chain(self.slots.chain(values)), self.slots.decays(values))
 
 
-def stems(problem: Problem, measured: Measured) -> tuple[Stem, ...]:
+def stems(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
     """The chain of a problem's drive, grown from one mass; the best first, none where no further mode is seen.
 
     Raises:
         ValueError: the motor does not see a chain of masses that are all free.
     """
-    masses = Slots(problem).masses
+    masses = ChainParameters(problem).masses
     if masses == 1:
         return rigid(problem, measured)
     shorter = problem_of(masses - 1, measured.output, friction=("fm",))
     return longer(problem, stems(shorter, measured), measured)
 
 
-def rigid(problem: Problem, measured: Measured) -> tuple[Stem, ...]:
+def rigid(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
     """One mass, from the size of the response: its inertia is right where only inertia counts."""
     w = 2 * np.pi * measured.frequency_hz
     order = 1 if measured.output == "speed" else 2
     a = np.median(np.abs(measured.target().G) * w**order)
-    return tuple(_settled(problem, Slots(problem), Modal(np.zeros(1), np.array([a]), w[:1] / 2), measured))
+    return tuple(
+        _settled(problem, ChainParameters(problem), Modal(np.zeros(1), np.array([a]), w[:1] / 2), measured)
+    )
 
 
-def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple[Stem, ...]:
+def longer(problem: Problem, stems: Sequence[FittedChain], measured: Measured) -> tuple[FittedChain, ...]:
     """Chains with one mass more, ``problem``'s, grown out of shorter ones; the best first."""
-    slots = Slots(problem)
+    slots = ChainParameters(problem)
     grown = (
         chain
         for stem in stems
@@ -80,14 +87,16 @@ def longer(problem: Problem, stems: Sequence[Stem], measured: Measured) -> tuple
     return tuple(distinct(grown))[:_BEAM]
 
 
-def _settled(problem: Problem, slots: Slots, modal: Modal, measured: Measured) -> Iterator[Stem]:
+def _settled(
+    problem: Problem, slots: ChainParameters, modal: Modal, measured: Measured
+) -> Iterator[FittedChain]:
     """The chain with these modes, fitted; none where there is no such chain."""
     try:
         values = slots.values(chain_of_modes(modal.p, modal.a), modal.decay)
     except (ValueError, np.linalg.LinAlgError):
         return
     response = Response(problem, values)
-    yield Stem(response, settle(response, measured, response.start), slots)
+    yield FittedChain(response, settle(response, measured, response.start), slots)
 
 
 # --- One more mass: the resonance that the response of a fitted drive lacks most --------------------------------------

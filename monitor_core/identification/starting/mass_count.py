@@ -13,8 +13,14 @@ import numpy as np
 from monitor_core.identification.greybox import Estimate, traces_of
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.starting.chains import FRICTION, Chain, Slots, modes_of_chain, problem_of
-from monitor_core.identification.starting.growing_chains import Stem, longer, stems
+from monitor_core.identification.starting.chains import (
+    FRICTION,
+    Chain,
+    ChainParameters,
+    modes_of_chain,
+    problem_of,
+)
+from monitor_core.identification.starting.growing_chains import FittedChain, longer, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Progress, SearchEnd, Steps
 from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, from_chains
@@ -47,14 +53,14 @@ def grow(
         raise ValueError(f"chains of up to {upto} masses: need at least one")
     measured, steps = measure(records), Steps(progress, upto * FITTING)
     grown = stems(problem_of(1, measured.output, friction=("fm",)), measured)
-    models, failed = list[Grown](), ""
+    models, failed = list[ChainModel](), ""
     for masses in range(1, upto + 1):
         problem = problem_of(masses, measured.output, like, friction)
         if models:
             # The chain as the records themselves have it; a damper below zero has no logarithm and stays as it is.
             before = models[-1].estimate.problem
             response = Response(before)
-            stem = Stem(response, SearchEnd(response.start, np.inf), Slots(before))
+            stem = FittedChain(response, SearchEnd(response.start, np.inf), ChainParameters(before))
             grown = longer(problem, (stem, *grown), measured)
         try:
             found = _fitted(problem, records, grown, measured, steps.part((masses - 1) * FITTING, FITTING))
@@ -76,14 +82,20 @@ def grow(
     return verdict(models, failed)
 
 
-def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> Grown:
+def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> ChainModel:
     aside = tuple(trace.fit for trace in traces_of(found.problem, validation)) if validation else ()
-    chain_found = Slots(found.problem).chain(found.problem.nominal)
-    return Grown(masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0])))
+    chain_found = ChainParameters(found.problem).chain(found.problem.nominal)
+    return ChainModel(
+        masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0]))
+    )
 
 
 def _fitted(
-    problem: Problem, records: Sequence[Record], grown: Sequence[Stem], measured: Measured, reached: Reached
+    problem: Problem,
+    records: Sequence[Record],
+    grown: Sequence[FittedChain],
+    measured: Measured,
+    reached: Reached,
 ) -> Estimate:
     if not grown:
         raise ValueError("the frequency response shows no further resonance")
@@ -108,7 +120,7 @@ _PLAIN = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class Grown:
+class ChainModel:
     """A chain of some masses, fitted."""
 
     masses: int
@@ -124,12 +136,12 @@ class Grown:
 class Growth:
     """Chains of one, two, .. masses."""
 
-    models: tuple[Grown, ...]  # the last one may be unsupported
+    models: tuple[ChainModel, ...]  # the last one may be unsupported
     recommended: int  # the number of masses that the records support
     words: tuple[str, ...]  # why, in sentences
 
 
-def judged(models: Sequence[Grown], records: Sequence[Record]) -> list[Grown]:
+def judged(models: Sequence[ChainModel], records: Sequence[Record]) -> list[ChainModel]:
     """The models with their criteria, all for the same N: that of the model whose errors are whitest."""
     count = sum(int(record.measured.sum()) for record in records)
     N = max(count / (1 + 2 * float(np.sum(model.estimate.whiteness.values**2))) for model in models)
@@ -155,7 +167,7 @@ def doubt_of(chain: Chain, lowest_hz: float) -> str:
     return ""
 
 
-def is_supported(smaller: Grown, larger: Grown) -> bool:
+def is_supported(smaller: ChainModel, larger: ChainModel) -> bool:
     """Whether the records support the larger one; a doubtful mass weighs little where most of the error vanishes."""
     odd = larger.doubt and larger.estimate.cost > _PLAIN * smaller.estimate.cost
     if odd or not larger.bic < smaller.bic:
@@ -163,7 +175,7 @@ def is_supported(smaller: Grown, larger: Grown) -> bool:
     return not larger.validation or sum(larger.validation) > sum(smaller.validation)
 
 
-def verdict(models: Sequence[Grown], failed: str) -> Growth:
+def verdict(models: Sequence[ChainModel], failed: str) -> Growth:
     """The recommendation from models of one mass, two, ..; ``failed``: why the next could not be fitted, if so."""
     enough = len(models) > 1 and not is_supported(*models[-2:])
     recommended = len(models) - enough
@@ -180,7 +192,7 @@ def verdict(models: Sequence[Grown], failed: str) -> Growth:
     return Growth(tuple(models), recommended, words)
 
 
-def _why_unsupported(smaller: Grown, larger: Grown) -> str:
+def _why_unsupported(smaller: ChainModel, larger: ChainModel) -> str:
     gain = 100 * (1 - larger.estimate.cost / smaller.estimate.cost)
     more = f"With {_masses(larger.masses)} the squared errors are {gain:.2g} % less"
     if larger.bic < smaller.bic and larger.doubt:
@@ -194,7 +206,7 @@ def _why_unsupported(smaller: Grown, larger: Grown) -> str:
     )
 
 
-def _white(model: Grown) -> str:
+def _white(model: ChainModel) -> str:
     p = model.estimate.whiteness.p_value
     if p >= _WHITE:
         return f"Its errors are white (p = {p:.2g}): the model explains all that is not noise in the record."

@@ -20,7 +20,7 @@ from typing import Literal, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from monitor_core.arrays import Complexes, Floats
-from monitor_core.identification.greybox.levenberg_marquardt import Normal, Region, minimise
+from monitor_core.identification.greybox.levenberg_marquardt import NormalEquations, Region, minimise
 from monitor_core.identification.starting.response import Measured, Response, Target
 
 Kind = Literal["linear", "log", "both"]
@@ -179,9 +179,9 @@ def _minimum(
 
 def _criterion(
     response: Response, target: Target, kind: Kind, centre: Floats, prior: Floats | float
-) -> Callable[[Floats], Normal]:
-    def evaluate(x: Floats) -> Normal:
-        hopeless = Normal(np.inf, np.zeros(x.size), np.eye(x.size), 1)
+) -> Callable[[Floats], NormalEquations]:
+    def evaluate(x: Floats) -> NormalEquations:
+        hopeless = NormalEquations(np.inf, np.zeros(x.size), np.eye(x.size), 1)
         with np.errstate(all="ignore"):
             try:
                 e, J = errors(kind, target, *response.at(x, target))
@@ -190,13 +190,13 @@ def _criterion(
             away = x - centre
             cost = float(np.sum(np.abs(e) ** 2) + np.sum(prior * away**2))
             g, H = (J.conj().T @ e).real - prior * away, (J.conj().T @ J).real + prior * np.eye(x.size)
-        return Normal(cost, g, H, 2 * e.size) if np.isfinite(cost + H.sum()) else hopeless
+        return NormalEquations(cost, g, H, 2 * e.size) if np.isfinite(cost + H.sum()) else hopeless
 
     return evaluate
 
 
 def errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Complexes, Complexes]:
-    """Weighted errors (F,) and their slopes (F, p), with the sign of Normal: the error falls by J step."""
+    """Weighted errors (F,) and their slopes (F, p), with the sign of NormalEquations: the error falls by J step."""
     w = target.weight
     ratio: Complexes = target.G / G
     if kind == "log":

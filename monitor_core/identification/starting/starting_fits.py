@@ -10,7 +10,7 @@ from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record_checks.known_axis import rigid_inertia
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.starting.growing_chains import Stem, stems
+from monitor_core.identification.starting.growing_chains import FittedChain, stems
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
@@ -39,7 +39,7 @@ _BETTER = 1 - 1e-4
 """A lower cost counts if it is lower by this factor."""
 _FIT = 20
 """Steps of the progress for the fit from one candidate: one per evaluation; further evaluations do not count."""
-_GROWN = "a chain that grew mass by mass"
+_GROWN = "a chain that was extended mass by mass"
 FITTING = _RIVALS * _FIT
 """Steps of ``best_fit``."""
 
@@ -164,7 +164,7 @@ def around_nominal(problem: Problem, measured: Measured, reached: Reached) -> li
 
 
 def from_records(problem: Problem, measured: Measured, reached: Reached) -> list[Candidate]:
-    """Chains that grew mass by mass; where none of them explains the response, also searches around the best.
+    """Chains that were extended mass by mass; if none of them explains the response, also searches around the best.
 
     Raises:
         ValueError: the motor does not see a chain of masses that are all free, or the response shows none.
@@ -179,8 +179,8 @@ def from_records(problem: Problem, measured: Measured, reached: Reached) -> list
     return list(distinct(found))
 
 
-def from_chains(grown: Iterable[Stem], measured: Measured) -> list[Candidate]:
-    """Chains that grew mass by mass."""
+def from_chains(grown: Iterable[FittedChain], measured: Measured) -> list[Candidate]:
+    """Chains that were extended mass by mass."""
     return [_candidate(stem.response, stem.end, measured, _GROWN) for stem in grown]
 
 

@@ -125,7 +125,7 @@ def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({}
     Raises:
         ModelError: a unit cannot be read, or the uses of a parameter contradict each other.
     """
-    found = _Found()
+    found = _InferredUnits()
     for name, unit in declared.items():
         if unit:
             found.add(name, parse(unit), "declared so")
@@ -138,7 +138,7 @@ def infer(uses: Iterable[Use], declared: Mapping[str, str] = MappingProxyType({}
     return {name: str(found.dimension[name]) if name in found.dimension else "" for name in names}
 
 
-class _Found:
+class _InferredUnits:
     """The dimensions found so far, and the use that determined each parameter."""
 
     def __init__(self) -> None:

@@ -104,7 +104,7 @@ class Values:
                 return self.linear(value, origin)
             case bool() | str():
                 shown = f'"{node}"' if isinstance(node, str) else str(node).lower()
-                raise ModelError(f"{shown} stands where a number is wanted", origin)
+                raise ModelError(f"{shown} is not a number", origin)
             case int() | float():
                 if not abs(node) < float("inf"):
                     raise ModelError("a number is too large to calculate with", origin)
@@ -144,7 +144,7 @@ class Values:
         try:
             return constant(Laurent.number(float(function(*(number_of(n, origin) for n in numbers)))))
         except (ValueError, TypeError, OverflowError):
-            raise ModelError(f"{name} has no value here", origin) from None
+            raise ModelError(f"{name} is not defined for these arguments", origin) from None
 
     def _name(self, name: str, found: ast.Symbol | None, origin: Origin) -> Linear:
         if name == "time":
@@ -198,10 +198,13 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
     except ValueError as error:
         raise ModelError(str(error), origin) from None
     except OverflowError:
-        raise ModelError("this power cannot be calculated with", origin) from None
+        raise ModelError(
+            "this power cannot be calculated: it is too large, or not a real number", origin
+        ) from None
     except NotLaurentError as error:
         raise ModelError(
-            f"{error} cannot be divided by, being no single product: make the quotient a parameter", origin
+            f"{error} is not a single product, so a division by it is not supported: make the quotient a parameter",
+            origin,
         ) from None
     if symbol not in ("*", "/", "^"):
         raise ModelError(f'"{symbol}" is not supported: only + - * / ^ and der(...) are', origin)

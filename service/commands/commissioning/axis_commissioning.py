@@ -117,7 +117,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     again: Retry | None = None
     tried: list[str] = []
     schedule: tuple[str, ...] = ()
-    fair = None  # without the load of links, should that explain less
+    fair = None  # fit without the load of links, used if the fit with it is rejected
     try:
         while True:
             config, axis = configured(text, order.axis_id, order.folder)
@@ -126,13 +126,13 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
             load = partial(link_load, text, axis.id, order.records, order.folder)
             turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
-            guessed = order.shorten and not tried  # by what is first, whatever the axis is
+            guessed = order.shorten and not tried  # the first drive may be a guess
             for part in (task.lively_part(), task) if guessed else (task,):
                 report = part.run(provenance, _within("identify", progress))
                 again = (
                     None if schedule and report.rejection else retry(report, text, axis, tried, load, turn)
                 )
-                if report.rejection and again:  # all of the records would not explain it either
+                if report.rejection and again:  # the complete records would not help
                     break
             tried.append(axis.config.model.drive)
             if fair is not None and (report.rejection or not watched_in(report)):
@@ -150,7 +150,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _MISTAKES as error:
         return replace(outcome, refusal=f"not identified: {error}")
-    taken = "" if again is None else f"; --yes takes {again.words}"
+    taken = "" if again is None else f"; --yes applies {again.words}"
     outcome = _with_values(order.folder, axis, report, outcome, taken)
     motion = motion_for(report, [item.record for item in task.estimation])
     if motion is None:
@@ -248,7 +248,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
         except CalibrationError as error:
             remedy = remedy_for(error, outcome, options)
             if remedy is None or not order.shorten:
-                taken = "" if remedy is None else f"; --yes takes {remedy.words}"
+                taken = "" if remedy is None else f"; --yes applies {remedy.words}"
                 return replace(outcome, refusal=f"not calibrated: {error}{taken}")
             outcome, options = remedy.outcome, remedy.options
         except _MISTAKES as error:

@@ -9,10 +9,10 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import (
-    Known,
+    KnownAxis,
     Record,
     is_about_nominal,
-    known_of,
+    known_axis,
     shown_inertia,
     whole_numbers,
 )
@@ -44,13 +44,13 @@ class Checked:
         self.values, self._unknown = known_values(axis, self.drive)
 
     @cached_property
-    def known(self) -> Known:
+    def known(self) -> KnownAxis:
         """Known quantities from the nominal values."""
         return self._known_with(self.values)
 
-    def _known_with(self, values: Mapping[str, float]) -> Known:
+    def _known_with(self, values: Mapping[str, float]) -> KnownAxis:
         scale = self.axis.config.model.friction_speed_scale
-        return known_of(self.drive, values, 0, scale, self._unknown)
+        return known_axis(self.drive, values, 0, scale, self._unknown)
 
     def inertia_with(self, changed: Mapping[str, float]) -> float:
         """The nominal inertia with these values changed."""

@@ -102,7 +102,7 @@ def retry(
         if other is None:
             return None
         name, drive = other
-        why = report.rejection or "nothing could be watched"
+        why = report.rejection or "no parameter could be monitored"
         changes = [
             Correction(("model", "drive"), name, f"as {axis.config.model.drive} it was not identified: {why}")
         ]
@@ -111,7 +111,7 @@ def retry(
             and "r" not in axis.config.model.nominal
             and (ratio := _gear_ratio(turn())) is not None
         ):
-            reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet says it"
+            reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet has the exact ratio"
             changes.append(Correction(("model", "nominal", "r"), ratio, reason))
             drive = drive._replace(values={**drive.values, "r": ratio})
         return Retry(with_drive(text, axis.id, name, drive.monitor, drive.values), tuple(changes))
@@ -180,7 +180,7 @@ def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Corre
     memory_s, memories_s = report.result.memory_s, memories_of(axis)
     if not memories_s or memory_s == memories_s[0]:
         return ()
-    reason = "with a shorter one only large changes would show in this motion"
+    reason = "with a shorter one only large changes would be detected in this motion"
     return (Correction(("estimator", "memory_s"), memory_s, reason),)
 
 

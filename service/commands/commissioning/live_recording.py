@@ -38,7 +38,7 @@ def check_minutes(minutes: float) -> None:
     """
     if not LEAST_S <= 60 * minutes <= MOST_S:
         raise typer.BadParameter(
-            f"{minutes:g} minutes: half a minute (0.5) is the least that may identify an axis, a day ({MOST_S / 60:g})"
+            f"{minutes:g} minutes: half a minute (0.5) is the least for an identification, a day ({MOST_S / 60:g})"
             " the most; 10 are usual",
             param_hint="--minutes",
         )
@@ -142,6 +142,6 @@ def _record(config: Config, folder: Path, seconds: float, console: Console) -> N
     console.print(f"{path}: {heard.seconds:.0f} s, {heard.frames} frames{lost}{down}", markup=False)
     if (long_s := span_s(path)) < LEAST_S:
         raise RecordError(
-            f"{long_s:.0f} s are too short: {LEAST_S:g} s are the least that may identify an axis; {path} is kept and"
+            f"{long_s:.0f} s are too short: {LEAST_S:g} s are the least for an identification; {path} is kept and"
             " not used, call again with --minutes"
         )

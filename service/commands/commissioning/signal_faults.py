@@ -86,7 +86,7 @@ def _stuck(checked: Checked, record: Record, text: str) -> Iterator[str]:
             yield sentence(
                 "signal stuck",
                 "{name} is stuck, while the axis moves, {spans} of {record}: a stuck sensor or a lost connection;"
-                " record again, or use what is sound of it, {sound}",
+                " record again, or use only the sound part, {sound}",
                 name=name,
                 spans=_words(spans),
                 seconds=f"{sum(s.end_s - s.start_s for s in spans):.2f}",

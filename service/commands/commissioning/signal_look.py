@@ -66,7 +66,7 @@ class SignalLook:
             words = "the configuration has no axis {axis} any more"
             raise NoLookError(sentence("axis gone", words, axis=axis_id))
         if not self._lock.acquire(timeout=_WAIT_S):
-            raise NoLookError(sentence("look busy", "other signals are being looked at; try again"))
+            raise NoLookError(sentence("look busy", "another check is in progress; try again"))
         try:
             kept = self._extracts.latest(LOOK_S).result(_WAIT_S)
             return _checked(config, axis, kept, self._now_us())
@@ -96,7 +96,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     for _ in ingest.feed_values(own):
         pass
     if own and (age_s := (now_us - int(own.t_us.max())) / 1e6) > _OLD_S:
-        words = "nothing has come for {age_s} s: what follows is how it was before"
+        words = "nothing has come for {age_s} s: the findings are older than that"
         problems.insert(0, sentence("frames old", words, age_s=f"{age_s:.0f}"))
     with TemporaryDirectory(prefix="axiswatch-look-") as folder:
         path = Path(folder) / "look.log"

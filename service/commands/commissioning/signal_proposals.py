@@ -36,7 +36,7 @@ _FEWEST = 100
 _NEAR = 0.5
 """Tolerance of the distance of two samples in intervals; outside it they do not belong to consecutive cycles."""
 _SMOOTHER = 0.5
-"""Even times are taken for true if they make the third derivative of the motion smaller by this factor."""
+"""Equally spaced times are used if they make the third derivative of the motion smaller by this factor."""
 _PAUSE_S = 0.5
 """After a longer gap a counter may have wrapped, or the controller was off"""
 _ABOUT = 2.5
@@ -299,7 +299,7 @@ def _bunches(checked: Checked) -> Iterator[Correction]:
 
 
 def _scatter(checked: Checked) -> Iterator[Correction]:
-    """Times of receipt that make a smooth motion rough, where even ones do not: the samples were taken evenly."""
+    """The motion is smoother with equally spaced times than with those of receipt: the receipt has jitter."""
     time = checked.axis.config.time
     if checked.in_tables or time.counter_signal is not None or time.clock != "receipt":
         return
@@ -316,7 +316,7 @@ def _scatter(checked: Checked) -> Iterator[Correction]:
 
 
 def _rougher(record: Record, interval_s: float) -> bool:
-    """Whether the third derivative of a motion is far larger by its times than by even ones, where none is lost."""
+    """Whether a motion, where no sample is lost, has a far larger third derivative by its times than by even ones."""
     t, y = record.t[record.measured] / interval_s, record.y[record.measured]
     steps = np.diff(t)
     near = np.abs(steps - 1) < _NEAR

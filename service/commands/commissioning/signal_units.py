@@ -15,13 +15,13 @@ from service.config.commissioned import Correction
 from service.config.unit_names import unit_in, unit_passed_over
 
 _NEAR = 2.0
-"""Factor by which a nominal inertia may be wrong and still tell a unit."""
+"""Largest factor by which a nominal inertia may be wrong if a unit is to be inferred from it."""
 _CLOSE = 1.35
 """Factor within which the inertia agrees."""
 _COUNTED = 2 * math.pi / 1000
-"""Multiple of the nominal inertia: fewer counts of a turn are a unit such as degrees."""
+"""Multiple of the nominal inertia with 1000 counts of a turn; with fewer, the unit is one such as degrees."""
 _BETWEEN = math.sqrt(2.0)
-"""Half way from one power of two to the next."""
+"""Factor from a power of two to the geometric middle between it and the next."""
 _PER_MILLE = (10.0, 1e5)
 """Multiples of the nominal inertia: a rated torque of 0.01 to 100 N m in per mille."""
 _GEARED = 2.0
@@ -29,7 +29,7 @@ _GEARED = 2.0
 _OTHER = 1.5
 """Margin beyond the bounds from a weight at which a configured unit is doubted."""
 _SAME_ANGLE = 6.0
-"""Largest over smallest ratio from a weight that tells a unit; for counts it is _BETWEEN squared."""
+"""Largest quotient of the bounds of a ratio from a weight that shows a unit; for counts _BETWEEN squared."""
 
 
 # --- By the names -----------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.multimodel_tails import (
-    ALIKE,
+    ADDED_EXCURSIONS,
     LEAST_HEIGHT,
     TOP,
     BankTails,
@@ -153,7 +153,7 @@ def test_few_excursions_are_as_an_exact_model_has_them(seed: int) -> None:
     peaks.take(np.array([[2.5, 0.0], [0.0, 0.0]]), 0, place, place, peaks.course())
     tails = bank_tails(peaks, 2, weights(np.random.default_rng(seed)), np.zeros(201))
     assert tails.base.tolist() == [LEAST_HEIGHT, LEAST_HEIGHT]
-    np.testing.assert_allclose(tails.mean[0], [(0.5 + ALIKE) / (1 + ALIKE), 1.0])
+    np.testing.assert_allclose(tails.mean[0], [(0.5 + ADDED_EXCURSIONS) / (1 + ADDED_EXCURSIONS), 1.0])
     np.testing.assert_allclose(tails.log_rate[0], -np.log(1000))
     assert (tails.shape == 0).all()
     np.testing.assert_allclose(

@@ -83,7 +83,7 @@ def test_nominal_values_of_another_axis(seed: int) -> None:
     healthy = record(np.random.default_rng(seed))
     off = replace(healthy, d=healthy.d + np.array([0.0, 0.3]))
     with pytest.raises(
-        CalibrationError, match=r"fm is off its nominal value all along, by \+(29|30|31).* identify"
+        CalibrationError, match=r"fm differs from its nominal value throughout, by \+(29|30|31).* identify"
     ):
         check_healthy(AXIS, [off])
 
@@ -138,7 +138,7 @@ def test_how_long_records_must_be_where_the_axis_mostly_stands() -> None:
     healthy = record(np.random.default_rng(1))
     moving = np.repeat((np.arange(len(healthy.d)) % 100 < 10)[:, np.newaxis], 2, axis=1)
     rests = replace(healthy, tested=moving, gated=int(np.count_nonzero(~moving[:, 0])))
-    words = r"5 s; the axis stands, or a gate leaves it out, for 90 % of the time, so give records of about 75 s, or"
+    words = r"5 s; the axis is at rest, or a gate is closed, for 90 % of the time, so give records of about 75 s, or"
     with pytest.raises(CalibrationError, match=words):
         check_records(AXIS, [rests])
 

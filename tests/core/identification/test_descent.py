@@ -6,24 +6,30 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.greybox.levenberg_marquardt import UNDAMPED, End, Normal, Region, minimise
+from monitor_core.identification.greybox.levenberg_marquardt import (
+    UNDAMPED,
+    NormalEquations,
+    Region,
+    SearchResult,
+    minimise,
+)
 
 
 def search(
-    evaluate: Callable[[Floats], Normal],
+    evaluate: Callable[[Floats], NormalEquations],
     start: tuple[float, ...],
     most: int,
     upper: Floats | float = np.inf,
     longest: Floats | float = np.inf,
     clipped: Floats | float = np.inf,
-) -> End:
+) -> SearchResult:
     return minimise(evaluate, np.array(start), Region(-np.inf, upper, longest, clipped), most)
 
 
-def rosenbrock(xi: Floats) -> Normal:
+def rosenbrock(xi: Floats) -> NormalEquations:
     eps = np.array([10 * (xi[1] - xi[0] ** 2), 1 - xi[0]])
     J = -np.array([[-20 * xi[0], 10], [-1, 0]])
-    return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
+    return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 2)
 
 
 def test_a_bent_valley() -> None:
@@ -41,7 +47,7 @@ def test_a_bound_that_holds_one_lets_the_other_go_on() -> None:
 def test_no_step_is_longer_than_it_may_be() -> None:
     seen: list[Floats] = []
 
-    def watched(xi: Floats) -> Normal:
+    def watched(xi: Floats) -> NormalEquations:
         seen.append(xi)
         return rosenbrock(xi)
 
@@ -56,9 +62,9 @@ def test_no_step_is_longer_than_it_may_be() -> None:
 def test_what_nothing_tells_stays() -> None:
     """The sum of two numbers: their difference remains what it was."""
 
-    def summed(xi: Floats) -> Normal:
+    def summed(xi: Floats) -> NormalEquations:
         eps, J = np.array([3.0 - xi.sum(), 1e-3]), np.array([[1.0, 1.0], [0.0, 0.0]])
-        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
+        return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 2)
 
     end = search(summed, (1.0, -4.0), 50)
     assert end.converged
@@ -75,11 +81,11 @@ def test_what_has_vanished_is_not_followed(seed: int) -> None:
     y = 3.0 * S[:, 0] + rng.standard_normal(2000)
     y -= (y @ S[:, 1] / (S[:, 1] @ S[:, 1]) + 0.05) * S[:, 1]
 
-    def levelled(xi: Floats) -> Normal:
+    def levelled(xi: Floats) -> NormalEquations:
         level = np.exp(2 * xi[1])
         eps = y - S @ np.array([xi[0], level])
         J = S * np.array([1.0, 2 * level])
-        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2000)
+        return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 2000)
 
     end = search(levelled, (0.0, 0.0), 40, clipped=np.array([np.inf, 1.5]))
     assert end.converged
@@ -90,11 +96,11 @@ def test_what_has_vanished_is_not_followed(seed: int) -> None:
 def test_a_cost_that_is_not_finite_is_only_a_step_refused() -> None:
     """A wall of infinities in front of the minimum of the quadratic model."""
 
-    def walled(xi: Floats) -> Normal:
+    def walled(xi: Floats) -> NormalEquations:
         if xi[0] > 2:
-            return Normal(np.inf, np.zeros(1), np.zeros((1, 1)), 1)
+            return NormalEquations(np.inf, np.zeros(1), np.zeros((1, 1)), 1)
         eps, J = np.array([np.exp(-xi[0]), xi[0] - 1.9]), np.array([[np.exp(-xi[0])], [-1.0]])
-        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 2)
+        return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 2)
 
     end = search(walled, (-3.0,), 100)
     assert end.converged
@@ -102,8 +108,8 @@ def test_a_cost_that_is_not_finite_is_only_a_step_refused() -> None:
 
 
 def test_a_start_that_makes_no_sense() -> None:
-    def nowhere(xi: Floats) -> Normal:
-        return Normal(np.nan, xi, np.eye(2), 1)
+    def nowhere(xi: Floats) -> NormalEquations:
+        return NormalEquations(np.nan, xi, np.eye(2), 1)
 
     with pytest.raises(ValueError, match="start values"):
         search(nowhere, (0.0, 0.0), 10)
@@ -113,10 +119,10 @@ def test_a_linear_problem_is_solved_by_one_undamped_step(seed: int) -> None:
     rng = np.random.default_rng(seed)
     J, y, seen = rng.standard_normal((40, 2)), rng.standard_normal(40), list[Floats]()
 
-    def linear(xi: Floats) -> Normal:
+    def linear(xi: Floats) -> NormalEquations:
         seen.append(xi)
         eps = y - J @ xi
-        return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 40)
+        return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 40)
 
     end = minimise(linear, 9 * y[:2], Region(), 9, damping=UNDAMPED)
     assert end.converged
@@ -124,12 +130,12 @@ def test_a_linear_problem_is_solved_by_one_undamped_step(seed: int) -> None:
     np.testing.assert_allclose(end.xi, np.linalg.lstsq(J, y, rcond=None)[0], rtol=1e-9, atol=1e-10)
 
 
-def slow(xi: Floats) -> Normal:
+def slow(xi: Floats) -> NormalEquations:
     """A curve fitted to what no curve is: the curvature that Gauss and Newton leave out is half of theirs."""
     x, off = float(xi[0]), 1.0
     eps = np.array([x, off * (1 - 0.25 * x * x)])
     J = -np.array([[1.0], [-0.5 * off * x]])
-    return Normal(float(eps @ eps), J.T @ eps, J.T @ J, 1000)
+    return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 1000)
 
 
 def test_the_end_of_the_evaluations_is_no_doubt_where_hardly_anything_is_left() -> None:

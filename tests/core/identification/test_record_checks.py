@@ -12,11 +12,11 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.excitation import multisine
 from monitor_core.identification import (
-    Known,
+    KnownAxis,
     Record,
     check_record,
     has_wrong_sign,
-    known_of,
+    known_axis,
     shown_inertia,
 )
 from monitor_core.identification.record_checks import motion_checks
@@ -30,7 +30,7 @@ from tests.core.identification.record_cases import VALUES, H, healthy, with_u, w
 
 HEALTHY = 3
 """Records."""
-KNOWN = known_of(three_mass("angle"), VALUES, parameters=8)
+KNOWN = known_axis(three_mass("angle"), VALUES, parameters=8)
 OUTPUTS: tuple[Output, ...] = ("speed", "angle")
 
 
@@ -39,11 +39,11 @@ def record(request: pytest.FixtureRequest, seed: int) -> Record:
     return healthy(np.random.default_rng(seed), request.param, samples=2000)
 
 
-def kinds(record: Record, known: Known = KNOWN) -> list[tuple[str, str]]:
+def kinds(record: Record, known: KnownAxis = KNOWN) -> list[tuple[str, str]]:
     return [(finding.kind, finding.severity) for finding in check_record(record, known)]
 
 
-def only(record: Record, known: Known = KNOWN) -> Finding:
+def only(record: Record, known: KnownAxis = KNOWN) -> Finding:
     (finding,) = check_record(record, known)
     return finding
 
@@ -91,12 +91,12 @@ def test_other_torques_are_healthy_too(
 
 
 def test_too_short(record: Record) -> None:
-    finding = only(record.select(slice(40)), Known(parameters=8))
+    finding = only(record.select(slice(40)), KnownAxis(parameters=8))
     assert (finding.kind, finding.severity, finding.number) == ("too-short", "refuse", 40)
     assert finding.sentence == "only 40 measured samples; at least 80 are needed for 8 parameters"
-    assert ("too-short", "refuse") in kinds(record.select(slice(100)), Known(slowest_s=1.0))
-    assert kinds(record.select(slice(600)), Known(slowest_s=1.0)) == [("too-short", "warn")]
-    assert kinds(record.select(slice(1100)), Known(slowest_s=0.9)) == []
+    assert ("too-short", "refuse") in kinds(record.select(slice(100)), KnownAxis(slowest_s=1.0))
+    assert kinds(record.select(slice(600)), KnownAxis(slowest_s=1.0)) == [("too-short", "warn")]
+    assert kinds(record.select(slice(1100)), KnownAxis(slowest_s=0.9)) == []
 
 
 def test_constant_torque(record: Record) -> None:
@@ -110,7 +110,9 @@ def test_constant_torque(record: Record) -> None:
 @pytest.mark.parametrize("ends", [(-1.5, 1.5), (-9, 1.5), (-1.5, 9)])
 def test_saturated_torque(record: Record, ends: tuple[float, float]) -> None:
     u = np.clip(record.u, *ends)
-    found = [finding for finding in check_record(with_u(record, u), Known()) if finding.kind == "saturated"]
+    found = [
+        finding for finding in check_record(with_u(record, u), KnownAxis()) if finding.kind == "saturated"
+    ]
     assert len(found) == sum(abs(end) < 9 for end in ends)
     for finding in found:
         at_end = np.mean(u == (u.max() if "largest" in finding.sentence else u.min()))
@@ -162,7 +164,7 @@ def test_standstill_is_not_stuck(quantity: Output, seed: int) -> None:
     assert kinds(Record(t, u, y, record.quantity)) == []
     there_and_back = np.concatenate((y[rest:][::-1], y))
     t = H * np.arange(len(there_and_back), dtype=float)
-    assert kinds(Record(t, np.concatenate((record.u, u)), there_and_back, record.quantity), Known()) == []
+    assert kinds(Record(t, np.concatenate((record.u, u)), there_and_back, record.quantity), KnownAxis()) == []
 
 
 def jerk(rng: np.random.Generator) -> tuple[float, Output, Floats]:
@@ -193,7 +195,7 @@ def test_equal_values_that_are_not_stuck(
     rng = np.random.default_rng(seed)
     h, quantity, y = motion(rng)
     record = Record(h * np.arange(y.size, dtype=float), rng.normal(size=y.size), y, quantity)
-    assert "stuck" not in [kind for kind, _ in kinds(record, Known())]
+    assert "stuck" not in [kind for kind, _ in kinds(record, KnownAxis())]
 
 
 def test_nothing_is_stuck_while_the_torque_does_not_move_either(record: Record) -> None:
@@ -255,7 +257,7 @@ def test_an_inertia_against_all_work_is_not_believed(monkeypatch: pytest.MonkeyP
         (1000, 1, "a torque in N mm or mN m"),
         (1, 1000, "a motion in mrad"),
         (1, 180 / np.pi, "a motion in degrees"),
-        (1, np.pi / 180, "a motion divided by 57.3 twice"),
+        (1, np.pi / 180, "a motion converted from degrees to radians twice"),
         (1, 30 / np.pi, "revolutions per minute"),
         (1, 1 / 118**2, "are units and gear ratio right?"),
     ],
@@ -271,7 +273,7 @@ def test_wrong_units(record: Record, torque: float, motion: float, mistake: str)
 def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
     t = record.t + 0.3 * (np.arange(len(record)) >= 700)
     cut = Record(t, record.u, record.y, record.quantity)
-    finding = only(cut, Known())
+    finding = only(cut, KnownAxis())
     assert (finding.kind, finding.severity) == ("gaps", "warn")
     assert finding.number == pytest.approx(0.3, abs=0.01)
     assert (
@@ -279,8 +281,10 @@ def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
         in finding.sentence
     )
     few, many = (np.random.default_rng(seed).random(len(record)) > share for share in (0.005, 0.1))
-    assert "lost" not in [kind for kind, _ in kinds(record.select(few), Known())]
-    (lost,) = [finding for finding in check_record(record.select(many), Known()) if finding.kind == "lost"]
+    assert "lost" not in [kind for kind, _ in kinds(record.select(few), KnownAxis())]
+    (lost,) = [
+        finding for finding in check_record(record.select(many), KnownAxis()) if finding.kind == "lost"
+    ]
     assert lost.number == pytest.approx(1 - many.mean(), abs=0.02)
 
 
@@ -289,11 +293,11 @@ def test_late_stamps_but_not_irregular_sampling(seed: int) -> None:
     r = healthy(rng, "speed", samples=2000)
     k = np.arange(len(r))
     late = Record(H * (k + rng.uniform(0, 0.4, len(r))), r.u, r.y, "speed")
-    finding = only(late, Known())
+    finding = only(late, KnownAxis())
     assert (finding.kind, finding.severity) == ("jitter", "warn")
     assert finding.number == pytest.approx(H * 0.4 / 12**0.5 * 2**0.5, rel=0.1)
     irregular = Record(np.cumsum(H * rng.uniform(0.8, 1.2, len(r))), r.u, r.y, "speed")
-    assert check_record(irregular, Known()) == ()
+    assert check_record(irregular, KnownAxis()) == ()
 
 
 @pytest.mark.parametrize("what", ["torque", "output"])

@@ -113,7 +113,7 @@ def test_an_axis_that_moves_one_way_has_no_offset_and_no_weight(seed: int) -> No
     found = identify(problem, [record], options=options)
     print(found.estimate.values, found.verdict)
     assert found.estimate.values["tau0"] == 0
-    assert found.held["tau0"] == "the axis moves in one direction only, and there it is the same as fc"
+    assert found.held["tau0"] == "the axis moves in one direction only, so it cannot be told from fc"
     assert found.verdict.quality is not Quality.POOR
     assert Effect.POSE not in found.verdict.missing
     assert found.estimate.values["J"] == pytest.approx(TRUE["J"], rel=0.1)

@@ -24,7 +24,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting import fit_from, fit_from_scratch, grow
 from monitor_core.identification.starting.chains import (
     Chain,
-    Slots,
+    ChainParameters,
     chain_of_modes,
     modes_of_chain,
     problem_of,
@@ -106,7 +106,7 @@ def test_modes_of_a_chain_are_that_chain(drawn: tuple[list[float], list[float]])
 def test_masses_and_springs_find_their_names(name: str, output: Output, seed: int) -> None:
     """Whatever the nominal values are; dampers by their modal damping, which is exact while they are small."""
     case = CASES[name]
-    slots = Slots(case.problem(case.wrong(seed, 10.0), output))
+    slots = ChainParameters(case.problem(case.wrong(seed, 10.0), output))
     assert len(slots.dampers) == slots.masses, "each mode tells the damping of one damper"
     J = np.array([v * (1 if n == "Jm" else R**2) for n, v in case.values.items() if n[0] == "J"])
     k = np.array([v * R**2 for n, v in case.values.items() if n[0] == "k" and n != "kT"])
@@ -123,7 +123,7 @@ def test_masses_and_springs_find_their_names(name: str, output: Output, seed: in
 def test_a_drive_of_which_a_mass_is_held_is_no_free_chain() -> None:
     problem = replace(THREE.problem(), free=tuple(n for n in THREE.free if n != "Ja"))
     with pytest.raises(ValueError, match="free parameter"):
-        Slots(problem)
+        ChainParameters(problem)
 
 
 def test_dampers_that_are_held_stay(seed: int) -> None:
@@ -181,7 +181,7 @@ def test_reciprocals_offsets_and_words(seed: int) -> None:
     best = fit(problem, [record])
     found = fit_from_scratch(replace(problem, nominal={**THREE.values, **THREE.wrong(seed)}), [record])
     assert found.cost <= AT_OPTIMUM * best.cost
-    assert "a chain that grew mass by mass" in found.started_from
+    assert "a chain that was extended mass by mass" in found.started_from
     wrong = {**THREE.values, "Ja": 0.5 * THREE.values["Ja"], "kg": 0.5 * THREE.values["kg"]}
     from_given = fit_from(replace(problem, nominal=wrong), [record])
     assert from_given.cost <= AT_OPTIMUM * best.cost

@@ -12,7 +12,7 @@ from monitor_core.drive.structure import Output
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting import Growth, grow, mass_count
-from monitor_core.identification.starting.chains import Chain, Slots, chain, problem_of
+from monitor_core.identification.starting.chains import Chain, ChainParameters, chain, problem_of
 from monitor_core.identification.starting.growing_chains import Modal, Mode, joined, lacking, shape, stems
 from monitor_core.identification.starting.mass_count import doubt_of, is_supported, verdict
 from monitor_core.identification.starting.response import measure
@@ -151,7 +151,7 @@ def test_decays_of_light_dampers_are_those_of_the_poles() -> None:
     poles = np.linalg.eigvals(THREE.speed.matrix("A", light))
     poles = poles[poles.imag >= 0]
     poles = poles[np.argsort(np.abs(poles))]
-    np.testing.assert_allclose(Slots(THREE.problem()).decays(light)[1:], -poles.real[1:], rtol=1e-2)
+    np.testing.assert_allclose(ChainParameters(THREE.problem()).decays(light)[1:], -poles.real[1:], rtol=1e-2)
 
 
 def test_a_search_that_failed_is_no_evidence(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:

@@ -261,7 +261,7 @@ WORDS: dict[str, tuple[list[list[float]], float, set[str]]] = {
     # c is nearly a + b: no two correlate so much, all three do.
     "the only pair in a group, with its number": (
         [[1, 0, 0], [0.95, 0.3, 0], [0.3, -0.2, 0.15]], 0.1,
-        {f"a, b and c {CANNOT}: the joint change +a -b -c moves the output by only 11 % of what they would one by one,"
+        {f"a, b and c {CANNOT}: the joint change +a -b -c moves the output by only 11 % of what separate changes do,"
          " and the estimates of a and b correlate by -0.98."},
     ),
     # Two pairs, in each of which one column is a multiple of the other, and a column of zeros.
@@ -269,7 +269,7 @@ WORDS: dict[str, tuple[list[list[float]], float, set[str]]] = {
         [[1, 0, 0], [-2, 0, 0], [0, 1, 0], [0, 0.5, 0], [0, 0, 1], [0, 0, 0]], 0.01,
         {f"a and b cannot both be determined from this record: the joint change +a +b {HIDDEN}",
          f"c and d cannot both be determined from this record: the joint change +c -d {HIDDEN}",
-         "f does not show in this record at all."},
+         "f has no effect in this record."},
     ),
 }  # fmt: skip
 
@@ -296,7 +296,7 @@ def test_a_group_of_three_and_pairs_that_it_explains_are_not_said_twice(seed: in
     pair, group = accuracy.words()
     assert pair.startswith("d and e cannot both be determined")
     assert group == (
-        f"a, b and c {CANNOT}: the joint change +a +b -c moves the output by only 0.71 % of what they would one by one."
+        f"a, b and c {CANNOT}: the joint change +a +b -c moves the output by only 0.71 % of what separate changes do."
     )
 
 

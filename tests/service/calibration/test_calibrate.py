@@ -182,7 +182,7 @@ def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:
 
 def test_less_time_than_a_memory_takes(robot: Path) -> None:
     words = refused(robot, CalibrationOptions(600.0, 1.0, (0.2,), 8))
-    assert "--within 1: a memory is 1 s" in words
+    assert "--within 1: the memory is 1 s" in words
 
 
 def test_budgets() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.identification import Known, check_record
+from monitor_core.identification import KnownAxis, check_record
 from monitor_core.modeling.standard_drives import reference_model
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
@@ -229,7 +229,7 @@ def real(
 
 
 def kinds(found: Loaded) -> list[tuple[str, str]]:
-    return [(f.kind, f.severity) for f in check_record(found.record, Known(parameters=10))]
+    return [(f.kind, f.severity) for f in check_record(found.record, KnownAxis(parameters=10))]
 
 
 @pytest.mark.records

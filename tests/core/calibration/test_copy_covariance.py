@@ -1,10 +1,10 @@
-"""What copies are off by for their innovations' sake: told from what they differ by all along, and only from that."""
+"""The errors that copies have because of their innovations are distinguished from those within each copy."""
 
 import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.calibration.copy_excursions import excess_covariance, own_error, part_sums
+from monitor_core.calibration.copy_excursions import copy_covariance, excess_covariance, part_sums
 
 P, PARTS, COPIES, SAMPLES = 2, 30, 64, 200
 REPEATED = 5
@@ -20,7 +20,7 @@ def own_variances(
     for _ in range(PARTS):
         d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(differ[1]) + differ[0]
         parts.append(part_sums(d + of_parts[:, np.newaxis] * rng.standard_normal((P, 1))))
-    return np.diag(own_error(parts)).reshape(2, P)
+    return np.diag(copy_covariance(parts)).reshape(2, P)
 
 
 @pytest.mark.parametrize(("row", "size"), [(0, 0.05), (0, 0.3), (1, 0.05)], ids=["off", "far off", "louder"])
@@ -53,7 +53,7 @@ def test_errors_that_go_together_are_seen_to(seed: int) -> None:
     for _ in range(PARTS):
         d = rng.standard_normal((SAMPLES, P, COPIES)) * np.exp(0.1 * of_copy) - 0.2 * of_copy
         parts.append(part_sums(d))
-    error = own_error(parts)
+    error = copy_covariance(parts)
     sd = np.sqrt(np.diag(error))
     together = error / np.outer(sd, sd)
     assert (together[:P, P:] < -0.85).all()
