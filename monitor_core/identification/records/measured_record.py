@@ -218,6 +218,7 @@ def pieces(record: Record) -> list[Record]:
 _SHORTEST = 1000
 """Least number of samples of a piece that is fitted: many more than the initial state that it has of its own."""
 _MOSTLY = 0.5
+"""Least share of the samples that the pieces must hold together"""
 
 
 def long_pieces(record: Record, shortest_s: float = 0.0) -> list[Record]:

@@ -148,7 +148,7 @@ def test_lines_without_excitation_are_not_estimated(seed: int) -> None:
 def test_mistakes_are_told(seed: int) -> None:
     record = white(np.random.default_rng(seed), 500, 0.1)
     for short in (record.select(slice(0, 40)), record.without(slice(40, None, 41))):
-        with pytest.raises(ValueError, match=r"19 lines in the longest stretch .*: 21 are wanted"):
+        with pytest.raises(ValueError, match=r"19 lines in the longest stretch .*: at least 21 are needed"):
             local_response([short], [1.0])
     with pytest.raises(ValueError, match="0 lines"):
         local_response([record.without(slice(None))], [1.0])
