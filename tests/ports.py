@@ -9,7 +9,8 @@ _BLOCK = 100
 def _ports() -> Iterator[int]:
     """Those of blocks that this process holds, below the range from which systems choose.
 
-    Chromium refuses port 10080.  A block is held by a socket with its name, which Linux has by network, as ports, and which ends with the process.
+    Chromium refuses port 10080.  A block is held by a socket with its name, which Linux has by network, as ports, and
+    which ends with the process.
     """
     for block in range(10_100, 16_000, _BLOCK):
         holder = socket.socket(socket.AF_UNIX)
