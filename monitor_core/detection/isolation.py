@@ -10,6 +10,17 @@ If only theta_i has changed, by delta, then d = theta - theta_0 has the mean del
 where V = lambda_0 P / (1 + lambda) for the estimates of the recursion.  The probabilities of the causes are exp(T_i /
 2) times their prior odds (equal by default), normalized to the sum one.  A parameter that is known to have changed, by
 any amount, is left out: only the elements of d and V of the other parameters are used.
+
+**Another payload** changes the weight and the inertia of the arm at once.  If the weight is monitored as ``load`` and
+no inertia is, theta can only follow a larger inertia by less torque for each acceleration: all torques fall in the same
+proportion.  The deviations of a payload therefore lie in the plane of the two directions
+
+    -theta_0 (torques)    an inertia that is larger by a / (1 - a) lowers kT, friction and weight by the share a
+    e_load                a weight that is larger by b, relative to the larger inertia: load = 1 - a + b
+
+and T is the chi-square(2) of the best a and b.  A payload adds both, or takes both away: 0 < a / b < MAX_SHARE.  Where
+the motor has most of the inertia, a is small, and ``load`` alone explains a payload.  Where the arm has, the plane
+nearly contains the direction of kT, and friction alone tells a payload from a torque constant.
 """
 
 from collections.abc import Collection, Sequence
@@ -27,6 +38,26 @@ MIN_TOLERANCE = 3.3
 """Standard deviations; one estimate in a thousand is farther off."""
 
 
+SECOND_DIRECTION = MIN_TOLERANCE**2
+"""Chi-square by which a payload, which has a direction more, must explain more than a single parameter"""
+
+
+MAX_SHARE = 5.0
+"""Share by which a payload raises the inertia over that by which it raises the weight, at most.  At the tip of an even
+rod it is 1.5, at that of an arm with its mass near the joint 2.5; twice that allows for errors."""
+
+
+class Payload(NamedTuple):
+    """How another payload shows in theta, on an axis where the weight is monitored and no inertia is."""
+
+    load: int
+    """Index of the parameter ``load``"""
+    inertia: Floats
+    """(p,) change of theta with an inertia that is larger without limit: minus the nominal torques"""
+    cost: float = SECOND_DIRECTION
+    """What is taken off the chi-square of a payload; 0 if it is known that it is one"""
+
+
 class Causes(NamedTuple):
     """Evidence for each parameter (p,); parameters known to have changed have T = 0 and probability 0."""
 
@@ -38,6 +69,8 @@ class Causes(NamedTuple):
     """Chi-square of the deviations that the likeliest cause does not explain"""
     freedom: int
     """Degrees of freedom of ``rest``"""
+    payload: float = 0.0
+    """Chi-square of another payload that also changes the inertia; 0 where that is not possible"""
 
     @property
     def best(self) -> int:
@@ -52,6 +85,10 @@ class Causes(NamedTuple):
         """Whether the evidence for the likeliest cause exceeds ``tolerance`` standard deviations."""
         return bool(self.T[self.best] > limit(tolerance, 1))
 
+    def is_like_payload(self, i: int) -> bool:
+        """Whether a payload explains the deviations so well that parameter i cannot be preferred to it."""
+        return bool(0 < self.payload > self.T[i] - SECOND_DIRECTION)
+
 
 def limit(tolerance: float, freedom: int) -> float:
     """The chi-square with the same tail probability as ``tolerance`` standard deviations."""
@@ -61,32 +98,95 @@ def limit(tolerance: float, freedom: int) -> float:
     return float(chdtri(freedom, tail)) if tail > 0 else np.inf
 
 
-def single_faults(d: Floats, V: Floats, known: Collection[int] = (), prior: Floats | None = None) -> Causes:
+def single_faults(
+    d: Floats,
+    V: Floats,
+    known: Collection[int] = (),
+    prior: Floats | None = None,
+    payload: Payload | None = None,
+) -> Causes:
     """Evidence for single causes of the deviations d (p,) with covariance V (p, p).
 
-    ``known``: indices of parameters known to have changed.  ``prior`` (p,): prior odds, equal by default.
+    ``known``: indices of parameters known to have changed.  ``prior`` (p,): prior odds, equal by default.  ``payload``:
+    how another payload shows beyond its weight; it counts as a change of ``load``.
     """
     p = len(d)
     rest = [i for i in range(p) if i not in known]
     T, size, size_sd, probability = np.zeros(p), np.zeros(p), np.full(p, np.inf), np.zeros(p)
     if not rest:
         return Causes(T, size, size_sd, probability, 0.0, 0)
+    # Beside a torque that may have changed by any amount, a larger inertia cannot be seen.
+    heavier = _heavier(d, V, payload) if payload and set(known) <= {payload.load} else None
     R, scale = _information(V[np.ix_(rest, rest)])
-    e = d[rest] / scale
-    Rd, R_ii = R @ e, np.diag(R)
+    Rd = R @ (d[rest] / scale)
+    if payload and heavier and payload.load in known:
+        R, Rd = _without(payload.inertia[rest] / scale, R, Rd)
+    R_ii = np.diag(R)
     T[rest], size[rest], size_sd[rest] = Rd**2 / R_ii, scale * Rd / R_ii, scale / np.sqrt(R_ii)
+    explained, directions = T.copy(), np.ones(p, int)
+    if payload and heavier and payload.load in rest and heavier.T - payload.cost > T[payload.load]:
+        load = payload.load
+        T[load], size[load], size_sd[load] = heavier.T - payload.cost, heavier.weight, heavier.weight_sd
+        explained[load], directions[load] = heavier.T, 2
     logs = T[rest] / 2 + (0.0 if prior is None else np.log(prior[rest]))
     weight = np.exp(logs - logs.max())
     probability[rest] = weight / weight.sum()
-    return Causes(T, size, size_sd, probability, float(e @ Rd - T[probability.argmax()]), len(rest) - 1)
+    best = probability.argmax()
+    left, freedom = float(d[rest] / scale @ Rd - explained[best]), max(len(rest) - int(directions[best]), 0)
+    return Causes(T, size, size_sd, probability, left, freedom, heavier.T if heavier else 0.0)
 
 
-def sizes(d: Floats, V: Floats, changed: Sequence[int]) -> tuple[Floats, Floats]:
-    """Sizes and standard deviations of the changes of the parameters ``changed``, if no others have changed."""
-    R, scale = _information(V)
+def sizes(
+    d: Floats, V: Floats, changed: Sequence[int], payload: Payload | None = None
+) -> tuple[Floats, Floats]:
+    """Sizes and standard deviations of the changes of the parameters ``changed``, if no others have changed.
+
+    ``payload``: how a change of ``load`` alone shows beyond the weight.
+    """
     J = list(changed)
+    heavier = _heavier(d, V, payload) if payload and [payload.load] == J else None
+    if heavier:
+        return np.array([heavier.weight]), np.array([heavier.weight_sd])
+    R, scale = _information(V)
     covariance = np.linalg.inv(R[np.ix_(J, J)])
     return scale[J] * (covariance @ (R @ (d / scale))[J]), scale[J] * np.sqrt(np.diag(covariance))
+
+
+class _Heavier(NamedTuple):
+    """Another payload, as the deviations show it."""
+
+    T: float
+    """Chi-square of the deviations that it explains"""
+    weight: float
+    """Change of the weight"""
+    weight_sd: float
+
+
+def _heavier(d: Floats, V: Floats, payload: Payload) -> _Heavier | None:
+    """The likeliest payload that changes weight and inertia; None: no payload changes them so.
+
+    The weight would become less with a larger inertia, or the inertia would grow far more than the weight.
+    """
+    R, scale = _information(V)
+    directions = np.column_stack([payload.inertia, np.arange(len(d)) == payload.load]) / scale[:, np.newaxis]
+    explained = directions.T @ R @ (d / scale)
+    covariance = np.linalg.pinv(directions.T @ R @ directions, hermitian=True)
+    a, b = covariance @ explained
+    more = -b / payload.inertia[payload.load]  # relative, as a
+    if a >= 1 or a * more <= 0 or abs(a) > MAX_SHARE * abs(more):
+        return None
+    slopes = np.array([b / (1 - a) ** 2, 1 / (1 - a)])  # of the weight b / (1 - a)
+    weight_sd = float(np.sqrt(slopes @ covariance @ slopes))
+    return _Heavier(float(explained @ (a, b)), float(b / (1 - a)), weight_sd)
+
+
+def _without(direction: Floats, R: Floats, Rd: Floats) -> tuple[Floats, Floats]:
+    """R and R d if the deviations may also have any part in this direction: what lies in it is no evidence."""
+    along = R @ direction
+    length = max(float(direction @ along), RIDGE)
+    return R - np.outer(along, along) / length + RIDGE * np.eye(len(R)), Rd - along * (
+        direction @ Rd
+    ) / length
 
 
 def _information(V: Floats) -> tuple[Floats, Floats]:

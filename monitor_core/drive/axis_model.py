@@ -12,7 +12,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import balance_of
-from monitor_core.drive.structure import Drive, Parameter, split_name, value_of, with_value
+from monitor_core.drive.structure import INERTIA, Drive, Parameter, split_name, value_of, with_value
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 
@@ -103,6 +103,12 @@ class AxisModel:
         """Parameters of the weight that the axis bears; empty if it bears none, or if one of them is monitored."""
         weight = tuple(name for name in self.drive.weights() if self.nominal[name] != 0)
         return weight if {split_name(name)[0] for name in self.monitored}.isdisjoint(weight) else ()
+
+    def arm_inertia(self) -> str | None:
+        """Name of the inertia that a payload changes; None: there is none, or inertias are monitored."""
+        inertias = [p.name for p in self.drive.parameters if p.unit == INERTIA and self.nominal[p.name] > 0]
+        monitored = {split_name(name)[0] for name in self.monitored}
+        return inertias[-1] if inertias and monitored.isdisjoint(inertias) else None
 
     @cached_property
     def theta0(self) -> Floats:

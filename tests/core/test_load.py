@@ -86,6 +86,16 @@ def test_another_load_is_estimated_and_named_by_both_detectors(load: float, seed
     assert np.exp(share.size) == pytest.approx(load, abs=0.05)
 
 
+@pytest.mark.parametrize("load", soaked([0.6, 1.3, 1.5], 1.5))
+def test_a_payload_that_changes_the_inertia_too_is_a_load(load: float, seed: int) -> None:
+    """Four times the share by which the weight changes: kT, fm and load all seem to change."""
+    changes = AxisMonitor(MODEL, SETTINGS).update(moving(seed, load, inertia=1 + 4 * (load - 1)))
+    last = {change.alarm.key: change.alarm for change in changes}
+    ((parameter, size),) = ((alarm.parameter, alarm.size) for alarm in last.values())
+    assert parameter == LOAD
+    assert size == pytest.approx(load - 1, abs=0.05)
+
+
 UNMONITORED = replace(MODEL, monitored=("kT", "fm"))
 """The load is among what the multi-model detector knows, not among the estimates."""
 

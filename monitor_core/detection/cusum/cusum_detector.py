@@ -44,6 +44,7 @@ from monitor_core.detection.cusum.cusum_evidence import (
 )
 from monitor_core.detection.isolation import Causes, single_faults, sizes
 from monitor_core.detection.onset import SURE, change_of, scatters
+from monitor_core.drive.structure import LOAD
 
 MIN_NAME_PROBABILITY = 0.05
 """An alarm is renamed when the probability of its cause falls below this."""
@@ -112,6 +113,9 @@ def _crossing(c: Crossing, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
 def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     named = [a for a in open_alarms if a.stage == "named"]
     unnamed = [a for a in open_alarms if a.stage == "changed"]
+    if e.payload and any(a.parameter == LOAD for a in named):
+        # It stays a payload while that explains the deviations as well as another parameter.
+        e = replace(e, payload=e.payload._replace(cost=0.0))
     over = [a for a in named if _is_over(a, named, e)]
     yield from (a.ended(e.time_us) for a in over)
     lasting = [a for a in named if a not in over]
@@ -155,7 +159,8 @@ def _second_change(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[
     """Name the newer alarm given the older ones, or end it if its change belongs to one of them."""
     others, alone = _causes(e, new, named), _causes(e, new)
     first, *later = named
-    if e.parameters[alone.best] not in {a.parameter for a in named} and alone.explains(e.tolerance):
+    likeliest_named = max(alone.probability[e.parameters.index(a.parameter)] for a in named)
+    if likeliest_named < MIN_NAME_PROBABILITY and alone.explains(e.tolerance):
         yield from (a.ended(e.time_us) for a in (new, *later))
         changed = [_named(first, e, alone, alone=True)]
     elif others.stands_out(e.tolerance):
@@ -236,7 +241,7 @@ def _causes(e: Evidence, alarm: Alarm, named: Sequence[Alarm] = ()) -> Causes:
     known = [e.parameters.index(a.parameter) for a in named]
     prior = np.array([FIRST_CROSSING_ODDS if name == alarm.first[0] else 1.0 for name in e.parameters])
     d, V = e.since(alarm.since_us)
-    return single_faults(d, V + e.allowed, known, prior)
+    return single_faults(d, V + e.allowed, known, prior, e.payload)
 
 
 def _sizes(
@@ -244,7 +249,7 @@ def _sizes(
 ) -> list[tuple[float, float]]:
     """Size and standard deviation since ``since_us`` of each alarm, given that no other parameters have changed."""
     d, V = e.since(since_us)
-    estimates = sizes(d, V + allowed, [e.parameters.index(alarm.parameter) for alarm in changed])
+    estimates = sizes(d, V + allowed, [e.parameters.index(alarm.parameter) for alarm in changed], e.payload)
     return [(float(size), float(sd)) for size, sd in zip(*estimates, strict=True)]
 
 
@@ -272,10 +277,17 @@ def _reported(e: Evidence, causes: Causes) -> tuple[Cause, ...]:
     order = np.argsort(-causes.probability, kind="stable")
     names = [e.parameters[k] for k in order]
     ordered = [
-        Cause(name, float(causes.probability[k]), e.alike.get(name, ()))
+        Cause(name, float(causes.probability[k]), _alike(e, causes, name))
         for name, k in zip(names, order, strict=True)
     ]
     return tuple(cause for cause in ordered if cause.probability >= MIN_PROBABILITY)
+
+
+def _alike(e: Evidence, causes: Causes, name: str) -> tuple[str, ...]:
+    """Other causes that look like a change of a parameter."""
+    if name == TORQUE_CONSTANT and causes.is_like_payload(e.parameters.index(name)):
+        return (LOAD,)
+    return e.alike.get(name, ())
 
 
 def _doubt(e: Evidence, i: int, causes: Causes) -> Doubt:

@@ -8,13 +8,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.detection.alarm import TORQUE_CONSTANT, Direction
+from monitor_core.detection.isolation import Payload
 from monitor_core.detection.onset import Past, lately, past_of
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import slowest_time_constant
-from monitor_core.drive.structure import LOAD
+from monitor_core.drive.structure import DELAY, LOAD
 from monitor_core.kernel.evidence import KEPT, EvidenceColumns
 from monitor_core.kernel.state import UNSEEN
 from monitor_core.settings import Settings
@@ -64,6 +67,8 @@ class Evidence:
     """Number of stretches of the past in three memory lengths"""
     alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """By name of a parameter: causes that are not monitored and look like a change of it"""
+    payload: Payload | None = None
+    """How another payload shows, if the weight is monitored and no inertia is"""
 
     def since(self, t_us: int) -> tuple[Floats, Floats]:
         """Deviations (p,) that explain all samples since ``t_us`` with equal weight, and their covariance (p, p).
@@ -118,6 +123,7 @@ class EvidenceBuilder:
         self._tolerance = float(alpha1.max() * np.sqrt(self._divisor))
         self._allowed = np.diag((settings.size_errors(len(self._names)) * model.scale) ** 2)
         self._alike = {TORQUE_CONSTANT: (LOAD,)} if model.carried_weight() else {}
+        self._torques = _torques(model)
         K = settings.gain(len(model.drive.states))
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
@@ -152,7 +158,14 @@ class EvidenceBuilder:
             past=past_of(noted.t[c], noted.before[c], p, self._lam, s.lam0, self._lag_us),
             stretches=self._stretches,
             alike=self._alike,
+            payload=self._payload(theta - d),
         )
+
+    def _payload(self, nominal: Floats) -> Payload | None:
+        """How another payload shows at the present nominal values (p,)."""
+        if self._torques is None:
+            return None
+        return Payload(self._names.index(LOAD), np.where(self._torques, -nominal, 0.0))
 
     def _held(self, theta: Floats, nominal: Floats, sd: Floats) -> Ints:
         """Flags (p,): -1 at the lower bound, or for friction or damping below zero; 1 at the upper bound; else 0."""
@@ -161,3 +174,17 @@ class EvidenceBuilder:
         down |= self._dissipates & (theta < -BELOW_ZERO * sd)
         up = abs(theta - upper) <= HELD * abs(nominal - upper)
         return 1 * (up & ~down) - down
+
+
+def _torques(model: AxisModel) -> NDArray[np.bool_] | None:
+    """Which parameters are in proportion to a torque (p,); None: a payload cannot show in theta beyond ``load``.
+
+    That is where no weight is monitored, where an inertia is, or where a parameter, as a stiffness, follows a payload
+    in a way that these directions do not tell.
+    """
+    if LOAD not in model.monitored or model.arm_inertia() is None:
+        return None
+    friction = friction_of(model.drive)
+    names = {TORQUE_CONSTANT, LOAD, *friction.viscous, *friction.coulomb, *model.drive.constant_torques()}
+    torques = np.array([name in names for name in model.monitored])
+    return torques if all(torques | (np.array(model.monitored) == DELAY)) else None

@@ -35,7 +35,6 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import DELAY, LOAD, split_name
-from monitor_core.drive.structure import INERTIA as INERTIA_UNIT
 from monitor_core.kernel.hypotheses import BankTrace, Block, run_hypotheses
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
@@ -84,7 +83,7 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
     """
     if cause in model.monitored and cause != DELAY:
         return _of_parameter(model, settings, cause, size)
-    inertia = arm_inertia(model)
+    inertia = model.arm_inertia()
     if cause == INERTIA and inertia is not None:
         return Hypothesis(cause, size, factors={inertia: math.exp(size)})
     if cause == LOAD and (weight := model.carried_weight()):
@@ -116,18 +115,9 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
     return plain[cause]()
 
 
-def arm_inertia(model: AxisModel) -> str | None:
-    """Name of the inertia that a payload changes; None: there is none, or inertias are monitored."""
-    inertias = [
-        p.name for p in model.drive.parameters if p.unit == INERTIA_UNIT and model.nominal[p.name] > 0
-    ]
-    monitored = {split_name(name)[0] for name in model.monitored}
-    return inertias[-1] if inertias and monitored.isdisjoint(inertias) else None
-
-
 def _payload(model: AxisModel) -> Iterator[str]:
     """Causes for another payload, if it does not show in a monitored parameter."""
-    if arm_inertia(model):
+    if model.arm_inertia():
         yield INERTIA
     if model.carried_weight():
         yield LOAD

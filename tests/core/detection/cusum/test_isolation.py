@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import chi2, kstest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.isolation import limit, single_faults, sizes
+from monitor_core.detection.isolation import MAX_SHARE, SECOND_DIRECTION, Payload, limit, single_faults, sizes
 
 P = 4
 SCALE = np.array([1.0, 1e-2, 3e4, 1e-7])
@@ -17,11 +17,12 @@ def covariance(rng: np.random.Generator) -> Floats:
     return np.asarray((root @ root.T) * np.outer(SCALE, SCALE))
 
 
-def unexplained(d: Floats, V: Floats, changed: list[int]) -> float:
+def unexplained(d: Floats, V: Floats, changed: list[int], *directions: Floats) -> float:
     """min over the sizes of (d - E delta)' V^-1 (d - E delta), by least squares on whitened numbers."""
     root = np.linalg.cholesky(V / np.outer(SCALE, SCALE))
     white = np.linalg.solve(root, d / SCALE)
-    E = np.linalg.solve(root, np.eye(P)[:, changed])
+    along = np.array(directions).reshape(-1, P).T / SCALE[:, np.newaxis]
+    E = np.linalg.solve(root, np.hstack([np.eye(P)[:, changed], along]))
     delta = np.linalg.lstsq(E, white, rcond=None)[0]
     return float(np.sum((white - E @ delta) ** 2))
 
@@ -90,3 +91,88 @@ def test_limits_are_passed_as_seldom_as_the_tolerance(freedom: int) -> None:
     assert limit(0.0, freedom) > 10
     assert limit(50.0, freedom) == np.inf
     assert limit(4.0, 0) == np.inf
+
+
+KT, LOAD = 0, 3
+NOMINAL = np.array([1.0, 0.02, 5e4, 1e-6])
+"""Of kT, two frictions and the load (in an odd unit)"""
+PAYLOAD = Payload(LOAD, -NOMINAL)
+
+
+def after_payload(inertia: float, weight: float) -> Floats:
+    """Deviations with so many times the inertia and the weight: all torques are over a larger inertia."""
+    theta = NOMINAL / inertia
+    theta[LOAD] *= weight
+    return np.asarray(theta - NOMINAL)
+
+
+@pytest.mark.parametrize(("inertia", "weight"), [(1.5, 1.4), (1.2, 1.5), (0.8, 0.7)])
+def test_a_payload_that_changes_the_inertia_is_a_change_of_the_load(inertia: float, weight: float) -> None:
+    d, V = after_payload(inertia, weight), np.diag((0.02 * NOMINAL) ** 2)
+    causes = single_faults(d, V, payload=PAYLOAD)
+    assert causes.best == LOAD
+    assert causes.explains(4.0)
+    assert causes.payload == pytest.approx(float(d @ np.linalg.solve(V, d)), rel=1e-6)
+    assert causes.T[LOAD] == pytest.approx(causes.payload - SECOND_DIRECTION)
+    size, size_sd = sizes(d, V, [LOAD], PAYLOAD)
+    assert causes.size[LOAD] / NOMINAL[LOAD] == pytest.approx(weight - 1, abs=1e-6)
+    assert (size[0], size_sd[0]) == (pytest.approx(causes.size[LOAD]), pytest.approx(causes.size_sd[LOAD]))
+    without = single_faults(d, V)
+    assert not without.explains(4.0)
+
+
+def test_the_weight_of_a_payload_scatters_as_stated(seed: int) -> None:
+    V = np.diag((0.02 * NOMINAL) ** 2)
+    draws = np.random.default_rng(seed).multivariate_normal(
+        after_payload(1.5, 1.4) / SCALE, V / SCALE**2, 4000
+    )
+    found, sd = np.array([[x[0] for x in sizes(d * SCALE, V, [LOAD], PAYLOAD)] for d in draws]).T
+    z = (found / NOMINAL[LOAD] - 0.4) / (sd / NOMINAL[LOAD])
+    assert abs(z.mean()) < 0.15
+    assert abs(z.std() - 1) < 0.1
+
+
+def test_a_payload_is_preferred_only_if_it_explains_much_more() -> None:
+    """It has a direction more; and what is a single parameter stays one."""
+    V = np.diag((0.02 * NOMINAL) ** 2)
+    weaker = np.array([-0.2, 0.0, 0.0, 0.0]) * NOMINAL
+    causes = single_faults(weaker, V, payload=PAYLOAD)
+    assert causes.best == KT
+    assert not causes.is_like_payload(KT)
+    heavier = np.array([0.0, 0.0, 0.0, 0.2]) * NOMINAL
+    assert single_faults(heavier, V, payload=PAYLOAD).T[LOAD] == pytest.approx(100.0, rel=1e-4)
+
+
+def test_where_friction_is_hardly_known_a_weaker_motor_looks_like_a_payload() -> None:
+    V = np.diag((np.array([0.02, 2.0, 2.0, 0.02]) * NOMINAL) ** 2)
+    causes = single_faults(np.array([-0.2, 0.0, 0.0, 0.0]) * NOMINAL, V, payload=PAYLOAD)
+    assert causes.best == KT
+    assert causes.is_like_payload(KT)
+    both = after_payload(1.3, 1.2)
+    known = single_faults(both, V, payload=PAYLOAD._replace(cost=0.0))
+    assert known.T[LOAD] == known.payload
+    assert known.best == LOAD
+
+
+def test_no_payload_adds_inertia_and_takes_weight() -> None:
+    """Nor does it add far more inertia than weight."""
+    V = np.diag((0.02 * NOMINAL) ** 2)
+    for inertia, weight in ((1.5, 0.6), (0.7, 1.4), (1.5, 1 + 0.4 / MAX_SHARE)):
+        causes = single_faults(after_payload(inertia, weight), V, payload=PAYLOAD)
+        assert causes.payload == 0
+        assert not any(causes.is_like_payload(i) for i in range(P))
+
+
+def test_given_a_payload_nothing_else_has_changed(seed: int) -> None:
+    """What the larger inertia explains is no evidence for another parameter; what it does not explain is."""
+    rng = np.random.default_rng(seed)
+    V = covariance(rng) * 1e-3
+    d = after_payload(1.5, 1.4)
+    assert single_faults(d, V, [LOAD]).T.max() > 100
+    causes = single_faults(d, V, [LOAD], payload=PAYLOAD)
+    assert causes.T.max() == pytest.approx(0, abs=1e-3)
+    d[1] += 200 * np.sqrt(V[1, 1])
+    causes = single_faults(d, V, [LOAD], payload=PAYLOAD)
+    gain = unexplained(d, V, [LOAD], PAYLOAD.inertia) - unexplained(d, V, [LOAD, 1], PAYLOAD.inertia)
+    assert causes.T[1] == pytest.approx(gain, rel=1e-3)
+    assert causes.T[1] > 100
