@@ -4,7 +4,8 @@
 
 f is a term: a measured signal, a function of a sum of signals, or a product of these (signal_terms.py).  If the slopes
 are given for Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is exactly the reciprocal of that sum.  A gate is
-open while its signal has the right value; while a gate is closed, no estimate is updated and no test runs.
+open while its signal has the right value; while a gate is closed, no estimate is updated and no test runs.  It is also
+closed while a brake holds the axis (holding_brake.py).
 
 The torque of the weight may instead be an input of the drive (Drive.with_load), w(s) = slope_1 f_1(s) + ..
 
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.holding_brake import HoldingBrake
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import split_name
@@ -133,9 +135,16 @@ class Operating:
         if missing := wanted - self._column.keys():
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
         self._speed = MeasuredSpeed(model.drive.output)
+        brake = HoldingBrake(model)
+        self._brake = brake if brake.possible else None
         self.thermal = None if conditions.thermal is None else ThermalState(conditions.thermal)
         """The heat of the axis; None: there is no thermal model"""
         self._last: tuple[Floats, float] | None = None
+
+    @property
+    def needed(self) -> bool:
+        """Whether these conditions, or a brake, may change anything for a sample."""
+        return bool(self._conditions) or self._brake is not None
 
     def take(self, t_us: NDArray[np.int64], y: Floats, signals: Floats | None) -> tuple[Floats, Bools]:
         """Shift theta_0(s) - theta_0 (N, p), NaN where it is unknown, and whether all gates are open (N,).
@@ -151,6 +160,8 @@ class Operating:
     def conditioned(self, block: SampleBlock) -> SampleBlock:
         """The samples with shift, gate, weight, and all signals including the derived ones."""
         taken = self._take(block.t_us, block.y, block.signals)
+        if self._brake is not None:
+            taken.gate[self._brake.take(block.t_us, block.u, block.y, taken.weight)] = False
         conditioned = block._replace(shift=taken.shift, gate=taken.gate, weight=taken.weight)
         return conditioned if self.thermal is None else conditioned._replace(signals=taken.signals)
 
@@ -271,6 +282,8 @@ class Operating:
         for follower in self._followers:
             yield from follower.reasons(s[np.newaxis], self._column)
         yield from _unknown(self._weight, s[np.newaxis], self._column)
+        if self._brake is not None and self._brake.holds:
+            yield sentence("brake", "held by its brake: it stands, and the motor does not bear its weight")
         if c.min_speed > 0 and not speed >= c.min_speed:  # the last one, as it seldom lasts
             yield sentence("slow", "slower than {speed} rad/s", speed=f"{c.min_speed:g}")
 

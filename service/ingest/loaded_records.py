@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from monitor_core.drive import AxisModel
+from monitor_core.drive import AxisModel, Operating
 from monitor_core.identification import Record, long_pieces
 from monitor_core.monitoring import conditioned_records
 from monitor_core.samples import SampleBlock
@@ -123,7 +123,7 @@ def load_samples(
         samples.append(block._replace(name=source.path.name))
         sources.append(source)
     conditions = conditions_of(axis)
-    if conditions:
+    if Operating(model, conditions).needed:
         samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)
     return samples, sources
 

@@ -41,7 +41,8 @@ class AxisPipeline:
         self.epoch = EpochProgress(axis.epoch, axis.configured)
         """The epoch in force, and a learning or verification that is under way"""
         conditions, thresholds = conditions_of(axis), axis.config.model.thresholds_file
-        self.operating = Operating(model, conditions) if conditions else None
+        operating = Operating(model, conditions)
+        self.operating = operating if operating.needed else None
         """Its operating conditions; None: it has none"""
         thermal = None if self.operating is None else self.operating.thermal
         self._warm_up = None if self.operating is None or thermal is None else WarmUp(self.operating, monitor)

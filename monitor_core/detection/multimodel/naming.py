@@ -175,7 +175,7 @@ def vertex(size: Floats, evidence: Floats) -> tuple[float, float]:
     left, right = size[k] - size[k - 1], size[k + 1] - size[k]
     rise, fall = (evidence[k] - evidence[k - 1]) / left, (evidence[k] - evidence[k + 1]) / right
     curvature = 2 * (rise + fall) / (left + right)
-    if not curvature > 0:
+    if not 0 < curvature < math.inf:  # infinite: the neighbours are impossible
         return float(size[evidence.argmax()]), math.nan
     top = size[k] + (rise * right - fall * left) / (left + right) / curvature
     low, high = min(_MAX_EXTRAPOLATION * size[0], size[0]), _MAX_EXTRAPOLATION * size[-1]

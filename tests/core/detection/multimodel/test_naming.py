@@ -70,3 +70,11 @@ def test_a_cause_that_explains_nearly_as_much_is_not_ruled_out(other: float, sur
     first, *_ = CausePosterior(HYPOTHESES).shares(np.array([1000.0, other, 0.0, 0.0, 0.0, 0.0]))
     assert first.cause == "kT"
     assert (first.probability > SURE_ENOUGH) is sure
+
+
+def test_a_size_between_impossible_neighbours_has_no_standard_deviation() -> None:
+    """A predictor that diverged has no evidence at all."""
+    hypotheses = [Hypothesis("kT", size, is_gain=True) for size in (-0.2, -0.1, 0.1, 0.2)]
+    (found,) = CausePosterior(hypotheses).shares(np.array([-np.inf, -np.inf, 3.0, -np.inf]))
+    assert found.size == pytest.approx(0.1)
+    assert math.isnan(found.size_sd)

@@ -202,6 +202,7 @@ const SENTENCES: Record<string, string> = {
     + " `axiswatch identify --fix {second}`, das diesen auf seinem Wert in der Konfiguration hält",
   value: "{name} = {value}",
   "not known": "{name} ist nicht bekannt",
+  brake: "von der Bremse gehalten: steht, und der Motor trägt das Gewicht nicht",
   slow: "langsamer als {speed} rad/s",
   bounds: "{name} würde seine Grenzen verlassen",
   beyond: "{found}, außerhalb von {low} bis {high}",
