@@ -26,6 +26,7 @@ class Status(StrEnum):
         "invalid"  # the model is wrong: an estimate at a bound, or prediction errors far larger than expected
     )
     ALARM = "alarm"  # an alarm is open
+    SILENT = "silent"  # the samples have stopped; the estimate is the last one
 
 
 class Observation(StrEnum):
@@ -63,7 +64,7 @@ class ParameterStatus:
     not_tested: NotTested | None = None
     """Reason why a change of the parameter would not be detected now; None: the parameter is tested"""
     tested_s: float = 0.0
-    """Time for which the parameter has been tested since the start of the monitor [s]"""
+    """Time for which the parameter has been tested [s]; a restored state counts on"""
 
     @property
     def tested(self) -> bool:

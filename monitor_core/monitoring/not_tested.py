@@ -18,7 +18,7 @@ MIN_TESTED_MEMORIES = NAMING_MEMORIES
 class NotTested(StrEnum):
     """Reason why a change of a parameter would not be found."""
 
-    NO_SAMPLE = "no sample"
+    NO_SAMPLE = "no sample"  # none has been received, or the samples have stopped
     SETTLING = "settling"  # the predictor has just (re)started
     CONDITIONS = "operating conditions"  # a gate is closed, or a signal is unknown or out of its range
     WARM_UP = "warm-up state"  # the temperature of the axis is not known yet

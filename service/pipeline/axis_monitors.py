@@ -187,6 +187,11 @@ class FramePipeline:
         samples = {axis_id: concatenate(blocks) for axis_id, blocks in waiting.items()}
         return self.monitors.update(samples, self.live.observer())
 
+    def messages_of(self, axis_id: str) -> tuple[str, ...]:
+        """Names of the messages from which the samples of an axis are made."""
+        inputs = (ingest.axes[axis_id] for ingest in self.ingests.values() if axis_id in ingest.axes)
+        return tuple(dict.fromkeys(q.message for axis in inputs for q in axis.sampled))
+
     def flush(self) -> None:
         """End the input: values without a partner are counted as dropped; the last samples wait for ``update``."""
         for ingest in self.ingests.values():

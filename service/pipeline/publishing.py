@@ -6,6 +6,7 @@ snapshot at once.
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from time import perf_counter
 from typing import NamedTuple
 
@@ -17,6 +18,7 @@ from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.giving_way import giving_way
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.recording import Recording
+from service.pipeline.silence import SilenceWatch
 from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
 
 READ_S, UNREAD_S = 0.2, 1.0
@@ -88,6 +90,7 @@ class Publisher:
         self._parts, self._now_us, self._messages = parts, now_us, tuple(messages)
         self._started_us = now_us()
         self._views = dict[str, AxisView]()
+        self._silence = SilenceWatch(parts.pipeline.messages_of)
         self._was_read = False
         self.newest: Snapshot
         """The newest snapshot.  Reading it here does not make snapshots more frequent, as reading ``snapshot`` does"""
@@ -115,13 +118,16 @@ class Publisher:
         for view in giving_way(self._views.values()):
             view.take_point()
 
-    def publish(self, buses: Iterable[BusSnapshot], compiling: Iterable[str], at_once: bool) -> None:
+    def publish(
+        self, buses: Iterable[BusSnapshot], compiling: Iterable[str], at_once: bool, takes: bool
+    ) -> None:
         """Replace the snapshot if it is old or lacks urgent news.
 
         Args:
             buses: present states of the buses.
             compiling: messages about kernels that are not ready.
             at_once: replace it in any case.
+            takes: whether frames are taken; they wait while the kernel is compiled.
         """
         news = self._news(buses, compiling)
         age_s = perf_counter() - self._published_s
@@ -129,6 +135,7 @@ class Publisher:
         if at_once or age_s >= due_s or news.is_urgent(self.newest):
             self._was_read = False
             self._replace(news, prepare=age_s >= UNREAD_S / 2)
+            self._silence.report(self.newest, takes)
 
     def _replace(self, news: _Surroundings, prepare: bool) -> None:
         start = perf_counter()
@@ -145,7 +152,8 @@ class Publisher:
         return _Surroundings(now_us, tuple(buses), self._parts.alarms.snapshot(now_us), history, messages)
 
     def _snapshot(self, news: _Surroundings) -> Snapshot:
-        axes = tuple(view.snapshot() for view in giving_way(self._views.values()))
+        since = partial(self._silence.since, now_us=news.now_us)
+        axes = tuple(view.snapshot(since) for view in giving_way(self._views.values()))
         return Snapshot(
             taken_us=news.now_us,
             started_us=self._started_us,

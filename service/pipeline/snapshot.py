@@ -1,13 +1,13 @@
 """The immutable snapshot that API, metrics and page read; the worker replaces it in one assignment."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from monitor_core.detection import Alarm
 from monitor_core.drive import AxisModel
 from monitor_core.modeling import FlatComponent
-from monitor_core.monitoring import AxisStatus, ParameterTrend, Status
+from monitor_core.monitoring import AxisStatus, NotTested, ParameterTrend, Status
 from monitor_core.settings import Settings
 from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
@@ -75,6 +75,8 @@ class AxisSnapshot:
     """Author, time and reason of taking the axis out of service, when its alarms are not announced; None: in service"""
     watched: MonitoredDrive | None = None
     """Model and settings of the monitor; None: not known"""
+    silent_since_us: int | None = None
+    """Since when its samples have stopped, by the present clock of the machine; None: they come, or never have"""
 
 
 GIVE_UP_REASONS = ("age", "refused")
@@ -156,6 +158,7 @@ def make_axis_snapshot(
     received: Reception,
     out_of_service: Note | None = None,
     watched: MonitoredDrive | None = None,
+    silent_since_us: int | None = None,
 ) -> AxisSnapshot:
     """Make the snapshot of an axis from its monitor, trends, alarms and input."""
     named, drive = axis.config, axis.monitor.model.drive
@@ -182,7 +185,13 @@ def make_axis_snapshot(
         epoch=axis.epoch.snapshot(status),
         out_of_service=out_of_service,
         watched=watched,
+        silent_since_us=silent_since_us,
     )
+
+
+Silence = Callable[[str, float, int | None], int | None]
+"""Since when an axis is silent [us], by its id, sample interval [s] and the time of its last sample [us]; None: it is
+not."""
 
 
 class AxisView:
@@ -203,17 +212,37 @@ class AxisView:
         if self._history.is_due(axis_id, monitor.time_us):
             self._history.take(axis_id, monitor.status(), bool(self._monitored.gated_by))
 
-    def snapshot(self) -> AxisSnapshot:
+    def snapshot(self, silence: Silence) -> AxisSnapshot:
         """The present snapshot of the axis."""
         axis, trends = self._axis, self._pipeline.monitors.trends
         source = self._pipeline.ingests[axis.config.bus].axes[axis.id]
         open_alarms = self._alarms.open(axis.id)
         status = _as_recorded(self._monitored.monitor.status(), open_alarms)
+        silent_since_us = silence(axis.id, axis.config.sample_interval_s, status.time_us)
+        if silent_since_us is not None:
+            status = _without_samples(status)
         received = Reception(source.dropped, source.events, source.stamps)
         removed = self._alarms.removed(axis.id) or self._by_configuration
         return make_axis_snapshot(
-            self._monitored, trends, status, open_alarms, received, removed, self._watched
+            self._monitored, trends, status, open_alarms, received, removed, self._watched, silent_since_us
         )
+
+
+def _without_samples(status: AxisStatus) -> AxisStatus:
+    """The status of an axis whose samples have stopped: nothing of it is tested, and nothing may seem to be healthy."""
+    return replace(
+        status,
+        parameters=tuple(
+            replace(
+                p, status=p.status if p.status in _LASTING else Status.SILENT, not_tested=NotTested.NO_SAMPLE
+            )
+            for p in status.parameters
+        ),
+    )
+
+
+_LASTING = (Status.ALARM, Status.INVALID)
+"""States that last when the samples stop"""
 
 
 def _as_recorded(status: AxisStatus, open_alarms: Iterable[Alarm]) -> AxisStatus:

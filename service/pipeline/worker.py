@@ -278,7 +278,7 @@ class Worker:
         self._publish(at_once=True)
 
     def _publish(self, at_once: bool) -> None:
-        self.publisher.publish(self._bus_snapshots(), self._compiling(), at_once)
+        self.publisher.publish(self._bus_snapshots(), self._compiling(), at_once, not self._waits())
 
     def _bus_snapshots(self) -> Iterator[BusSnapshot]:
         return (bus.snapshot() for bus in self._buses)

@@ -194,7 +194,7 @@ def as_json(replayed: Replayed) -> str:
 def _axis(axis: ReplayedAxis) -> dict[str, Any]:
     now_us = axis.status.time_us or 0
     return {
-        **views.axis(axis.snapshot, now_us).model_dump(exclude={"last_sample_age_s"}),
+        **views.axis(axis.snapshot, now_us).model_dump(exclude={"last_sample_age_s", "silent"}),
         "trends": [trend.model_dump() for trend in views.trend(axis.snapshot).parameters],
         "alarms": [views.alarm(alarm).model_dump() for alarm in axis.alarms],
         "not_tested_in_records": {

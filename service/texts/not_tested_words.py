@@ -64,7 +64,7 @@ _NOT_RECORDED = "how warm the axis is after a start or a pause is not known, and
 _WAIT = "{left} more of samples; or nominal values and thresholds from records from cold to warm"
 _FEWER = "to take {uncertain} out of `monitor`"
 _WHY: dict[NotTested, str] = {
-    NotTested.NO_SAMPLE: "no sample has been received",
+    NotTested.NO_SAMPLE: "no sample is received",
     NotTested.SETTLING: "the predictor is settling after a start, a gap or lost samples",
     NotTested.CONDITIONS: "operating conditions exclude the samples",
     NotTested.WARM_UP: "how warm the axis is after a start or a pause is not known yet; its friction tells",

@@ -12,6 +12,7 @@ from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.replay_reports import ReplayReports
+from service.pipeline.silence import silent_after_s
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -140,21 +141,18 @@ def age_s(t_us: int, now_us: int) -> float:
 
 def sample_age_s(axis: AxisSnapshot, now_us: int) -> float | None:
     """Age of the last sample of an axis [s]; None: no sample yet."""
-    return None if axis.status.time_us is None else age_s(axis.status.time_us, now_us)
+    last_us = axis.status.time_us if axis.silent_since_us is None else axis.silent_since_us
+    return None if last_us is None else age_s(last_us, now_us)
 
 
 OLDEST_SNAPSHOT_S = 10.0
 """Age at which a snapshot means that the worker hangs; it publishes at least every second, even without samples."""
 
-OLDEST_SAMPLE_S = 5.0
-OLDEST_SAMPLE_INTERVALS = 10
-"""An axis is silent if its last sample is older than both."""
-
 
 def is_silent(axis: AxisSnapshot, now_us: int) -> bool:
     """Whether an axis receives no samples now."""
     age = sample_age_s(axis, now_us)
-    return age is None or age > max(OLDEST_SAMPLE_S, OLDEST_SAMPLE_INTERVALS * axis.interval_s)
+    return age is None or age > silent_after_s(axis.interval_s)
 
 
 def is_alive(snapshot: Snapshot, now_us: int) -> bool:

@@ -95,11 +95,12 @@ _GAUGES = {
 """Help texts by labels and name; in the output a name starts with axiswatch_"""
 _COUNTERS = {
     "axis": {
-        "samples": "Samples received.",
+        "samples": "Samples received with the present nominal values, over restarts of the daemon.",
         "histories_lost": "Long-term histories that could not be restored at the start: damaged, or of another model.",
     },
     "axis parameter": {
-        "parameter_tested_seconds": "Time for which the parameter has been tested, in seconds.",
+        "parameter_tested_seconds": "Time for which the parameter has been tested with its present nominal "
+        "values, over restarts of the daemon, in seconds.",
     },
     "axis fate": {
         "samples_by_fate": "Samples by their use; starved: too little excitation; gated: excluded by operating "

@@ -20,7 +20,7 @@ from service.texts.instants import iso
 from service.texts.not_tested_words import not_tested_sentences
 from service.texts.trend_words import reach_words, trend_words
 from service.web import models
-from service.web.app_state import VERSION, reasons_not_ready, sample_age_s
+from service.web.app_state import VERSION, is_silent, reasons_not_ready, sample_age_s
 
 OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 
@@ -75,6 +75,7 @@ def _axis(a: AxisSnapshot, now_us: int) -> dict[str, object]:
         "bus": a.bus,
         "last_sample": None if status.time_us is None else iso(status.time_us),
         "last_sample_age_s": sample_age_s(a, now_us),
+        "silent": is_silent(a, now_us),
         "parameters": [_parameter(p) for p in status.parameters],
         "innovation_variance": status.innovation_variance,
         "innovation_unit": OUTPUT_UNITS[a.output],

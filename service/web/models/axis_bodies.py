@@ -36,7 +36,8 @@ class Parameter(Body):
         description="nu, in the parameter's unit: deviation per sample that does not increase g"
     )
     status: Status = Field(
-        description="waiting: no sample yet; settling: the predictor has just (re)started; "
+        description="waiting: no sample yet; silent: the samples have stopped, the estimate is the last one; "
+        "settling: the predictor has just (re)started; "
         "seeding: P(0) is being determined; tracking; weakly observed, not observed: the present motion contains "
         "little or no information about it; "
         "invalid: the model does not hold, there is no estimate; alarm: an alarm is active"
@@ -49,7 +50,8 @@ class Parameter(Body):
         description="whether a change of it would be found now; false: the absence of an alarm says nothing of it"
     )
     not_tested_reason: NotTested | None = Field(
-        description="why it is not tested now; null: it is tested. no sample; settling: after a start or a gap; "
+        description="why it is not tested now; null: it is tested. no sample: none is received; "
+        "settling: after a start or a gap; "
         "warm-up state: it is not known yet how warm the axis is; "
         "operating conditions: a gate is closed, or a signal is unknown or out of range; unidentifiable: the record of "
         "the nominal values does not determine them; seeding: P(0) is being found, in ten memories of motion; not "
@@ -57,7 +59,9 @@ class Parameter(Body):
         "parameter is uncertain; no threshold: the detector that alarms has "
         "none for it"
     )
-    tested_s: Number = Field(description="time for which it has been tested since the start of its state [s]")
+    tested_s: Number = Field(
+        description="time for which it has been tested with these nominal values, over restarts of the daemon [s]"
+    )
 
 
 class Constant(Body):
@@ -144,10 +148,15 @@ class Axis(Body):
     bus: str
     last_sample: Time | None = Field(description="time of the last sample, UTC; null before the first")
     last_sample_age_s: Number = Field(description="its age in seconds when this was answered")
+    silent: bool = Field(
+        description="whether no samples are received: none for 5 s, or for 10 sample intervals if that is longer"
+    )
     parameters: list[Parameter]
     innovation_variance: Number = Field(description="running lambda_0, in the square of innovation_unit")
     innovation_unit: str = Field(description="unit of the output: rad or rad/s")
-    samples: int = Field(description="samples received since the start, used or not")
+    samples: int = Field(
+        description="samples received with these nominal values, over restarts of the daemon, used or not"
+    )
     confounded: list[str] = Field(description="sentences on parameters that are not observed now")
     gated_by: TextOrNull = Field(
         description="operating condition that excluded the last sample, e.g. mode = 2; null: none"

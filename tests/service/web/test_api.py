@@ -148,7 +148,7 @@ def test_what_is_not_tested_says_why_and_what_would_help(client: TestClient) -> 
     )
     assert {p["not_tested_reason"] for p in second["parameters"]} == {"no sample"}
     (words,) = second["not_tested"]
-    assert words.startswith("kT, 1/Ja and fm are not tested: no sample has been received. Needed: ")
+    assert words.startswith("kT, 1/Ja and fm are not tested: no sample is received. Needed: ")
 
 
 def test_the_slow_course_tells_the_drift_and_when_the_limit_is_reached(client: TestClient) -> None:

@@ -20,6 +20,7 @@ from service.web.access import Access
 from service.web.robot_setup import RobotSetup, SignalCheck
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import (
+    NOON_US,
     PARAMETERS,
     SIGNAL_CHECK,
     Daemon,
@@ -320,6 +321,22 @@ def test_values_that_are_no_numbers_and_the_gate_that_pauses_estimation(page: Pa
     banner = page.get_by_role("list", name="not tested: demo.axis1")
     expect(banner).to_contain_text("operating conditions exclude the samples (temperature is not known)")
     expect(banner).to_contain_text("estimation paused: temperature is not known")
+
+
+def test_an_axis_whose_samples_stop_is_no_longer_normal(page: Page, stage: Stage) -> None:
+    """The page follows the events, which have only axes that change."""
+    with_status(stage, parameters=[replace(p, status=Status.TRACKING, not_tested=None) for p in PARAMETERS])
+    page.goto("/")
+    expect(tile(page, "demo.axis1").locator(".head")).to_contain_text("normal")
+    stopped = [replace(p, status=Status.SILENT, not_tested=NotTested.NO_SAMPLE) for p in PARAMETERS]
+    with_status(stage, parameters=stopped)
+    with_axis(stage, silent_since_us=NOON_US - 60_000_000)
+    expect(tile(page, "demo.axis1").locator(".head")).to_contain_text("no data")
+    expect(parameter(page, "demo.axis1", "kT")).to_contain_text("not tested")
+    tile(page, "demo.axis1").click()
+    panel = page.get_by_role("region", name="kT")
+    expect(panel).to_contain_text("not tested")
+    expect(panel).not_to_contain_text("as at commissioning")
 
 
 def test_axe_finds_no_serious_fault(configured: Stage, page: Page, fm_alarm: Alarm) -> None:

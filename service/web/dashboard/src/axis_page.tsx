@@ -13,7 +13,7 @@ import { ageOf, useLive } from "./live";
 import { liveBuffer } from "./live_buffer";
 import { deviationText, estimateText, kindOf, numberWithUnit, stateOf } from "./marks";
 import { causeName, translated, Words } from "./sentences";
-import { evidence, isSilent } from "./need";
+import { evidence } from "./need";
 import { Plot, type Range } from "./plot";
 import { SignalPanel } from "./signal_panel";
 import { columnsOf, marksOf, rangeOf, Z95, type Columns, type History } from "./series";
@@ -98,7 +98,7 @@ function Head({ axis, age }: { axis: Axis; age: number | null }) {
   return (
     <div class="axis-head">
       <h1><bdi>{axis.id}</bdi></h1>
-      <p class={isSilent(axis) ? "late" : "quiet"}>{age === null ? t.noSample : t.lastSample(span(age))}</p>
+      <p class={axis.silent ? "late" : "quiet"}>{age === null ? t.noSample : t.lastSample(span(age))}</p>
       <p class="quiet"><bdi>{axis.model.drive}</bdi>, {t.output[axis.model.output] ?? axis.model.output} · {t.bus} <bdi>{axis.bus}</bdi></p>
       {(confounded.length > 0 || notes.length > 0) && (
         <ul class="banner warn" aria-label={`${t.notTested}: ${axis.id}`}>
@@ -176,7 +176,7 @@ function Figures({ p, shadow }: { p: Parameter; shadow: boolean }) {
       <dt>{t.deviation}</dt><dd class="share">{p.status === "waiting" ? "–" : deviationText(p)}</dd>
       <dt>{t.tolerance}</dt><dd>± {numberWithUnit(p.tolerance, p.unit)}</dd>
       <dt>{t.test}</dt><dd>{t.ofThreshold(percent(evidence(p), false))}<small>▲ {number(p.cusum.up)} ▼ {number(p.cusum.down)} / {number(p.threshold)}</small>{shadow && <small>{t.testInShadow}</small>}</dd>
-      <dt>{t.excitation}</dt><dd>{t.observation[p.observation]}<small>{t.testedFor(span(p.tested_s ?? 0))}</small></dd>
+      <dt>{t.excitation}</dt><dd>{p.not_tested_reason === "no sample" ? "–" : t.observation[p.observation]}<small>{t.testedFor(span(p.tested_s ?? 0))}</small></dd>
     </dl>
   );
 }

@@ -14,13 +14,10 @@ export interface Item {
   hidden: Alarm[];
 }
 
-const OLD_S = 5;
 const PRIORITIES = ["high", "medium", "low"];
 
 /** Hidden by a person or by the configuration. */
 export const isHidden = (alarm: Alarm): boolean => ["shelved", "suppressed", "out-of-service"].includes(alarm.state);
-
-export const isSilent = (axis: Axis): boolean => axis.last_sample_age_s === null || axis.last_sample_age_s > OLD_S;
 
 /** Key of an alarm, which stays the same when it is recorded or gets another name. */
 export const keyOf = (alarm: Alarm): string => `${alarm.axis} ${alarm.raised} ${(alarm.past[0] ?? alarm).parameter}`;
@@ -36,7 +33,7 @@ function needOf(axis: Axis, alarms: Alarm[]): Need {
   if (alarms.some((alarm) => alarm.state !== "acknowledged")) return "alarm";
   if (alarms.length > 0) return "acknowledged";
   if (axis.out_of_service) return "service";
-  if (isSilent(axis)) return "silent";
+  if (axis.silent) return "silent";
   return axis.parameters.some((p) => !p.tested) ? "untested" : "normal";
 }
 

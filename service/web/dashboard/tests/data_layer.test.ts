@@ -28,7 +28,7 @@ function parameter(changes: object = {}) {
 }
 
 function axisOf(id: string, changes: object = {}): Axis {
-  return { id, bus: "can0", last_sample: iso(0), last_sample_age_s: 0.1, parameters: [parameter()], sentences: [], ...changes } as unknown as Axis;
+  return { id, bus: "can0", last_sample: iso(0), last_sample_age_s: 0.1, silent: false, parameters: [parameter()], sentences: [], ...changes } as unknown as Axis;
 }
 
 function alarmOf(axis: string, changes: object = {}): Alarm {
@@ -225,7 +225,7 @@ describe("marks of alarms", () => {
 
 describe("need", () => {
   const axes = [
-    axisOf("r.10"), axisOf("r.9"), axisOf("silent", { last_sample_age_s: 60 }),
+    axisOf("r.10"), axisOf("r.9"), axisOf("silent", { last_sample_age_s: 60, silent: true }),
     axisOf("untested", { parameters: [parameter({ tested: false })] }), axisOf("known"), axisOf("low"), axisOf("high"),
     axisOf("near", { parameters: [parameter({ cusum: { up: 0, down: 3.9 } })] }), axisOf("hidden"),
   ];

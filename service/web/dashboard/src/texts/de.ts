@@ -28,7 +28,7 @@ const MOTION = "Bewegung, die beschleunigt und mehrere Geschwindigkeiten hat, in
 
 /** Warum Parameter nicht geprüft werden, und was dafür nötig ist. */
 const NOT_TESTED: Record<NonNullable<Parameter["not_tested_reason"]>, [string, string]> = {
-  "no sample": ["es kam noch kein Messwert", "Moment und Bewegung dieser Achse; `axiswatch listen` zeigt, was ankommt"],
+  "no sample": ["es kommt kein Messwert", "Moment und Bewegung dieser Achse; `axiswatch listen` zeigt, was ankommt"],
   settling: ["der Prädiktor schwingt nach Start, Lücke oder verlorenen Messwerten ein", "lückenlose Messwerte, länger als settling_time_s"],
   "operating conditions": [
     "die Betriebsbedingungen schließen die Messwerte aus",
@@ -462,7 +462,7 @@ export const de: Texts = {
 
   status: {
     waiting: "wartet", settling: "schwingt ein", seeding: "lernt", tracking: "verfolgt", "weakly observed": "schwach beobachtet",
-    "not observed": "nicht beobachtet", invalid: "ungültig", alarm: "Alarm",
+    "not observed": "nicht beobachtet", invalid: "ungültig", alarm: "Alarm", silent: "keine Daten",
   },
   notTested: "nicht geprüft",
   notTestedSentences: ({ parameters }, gate) => {
@@ -603,7 +603,7 @@ export const de: Texts = {
   ofThreshold: (share) => `${share} der Schwelle`,
   testInShadow: "zum Vergleich: die Alarme kommen vom Multimodell-Detektor",
   excitation: "Anregung",
-  testedFor: (s) => `seit dem Start ${s} lang geprüft`,
+  testedFor: (s) => `mit diesen Nennwerten ${s} lang geprüft`,
   state: "Zustand",
   detectors: "Detektoren",
   detector: { cusum: "CUSUM-Tests", multimodel: "Multimodell-Detektor" },

@@ -77,7 +77,7 @@ export const en = {
 
   status: {
     waiting: "waiting", settling: "settling", seeding: "learning", tracking: "tracking", "weakly observed": "weakly observed",
-    "not observed": "not observed", invalid: "invalid", alarm: "alarm",
+    "not observed": "not observed", invalid: "invalid", alarm: "alarm", silent: "no data",
   } as Record<string, string>,
   notTested: "not tested",
   notTestedSentences: (axis: Axis, _gate: string) => axis.not_tested,
@@ -209,7 +209,7 @@ export const en = {
   ofThreshold: (share: string) => `${share} of threshold`,
   testInShadow: "for comparison: the alarms come from the multi-model detector",
   excitation: "Excitation",
-  testedFor: (s: string) => `tested for ${s} since the start`,
+  testedFor: (s: string) => `tested for ${s} with these nominal values`,
   state: "State",
   detectors: "Detectors",
   detector: { cusum: "CUSUM tests", multimodel: "multi-model detector" } as Record<string, string>,
