@@ -19,7 +19,7 @@ from service.commands.protection import access_of, certificate_of
 from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.pipeline.recording import Extracts
-from service.pipeline.reloading import Reloaded, ReloadError, Reloading
+from service.pipeline.reloading import ReloadError, Reloading
 from service.pipeline.replay_reports import ReplayReports
 from service.texts.instants import now_us
 from service.web.access import Access
@@ -40,7 +40,7 @@ def run_daemon(
     file: Path | None = None,
     complete: Callable[[], None] = lambda: None,
     insecure: bool = False,
-    reloadable: Callable[[Callable[[Config], Reloaded]], None] = lambda _reload: None,
+    reloadable: Callable[[Reloading], None] = lambda _reloading: None,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -86,7 +86,7 @@ def run_daemon(
 
         def begin(port: int) -> None:
             parts.start()
-            reloadable(reloading.reload)
+            reloadable(reloading)
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             systemd.ready()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +17,7 @@ from service.config import Config, ConfigErrors, load
 from service.store.database import StoreError
 
 if TYPE_CHECKING:
-    from service.pipeline.reloading import Reloaded
+    from service.pipeline.reloading import Reloading
 
 Record = Annotated[
     Path | None,
@@ -76,15 +75,16 @@ class _Hangup:
 
     def __init__(self, path: Path, port: int | None) -> None:
         self._path, self._port = path, port
-        self.reload: Callable[[Config], Reloaded] | None = None
+        self.reloading: Reloading | None = None
         """None: the daemon has not started yet"""
 
-    def start(self, reload: Callable[[Config], Reloaded]) -> None:
-        """The daemon runs; ``reload`` applies a configuration."""
-        self.reload = reload
+    def start(self, reloading: Reloading) -> None:
+        """The daemon runs; ``reloading`` applies a configuration."""
+        self.reloading = reloading
 
     def apply(self) -> None:
-        """Read and apply the configuration; a faulty one is logged and changes nothing."""
+        """Read and apply the configuration; a faulty one is logged, shown to the operator, and changes nothing."""
+        from service.config.public_text import public_problem
         from service.pipeline.baselines import BaselineError
         from service.pipeline.reloading import ReloadError
 
@@ -93,14 +93,17 @@ class _Hangup:
         except ConfigErrors as errors:
             problems = [str(problem) for problem in errors.problems]
             log.error("SIGHUP: the configuration has mistakes; nothing was changed", problems=problems)
+            if self.reloading is not None:
+                self.reloading.refuse(self._path, [*map(public_problem, errors.problems)])
             return
-        if self.reload is None:
+        if self.reloading is None:
             log.warning("SIGHUP: the daemon is starting; nothing was changed", file=str(self._path))
             return
         try:
-            found = self.reload(read)
+            found = self.reloading.reload(read)
         except (ReloadError, BaselineError, StoreError) as error:
             log.error("SIGHUP: nothing was changed", file=str(self._path), reason=str(error))
+            self.reloading.refuse(self._path, [error.args[0]])
             return
         log.info("SIGHUP: the configuration is used", file=str(self._path), **found._asdict())
 

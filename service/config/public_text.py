@@ -10,6 +10,7 @@ import tomlkit
 from pydantic import BaseModel
 
 from service.config.found_file import FoundFile
+from service.config.problems import Problem
 from service.config.robot_defaults import DEFAULTS
 from service.config.schema import Config
 
@@ -25,6 +26,18 @@ def public_text(config: Config, folder: Path) -> str:
     shown by its name, relative to ``folder`` if it is in there.  Of a webhook's address only the host is shown.
     """
     return tomlkit.dumps(_shown_table(config, folder))
+
+
+def public_problem(problem: Problem) -> str:
+    """A mistake in a configuration without its value, which may be a secret at the wrong place, and without folders."""
+    file = problem.file
+    place = problem.place if file is None else problem.place.replace(str(file), file.name, 1)
+    words = problem.message
+    if any(_SECRET.search(key) for key in problem.key.split(".")) or "://" in words:
+        words = "the log says what is wrong with it"
+    if file is not None:
+        words = words.replace(f"{file.absolute().parent}{os.sep}", "")
+    return f"{place}: {problem.key}: {words}" if problem.key else f"{place}: {words}"
 
 
 def _shown_table(table: BaseModel, folder: Path) -> dict[str, Any]:

@@ -96,6 +96,8 @@ class Publisher:
         """The newest snapshot.  Reading it here does not make snapshots more frequent, as reading ``snapshot`` does"""
         self._published_s = self._making_s = 0.0
         self.processing = ProcessingTime()
+        self.refused: str | None = None
+        """Message to the operator that a changed configuration was refused; None: the last one is in force"""
         self.prepare: Callable[[Snapshot], object] = lambda _: None
         """Called with a snapshot before it is published, unless the last one was published a moment ago"""
 
@@ -169,6 +171,6 @@ class Publisher:
     def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
         parts = self._parts
         alarms = parts.alarms.problem, parts.alarms.clock_message
-        now = (*alarms, parts.checkpointer.problem, history.problem, *parts.recording.problems)
+        now = (*alarms, self.refused, parts.checkpointer.problem, history.problem, *parts.recording.problems)
         problems = (problem for problem in now if problem)
         return (*problems, *self._messages, *parts.pipeline.monitors.restarted_windows, *history.messages)

@@ -6,12 +6,13 @@ continues as after a restart: from its checkpoint if that fits, with its open al
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
 from typing import NamedTuple
 
 import structlog
 
 from monitor_core.modeling import ModelError
-from monitor_core.wording import listed
+from monitor_core.wording import listed, sentence
 from service.can.messages import DescriptionError
 from service.can.user_errors import BusError, IngestError
 from service.config import Config, NamedAxis
@@ -26,6 +27,7 @@ from service.pipeline.bus_readers import BusIntake, BusReaders
 from service.pipeline.epochs_at_start import epochs_in_force, resume_monitors
 from service.pipeline.worker import Worker
 from service.store.journal import Journal
+from service.texts.instants import iso
 
 log = structlog.get_logger(__name__)
 
@@ -122,6 +124,7 @@ class Reloading:
             self._filters = {bus.name: self._filters[bus.name] for bus in new.bus if bus.name not in ingests}
             self._filters |= {name: frozenset(ingest.filter) for name, ingest in ingests.items()}
             self._files, self._drives, self._config = files, drives, new
+            self._worker.publisher.refused = None
             return Reloaded(
                 tuple(axis.id for axis in changed if axis.id in before),
                 tuple(axis.id for axis in changed if axis.id not in before),
@@ -129,6 +132,19 @@ class Reloading:
                 len(after) - len(changed),
                 tuple(tables),
             )
+
+    def refuse(self, file: Path, problems: Sequence[str]) -> None:
+        """Show the operator, until a configuration is applied, that this file was refused."""
+        first, *more = problems
+        further = sentence("more mistakes", "; mistakes in it: {count}", count=len(problems)) if more else ""
+        self._worker.publisher.refused = sentence(
+            "configuration refused",
+            "{file} was refused at {at}: {problem}{further}. The former configuration stays in force",
+            file=file.name,
+            at=iso(self._now_us()),
+            problem=first,
+            further=further,
+        )
 
     def _check(self, new: Config, changed: Sequence[NamedAxis]) -> tuple[dict[str, Files], dict[str, Ingest]]:
         """Check a configuration; returns the description files of each bus, and new ingests of the buses to reopen.

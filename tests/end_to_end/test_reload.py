@@ -12,6 +12,7 @@ from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, 
 from tests.service.links.http_receiver import Answers, receiving
 
 USED, REFUSED = "SIGHUP: the configuration is used", "SIGHUP: nothing was changed"
+MISTAKEN = "SIGHUP: the configuration has mistakes; nothing was changed"
 HOST = "axiswatch.plant.example"
 
 
@@ -21,6 +22,16 @@ def hung_up(d: Daemon, answer: str) -> dict[str, Any]:
     d.process.send_signal(signal.SIGHUP)
     wait_for(lambda: [e["event"] for e in d.events()].count(answer) > before)
     return [e for e in d.events() if e["event"] == answer][-1]
+
+
+def shows(d: Daemon, refusal: str) -> None:
+    """The operator sees why the file was refused; empty: that it was not."""
+
+    def found() -> list[str]:
+        messages = d.get("api/v1/service")["messages"]
+        return [words for words in messages if "The former configuration stays in force" in words]
+
+    wait_for(lambda: any(refusal in words for words in found()) if refusal else not found())
 
 
 def asked_as(d: Daemon, host: str) -> int:
@@ -71,6 +82,11 @@ def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refuse
             assert reason == "a change of [service] checkpoint_interval_s needs a restart"
             edit(config, ("checkpoint_interval_s = 7\n", ""), ('"secret"', '"no secret"'))
             assert "no secret: cannot read the secret" in hung_up(d, REFUSED)["reason"]
+            shows(d, "no secret: cannot read the secret")
+            edit(config, ("[[links.webhook]]", "[[links.webhok]]"))
+            hung_up(d, MISTAKEN)
+            shows(d, 'links.webhok: unknown key: did you mean "webhook"')
+            edit(config, ("[[links.webhok]]", "[[links.webhook]]"))
             assert [asked_as(d, name) for name in (HOST, "another.example")] == [200, 421]
             assert [link["name"] for link in d.get("api/v1/service")["links"]] == ["orders"]
 
@@ -89,6 +105,7 @@ def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refuse
             (f"[[links.webhook]]\n{link}".replace("orders", "others"), ""),
         )
         assert hung_up(d, USED)["tables"] == ["[links]", "[web]"]
+        shows(d, "")
         assert d.get("api/v1/service")["links"] == []
         assert d.axis()["counters"]["started"] == 1
         assert d.stop() == 0

@@ -16,6 +16,7 @@ from service.config.drive_sources import shipped
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_transitions import Note
+from service.texts.instants import iso
 from tests.end_to_end.processes import wait_for
 from tests.service.pipeline.robots import START_US, changed, on_bus, with_axes
 from tests.service.pipeline.running_core import AXIS, OTHER, RunningCore, cell, changed_axis, seconds, states
@@ -58,6 +59,8 @@ def test_an_axis_that_is_not_changed_is_the_same_bits(
     plain.feed(seconds(frames, 0, 12))
     found = reloading.reload(with_fm(core.config, 0.078))
     assert found == Reloaded((AXIS,), (), (), 1, ())
+    tested_s = [core.axis(axis_id).status.parameters[0].tested_s for axis_id in (AXIS, OTHER)]
+    assert tested_s[0] == 0.0 < tested_s[1]  # it is counted for the present nominal values
     for running in (plain, core):
         running.feed(seconds(frames, 12, 24))
         running.worker.stop()
@@ -148,6 +151,24 @@ def test_what_is_not_possible_changes_nothing(
     core.feed(seconds(frames, 12, 13))
     assert core.axis().status.samples == 2600
     assert reloading.reload(other).changed == (AXIS,)
+
+
+def test_a_refused_file_is_a_message_until_one_is_applied(core: RunningCore, reloading: Reloading) -> None:
+    def shown() -> list[str]:
+        return [words for words in core.worker.snapshot.messages if "robot.toml" in words]
+
+    reloading.refuse(Path("plant/robot.toml"), ["robot.toml:3: memry_s: unknown key", "robot.toml:9: kT: no"])
+    wait_for(shown)
+    (words,) = shown()
+    assert words == (
+        f"robot.toml was refused at {iso(core.now_us)}: robot.toml:3: memry_s: unknown key; mistakes in it: 2."
+        " The former configuration stays in force"
+    )
+    with pytest.raises(ReloadError):
+        reloading.reload(changed(core.config, "axis1", estimator={"torque_noise": None}))
+    assert shown() == [words]
+    reloading.reload(core.config)
+    wait_for(lambda: not shown())
 
 
 def test_another_drawing_in_the_same_file_is_another_drive(

@@ -227,6 +227,8 @@ const SENTENCES: Record<string, string> = {
   compiling: "Der numerische Kern wird übersetzt; Frames warten, bis er fertig ist",
   "compiling multimodel": "Der Kern des Multimodell-Detektors wird übersetzt; dessen Messwerte warten, bis er fertig ist",
   "out of service": "Außer Betrieb, Alarme werden gespeichert, aber nicht gemeldet: {axes}",
+  "configuration refused": "{file} wurde um {at} abgelehnt: {problem}{further}. Die bisherige Konfiguration gilt weiter",
+  "more mistakes": "; Fehler darin: {count}",
   "clock set back": `${CLOCK} zurück${CLOCK_AFTER}`,
   "clock set forward": `${CLOCK} vor${CLOCK_AFTER}`,
   link: "Verbindung {name}: {why}",
