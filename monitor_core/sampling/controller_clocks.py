@@ -58,6 +58,9 @@ MIN_COUNTS = 1000
 MAX_BACKLOG_COUNTS = 10
 """A frame soon after another one belongs to a backlog if its count is at most this much beyond the last one."""
 
+MAX_EARLIER = 10
+"""Largest number of frames in a row that belong to cycles before the last one; more mean that a clock was set back."""
+
 _EARLIEST_KEPT = int(EARLY_SHARE * WINDOW) + 1
 _LONGEST_COUNTER = 62
 """Length in bits: a longer counter never wraps."""
@@ -80,6 +83,7 @@ CLOCK = np.dtype(
         ("paused", "?"),
         ("pauses", "i8"),
         ("bunched", "f8"),
+        ("earlier", "i8"),  # frames in a row that belong to cycles before the last one
     ]
 )
 """A line with its drift, and the data of the last frame."""
@@ -154,7 +158,8 @@ def cyclic_clock(interval_s: float) -> Clock:
 
     Frames that are not later than the last cycle are rejected as repeated or out of order.  Frames further back than
     half a second (or ten cycles), and frames that waited for longer than that, are rejected as untimed.  After a second
-    of only untimed frames the line restarts: the clock of this machine was set back.  After a pause of half a second
+    of only untimed frames, or more than ten out of order in a row, the line restarts: the clock of this machine was set
+    back.  After a pause of half a second
     the line keeps its rate, but not its phase, as the clock may have been set forward; this counts as a restart too.
 
     Args:
@@ -285,7 +290,7 @@ def read_cycle(clock: Any, values: Any, value: Any) -> None:
         return
     clock.received_us = received_us
     if cycle <= clock.n:
-        _put_ready(clock, values, value, 0, REPEATED if cycle == clock.n else OUT_OF_ORDER)
+        _read_earlier(clock, values, value, cycle)
         return
     _put_ready(clock, values, value, _assign_cycle(clock, received_us, cycle), GIVEN)
 
@@ -369,9 +374,21 @@ def _assign_cycle(clock: Any, received_us: int, n: Any) -> Any:
 @outlined
 def _time_of(clock: Any, n: int) -> Any:
     passed_us = (n - clock.n) * clock.interval_us
-    clock.n = n
+    clock.n, clock.earlier = n, 0
     shift_us = follow_delay(clock, n * clock.interval_us, passed_us)
     return nominal(clock, n) + shift_us
+
+
+@outlined
+def _read_earlier(clock: Any, values: Any, value: Any, cycle: Any) -> None:
+    """Take a frame that is not later than the last cycle."""
+    if cycle < clock.n:
+        clock.earlier += 1
+        if clock.earlier > MAX_EARLIER:
+            clock.restarts += 1
+            _put_ready(clock, values, value, _anchor_cycle(clock, value.received_us, clock.rate), GIVEN)
+            return
+    _put_ready(clock, values, value, 0, REPEATED if cycle == clock.n else OUT_OF_ORDER)
 
 
 @outlined
@@ -389,5 +406,5 @@ def _anchor_cycle(clock: Any, received_us: int, rate: float) -> int:
     restart_drift(clock, rate)
     add_delay(clock, 0.0, 0.0)
     clock.runs = True
-    clock.n, clock.received_us = 0, received_us
+    clock.n, clock.received_us, clock.earlier = 0, received_us, 0
     return received_us

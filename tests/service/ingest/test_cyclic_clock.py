@@ -221,14 +221,14 @@ def test_a_clock_that_is_set_back_is_doubted_for_a_second(back_s: float) -> None
     assert clock.reanchored == 1
 
 
-def test_a_clock_that_is_set_back_a_little_is_waited_for() -> None:
+def test_a_clock_that_is_set_back_a_little_is_doubted_for_ten_frames() -> None:
+    """Waiting for its former time would hide a gap of 0.3 s, which looks like a fault of the axis."""
     clock = CyclicClock[int](0.005)
     readings(clock, sending(range(300), on_time), last=False)
     found = readings(clock, sending(range(300, 500), on_time, start_us=START_US - 300_000))
-    assert [reading.time for reading in found[:59]] == ["out_of_order"] * 59
-    assert found[59].time == "repeated"
-    assert found[60:] == [Reading(c, START_US - 300_000 + c * CYCLE_US) for c in range(360, 500)]
-    assert clock.reanchored == 0
+    assert [reading.time for reading in found[:10]] == ["out_of_order"] * 10
+    assert found[10:] == [Reading(c, START_US - 300_000 + c * CYCLE_US) for c in range(310, 500)]
+    assert clock.reanchored == 1
 
 
 @pytest.mark.parametrize("phase_us", [0, 1000, 2500, 4900])

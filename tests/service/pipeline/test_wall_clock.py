@@ -1,4 +1,4 @@
-"""The clock of the machine is set while an alarm lasts: that is recorded, and its duration is right."""
+"""The clock of the machine is set: an alarm lasts as long as its cause, and no axis seems to have a fault."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,7 +9,7 @@ from structlog.testing import capture_logs
 from service.can.frames import Frame, FrameBlock
 from service.pipeline.wall_clock import WallClock
 from service.simulation.robot import Fault
-from tests.service.pipeline.robots import START_US, Waiting, blocks, demo
+from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 from tests.service.pipeline.running_core import StandingCore
 
 HOUR_US = 3_600_000_000
@@ -92,4 +92,24 @@ def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame]
     assert alarm.raised_us < alarm.updated_us <= alarm.ended_us
     assert 14.0 < (alarm.ended_us - START_US) * 1e-6 < LENGTH_S
     assert wall.message in bench.worker.snapshot.messages
+    bench.close()
+
+
+@pytest.mark.parametrize("step_us", [-1_200_000, -300_000, 300_000])
+def test_a_small_step_of_the_clock_is_no_fault_of_an_axis_without_a_counter(
+    tmp_path: Path, seed: int, step_us: int
+) -> None:
+    """Such as that of an NTP daemon; the times of the samples are fitted to those of receipt."""
+    config = changed(
+        demo(tmp_path, 1), time={"counter_signal": None, "counter_message": None, "clock": "cyclic"}
+    )
+    reader = Stepping([f for block in blocks(config, 22.0, seed) for f in block.frames()], step_us, Clocks())
+    bench = StandingCore(tmp_path, config, reader)
+    bench.compile()
+    while reader.frames:
+        reader.go_on()
+        bench.worker.turn()
+    assert bench.journal.query("demo.axis1")[0] == []
+    assert bench.core.ingests["can0"].axes["demo.axis1"].events["clock_set_back"] == int(step_us < 0)
+    assert bench.core.monitors.by_id["demo.axis1"].status().counters["gap"] == 1
     bench.close()
