@@ -11,13 +11,16 @@ from collections.abc import Callable, Mapping
 import structlog
 
 from monitor_core.wording import listed
-from service.pipeline.snapshot import Snapshot
+from service.pipeline.silence import silent_after_s
+from service.pipeline.snapshot import AxisSnapshot, Snapshot
 
 _WITHOUT_WATCHDOG_S = 5.0
 """Time between two checks of the status [s]"""
 _LOOKS = 4
 """Notifications within the time-out of the watchdog"""
 _SEND_S = 1.0
+_MOST_NAMES = 3
+"""Most axes that a status names"""
 
 log = structlog.get_logger(__name__)
 
@@ -122,5 +125,15 @@ def status_line(snapshot: Snapshot) -> str:
     ]
     if down := [bus.name for bus in snapshot.buses if not bus.up]:
         parts.append(f"bus {listed(down)} down")
+    if silent := [axis.id for axis in snapshot.axes if _is_silent(axis, snapshot)]:
+        parts.append(
+            f"no samples of {listed(silent) if len(silent) <= _MOST_NAMES else f'{len(silent)} axes'}"
+        )
     more = [f"{len(snapshot.messages) - 1} more messages"] if len(snapshot.messages) > 1 else []
     return "; ".join([", ".join(parts), *snapshot.messages[:1], *more]).replace("\n", " ")
+
+
+def _is_silent(axis: AxisSnapshot, snapshot: Snapshot) -> bool:
+    """Whether an axis has no samples now; in the first seconds after the start they may not have come yet."""
+    is_new = (snapshot.taken_us - snapshot.started_us) * 1e-6 <= silent_after_s(axis.interval_s)
+    return axis.silent_since_us is not None or (axis.status.time_us is None and not is_new)

@@ -5,17 +5,19 @@ import re
 import socket
 import threading
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from structlog.testing import capture_logs
 
-from service.commands.service_manager import ServiceManager
+from service.commands.service_manager import ServiceManager, status_line
 from service.pipeline.recording import Recording
 from service.pipeline.worker import COMPILING
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.daemon_thread import daemon_thread
 from tests.service.pipeline.robots import demo
+from tests.service.web.conftest import NOON_US, whole_snapshot
 
 NAME = "notify"
 
@@ -143,3 +145,18 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
             go_on.set()
     assert "STOPPING=1" in systemd.lines()[-2:]
     assert systemd.lines().count("READY=1") == 1
+
+
+def test_the_status_says_which_axes_have_no_samples() -> None:
+    """The second axis has never had any, since ten minutes."""
+    snapshot = whole_snapshot()
+    first, second = snapshot.axes
+    waits = "monitoring 2 axes, 1 active alarm, bus can1 down, no samples of "
+    assert status_line(snapshot).startswith(f"{waits}demo.axis2;")
+    stopped = replace(first, silent_since_us=NOON_US - 60_000_000)
+    assert status_line(replace(snapshot, axes=(stopped, second))).startswith(
+        f"{waits}demo.axis1 and demo.axis2;"
+    )
+    assert "no samples" not in status_line(replace(snapshot, started_us=NOON_US - 1_000_000))
+    many = tuple(replace(stopped, id=f"demo.axis{k}", open_alarms=()) for k in range(12))
+    assert "no samples of 12 axes" in status_line(replace(snapshot, axes=many))
