@@ -21,7 +21,7 @@ from service.config import Config
 from service.pipeline.recording import Extracts
 from service.pipeline.reloading import ReloadError, Reloading
 from service.pipeline.replay_reports import ReplayReports
-from service.texts.instants import now_us
+from service.texts.instants import iso, now_us
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState
@@ -97,7 +97,8 @@ def run_daemon(
         systemd.stopping()
     if (fault := parts.worker.error) is not None:
         raise DaemonFailedError("a fault in the worker has stopped the daemon; the log says what") from fault
-    log.info("stopped", checkpoint_us=parts.worker.snapshot.checkpoint_us)
+    saved_us = parts.worker.snapshot.checkpoint_us
+    log.info("stopped", checkpoint=None if saved_us is None else iso(saved_us))
 
 
 def _service_manager(parts: DaemonParts) -> ServiceManager:

@@ -1,5 +1,6 @@
 """An SQLite file in WAL mode with one writer: locking, migrations, quarantine of a damaged file."""
 
+import errno
 import fcntl
 import os
 import sqlite3
@@ -133,7 +134,7 @@ def _claim(path: Path) -> FileIO:
             "a+b", buffering=0
         )  # what a full disk refuses must not come again when it is closed
     except OSError as error:
-        raise StoreError(f"{lock_path}: {error.strerror}") from error
+        raise StoreError(_unusable(lock_path, error)) from error
     try:
         fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError as error:
@@ -147,8 +148,18 @@ def _claim(path: Path) -> FileIO:
         owner.write(str(os.getpid()).encode("ascii"))
     except OSError as error:
         owner.close()
-        raise StoreError(f"{lock_path}: {error.strerror}") from error
+        raise StoreError(_unusable(lock_path, error)) from error
     return owner
+
+
+def _unusable(path: Path, error: OSError) -> str:
+    """Why a file of the state directory cannot be written, and what to do about missing rights."""
+    words = f"{path}: {error.strerror}"
+    if error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
+        return words
+    return (
+        f"{words}: {path.parent} must be a folder that the user of the daemon can write ([service] state_dir)"
+    )
 
 
 def _connect(uri: str) -> sqlite3.Connection:

@@ -94,3 +94,10 @@ def test_a_shelf_that_is_over_hides_nothing_though_its_end_cannot_be_recorded(di
     (alarm,) = (a for a in alarms.snapshot(200).standing if a.parameter == "p")
     assert alarm.state == "unacknowledged"
     journal.close()
+
+
+def test_a_read_only_disk_names_the_folder_that_must_be_writable(disk: SmallDisk) -> None:
+    subprocess.run(["mount", "-o", "remount,ro", str(disk.folder)], check=True)
+    words = f"Read-only file system: {disk.folder} must be a folder that the user of the daemon can write"
+    with pytest.raises(StoreError, match=words):
+        Journal(disk.folder / "alarms.sqlite")
