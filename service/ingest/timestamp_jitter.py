@@ -24,13 +24,16 @@ class Stamps(NamedTuple):
     ``scatter_s``: standard deviation of the time of receipt minus the time of the sample [s].  With the clock
     "receipt", in which these are equal: the standard deviation of the intervals divided by sqrt(2), as for independent
     errors.  ``interval_s``: interval of the controller, measured by the clock of this machine [s].  None: not known
-    yet.  ``spread_s``: scatter of the intervals of which ``interval_s`` is the median, if a clock has not fitted it.
+    yet.  ``interval_from``: whether the clock of the samples' times has fitted that interval, or it is the median of
+    the measured intervals.  ``intervals_scatter_s``: scatter of these, which limits the accuracy of their median [s];
+    None: it is ``scatter_s``.
     """
 
     clock: Clock
     scatter_s: float | None
     interval_s: float | None
-    spread_s: float | None = None
+    interval_from: Literal["clock", "median"] = "clock"
+    intervals_scatter_s: float | None = None
 
 
 NOT_KNOWN = Stamps("receipt", None, None)
@@ -53,14 +56,15 @@ def stamps_of(
         return Stamps(clock, scatter_s, fitted_s)
     measured_s, nominal_s = float(m["median_us"]) * 1e-6, float(m["interval_us"]) * 1e-6
     if counted_s is not None and abs(counted_s - nominal_s) < abs(measured_s - nominal_s):
-        measured_s = (
-            counted_s  # late frames that catch up shorten most intervals, but not all of them together
-        )
+        # Late frames that catch up shorten most intervals, but not all of them together.
+        measured_s = counted_s
     # With a wrong interval the samples of a counter are later and later: that is no scatter.
-    spread_s = between_s if clock == "counter" else scatter_s
+    intervals_scatter_s = between_s if clock == "counter" else None
     # Use the interval of the fitted clock, unless the nominal interval is too far off for the fit to work.
-    if fitted_s is None or _far_off(measured_s, nominal_s, spread_s):
-        return Stamps(clock, scatter_s, measured_s, None if clock == "receipt" else spread_s)
+    if fitted_s is None or _far_off(
+        measured_s, nominal_s, scatter_s if intervals_scatter_s is None else intervals_scatter_s
+    ):
+        return Stamps(clock, scatter_s, measured_s, "median", intervals_scatter_s)
     return Stamps(clock, scatter_s, fitted_s)
 
 
@@ -76,9 +80,9 @@ def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
         )
     if found_s is None:
         return
-    fitted = stamps.clock != "receipt" and stamps.spread_s is None
+    fitted = stamps.interval_from == "clock"
     by_clock = fitted and abs(found_s / interval_s - 1) > _CRYSTALS
-    if by_clock or _far_off(found_s, interval_s, scatter_s if fitted else stamps.spread_s or scatter_s):
+    if by_clock or _far_off(found_s, interval_s, stamps.intervals_scatter_s or scatter_s):
         yield sentence(
             "interval differs",
             "a sample comes every {found} ms, not every {interval} ms: correct sample_interval_s",
