@@ -49,12 +49,12 @@ from monitor_core.identification.record_checks.value_patterns import (
     whole_numbers,
     wrap_of,
 )
+from monitor_core.identification.records.gap_cuts import GapCut, RecordPart, cut_at_gaps
 from monitor_core.identification.records.measured_record import (
     UNITS,
     Record,
     between,
     lively_parts,
-    long_pieces,
 )
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.thermal.warm_up import FoundWarmUp

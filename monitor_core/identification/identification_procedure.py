@@ -23,6 +23,8 @@ from monitor_core.identification.identification_result import (
 )
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
 from monitor_core.identification.problem import IdentificationError, Problem
+from monitor_core.identification.record_checks.known_axis import slowest_time_constant
+from monitor_core.identification.records.gap_cuts import cut_at_gaps
 from monitor_core.identification.records.measured_record import Record, lively_parts
 from monitor_core.identification.starting import (
     Growth,
@@ -67,6 +69,7 @@ def identify(
 ) -> IdentificationResult:
     """Estimate the free parameters of a drive; simulate all records; compare with a black box.
 
+    A record with gaps is cut there, and its parts are fitted, as ``cut_at_gaps`` says.
     If most of the motion is so slow that friction sticks and slips, and the drive does not explain it, the fit is
     repeated without the slow motion, and the monitor must then leave it out too (``Problem.min_speed``).  A fit of one
     mass from records alone that is not good is repeated with the inertia of the torque balance.
@@ -84,6 +87,30 @@ def identify(
     """
     options = options or IdentificationOptions()
     report = progress or _silent
+    if not options.cut_at_gaps:
+        return _with_repeats(problem, records, validation, options, report)
+    slowest_s = slowest_time_constant(problem.drive, problem.nominal, options.unknown)
+    used, cuts = cut_at_gaps(records, slowest_s, options.begins_s)
+    validated, further_cuts = cut_at_gaps(validation, slowest_s)
+    found = _with_repeats(
+        problem,
+        [part.record for part in used],
+        [part.record for part in validated],
+        replace(options, begins_s=tuple(part.begins_s for part in used)),
+        report,
+    )
+    as_given = replace(found.options, begins_s=options.begins_s)
+    return replace(found, options=as_given, gap_cuts=(*cuts, *further_cuts))
+
+
+def _with_repeats(
+    problem: Problem,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    options: IdentificationOptions,
+    report: Progress,
+) -> IdentificationResult:
+    """The fit, repeated where ``identify`` says so."""
     found = _identify(problem, records, validation, options, report)
     if Effect.SLOW in found.verdict.missing:
         faster = replace(problem, min_speed=found.verdict.slow)

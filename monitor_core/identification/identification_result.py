@@ -16,6 +16,7 @@ from monitor_core.identification.assessment.verdict import Quality, Verdict
 from monitor_core.identification.greybox import Estimate, Trace
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
 from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.gap_cuts import GapCut
 from monitor_core.identification.starting import Growth, masses_of
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
 from monitor_core.identification.torque_balance.standstill import Standstill
@@ -46,6 +47,7 @@ class IdentificationOptions:
         thermal: heat at the start of the first record, if friction may depend on an unmeasured heat; None: no warm-up
             is searched for.
         begins_s: clock times of the first samples of the records [s]; None, or none at all: unknown.
+        cut_at_gaps: fit a record with gaps as the parts between them; False: as the records are given.
     """
 
     start: Start = "search"
@@ -62,6 +64,7 @@ class IdentificationOptions:
     speed_scales: tuple[float, ...] = ()
     thermal: ThermalStart | None = None
     begins_s: tuple[float | None, ...] = ()
+    cut_at_gaps: bool = True
 
 
 _SIGNIFICANT = 3.0
@@ -126,6 +129,7 @@ class IdentificationResult:
         memory_s: the memory that ``watched`` holds for [s].
         warm_up: model of the warm-up, if friction depends on an unmeasured heat; None: it does not.
         standstill: the frequent standstills, whose torque is left out; None: the axis rarely stands still.
+        gap_cuts: what is used of each record with gaps, also of those for validation.
     """
 
     start: Problem
@@ -144,6 +148,7 @@ class IdentificationResult:
     not_following: tuple[str, ...] = ()
     """Friction parameters for which a warm-up was searched but not found"""
     standstill: Standstill | None = None
+    gap_cuts: tuple[GapCut, ...] = ()
 
     def model(self, monitored: Sequence[str]) -> AxisModel:
         """The axis with the estimates as its nominal values.

@@ -14,6 +14,7 @@ import numpy as np
 from monitor_core.drive import COULOMB, HEAT, LOAD, AxisModel, Drive, ThermalStart, friction_of, split_name
 from monitor_core.identification import (
     Disturbance,
+    GapCut,
     IdentificationError,
     IdentificationOptions,
     KnownAxis,
@@ -25,6 +26,7 @@ from monitor_core.identification import (
     Schedule,
     Start,
     check_record,
+    cut_at_gaps,
     identify,
     known_axis,
     lively_parts,
@@ -39,7 +41,7 @@ from service.config.base_table import SUFFIX
 from service.config.conditions import term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
-from service.ingest.loaded_records import Loaded, between_gaps, load
+from service.ingest.loaded_records import Loaded, load, loaded_part
 from service.ingest.recorded_units import units_as_recorded
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
@@ -48,8 +50,6 @@ _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
 SAME_INTERVAL = 0.01
 """Largest relative difference of intervals that count as equal, such as in a file of nominal values and its axis"""
-_SETTLED = 5.0
-"""Length of a part between gaps, in time constants of the drive; then its unknown initial state matters little"""
 _OTHER_SAMPLING = 2.0
 """Ratio of intervals above which the sampling differs; below it the clock is only inexact"""
 TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
@@ -153,8 +153,8 @@ def prepare(
     known = known_axis(drive, nominal, count, speed_scale, unknown)
     warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
     warnings += tuple(units_as_recorded(config, axis, used[0].source.path))
-    (used, cut), (kept_aside, cut_aside) = (_cut(items, known) for items in (used, kept_aside))
-    warnings += (*cut, *cut_aside)
+    (used, cuts), (kept_aside, more_cuts) = (_without_gaps(items, known) for items in (used, kept_aside))
+    warnings += tuple(map(_gap_warning, (*cuts, *more_cuts)))
     scheduled = scheduled_terms(schedule, [item.record for item in used])
     used, kept_aside = (
         [item._replace(record=with_terms(item.record, scheduled)) for item in group]
@@ -179,6 +179,7 @@ def prepare(
         speed_scales=tuple(scales),
         thermal=_thermal_start(request, axis.config, drive, schedule),
         begins_s=tuple(item.source.begins_s for item in used),
+        cut_at_gaps=False,  # done above
     )
     return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
 
@@ -317,23 +318,22 @@ def _disturbance(
     return Disturbance(slow=_SLOW * torque, time_constant_s=time_constant_s)
 
 
-def _cut(items: Sequence[Loaded], known: KnownAxis) -> tuple[list[Loaded], list[str]]:
-    """Records without their gaps, and what has become of those that have any."""
-    kept, words = list[Loaded](), list[str]()
-    for item in items:
-        record, found = item.record, between_gaps(item, _SETTLED * (known.slowest_s or 0.0))
-        kept += found or [item]
-        if found and found[0] is not item:
-            left = 100 * sum(len(piece.record) for piece in found) / len(record)
-            words.append(
-                f"{record.name}: cut at its gaps; {left:.3g} % of the samples, in {len(found)} parts, are used."
-            )
-        elif not found:
-            words.append(
-                f"{record.name}: used as a whole, since little is left between its gaps; the drive may then seem not to"
-                " explain the motion: record again, without gaps."
-            )
-    return kept, words
+def _without_gaps(items: Sequence[Loaded], known: KnownAxis) -> tuple[list[Loaded], Sequence[GapCut]]:
+    """The records, those with gaps as the parts between them, and what is used of each of these."""
+    parts, cuts = cut_at_gaps(
+        [item.record for item in items], known.slowest_s, [item.source.begins_s for item in items]
+    )
+    return [loaded_part(items[part.number], part) for part in parts], cuts
+
+
+def _gap_warning(cut: GapCut) -> str:
+    if cut.parts:
+        share = f"{100 * cut.used:.3g} % of the samples, in {cut.parts} parts"
+        return f"{cut.name}: cut at its gaps; {share}, are used."
+    return (
+        f"{cut.name}: used as a whole, since little is left between its gaps; the drive may then seem not to"
+        " explain the motion: record again, without gaps."
+    )
 
 
 # --- checks of the records ----------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from monitor_core.drive import AxisModel, Operating
-from monitor_core.identification import Record, long_pieces
+from monitor_core.identification import Record, RecordPart
 from monitor_core.monitoring import conditioned_records
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
@@ -77,27 +77,14 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     return Loaded(record, source)
 
 
-def between_gaps(loaded: Loaded, shortest_s: float) -> list[Loaded]:
-    """The pieces of a record between its gaps that are at least as long and worth a fit; empty: too little is left."""
-    record, source = loaded
-    found = long_pieces(record, shortest_s)
-    if found and found[0] is record:
-        return [loaded]
-    return [
-        Loaded(
-            piece,
-            replace(
-                source,
-                used=len(piece),
-                start_s=float(piece.t[0]),
-                end_s=float(piece.t[-1]),
-                begins_s=None
-                if source.begins_s is None
-                else source.begins_s + float(piece.t[0] - record.t[0]),
-            ),
-        )
-        for piece in found
-    ]
+def loaded_part(loaded: Loaded, part: RecordPart) -> Loaded:
+    """A part of a loaded record, and its origin."""
+    record = part.record
+    if record is loaded.record:
+        return loaded
+    start_s, end_s = float(record.t[0]), float(record.t[-1])
+    source = replace(loaded.source, used=len(record), start_s=start_s, end_s=end_s, begins_s=part.begins_s)
+    return Loaded(record, source)
 
 
 def load_samples(

@@ -1,7 +1,7 @@
 """Known properties of an axis for the checks: inertia as one rigid mass, slowest time constant, antiresonance."""
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,20 +82,33 @@ def known_axis(
     Raises:
         KeyError, ValueError: a value is missing or makes no sense.
     """
-    tried = [
-        _times_and_inertia(drive, {**values, **dict.fromkeys(unknown, value)}) for value in _PLACEHOLDERS
-    ]
     slowest_s, inertia, antiresonance = (
-        first if first and second and math.isclose(first, second, rel_tol=_SAME) else None
-        for first, second in zip(*tried, strict=True)
+        _if_equal(*(found(drive, trial) for trial in _trials(values, unknown)))
+        for found in (_slowest_s, rigid_inertia, antiresonance_s)
     )
     return KnownAxis(parameters, slowest_s, inertia, antiresonance, speed_scale)
 
 
-def _times_and_inertia(drive: Drive, values: Mapping[str, float]) -> tuple[float | None, float, float | None]:
-    """Slowest time constant, inertia, period of the antiresonance."""
+def slowest_time_constant(
+    drive: Drive, values: Mapping[str, float], unknown: Collection[str] = ()
+) -> float | None:
+    """Slowest time constant of a drive with these values [s]; arguments as in ``known_axis``; None: not known."""
+    return _if_equal(*(_slowest_s(drive, trial) for trial in _trials(values, unknown)))
+
+
+def _trials(values: Mapping[str, float], unknown: Collection[str]) -> Iterator[dict[str, float]]:
+    """The values, with each of two trial values for the unknown ones."""
+    for value in _PLACEHOLDERS:
+        yield {**values, **dict.fromkeys(unknown, value)}
+
+
+def _if_equal(first: float | None, second: float | None) -> float | None:
+    """A property that does not depend on the trial values; None: it does."""
+    return first if first and second and math.isclose(first, second, rel_tol=_SAME) else None
+
+
+def _slowest_s(drive: Drive, values: Mapping[str, float]) -> float | None:
     poles = np.linalg.eigvals(drive.matrix("A", drive.complete(values)))
     decay = -poles.real
     slow = decay[decay > _NOUGHT * abs(poles).max()]
-    slowest = float(1 / slow.min()) if slow.size else None
-    return slowest, rigid_inertia(drive, values), antiresonance_s(drive, values)
+    return float(1 / slow.min()) if slow.size else None

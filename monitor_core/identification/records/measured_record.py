@@ -215,24 +215,6 @@ def pieces(record: Record) -> list[Record]:
     return segments(record, GAP * record.interval_s)
 
 
-_SHORTEST = 1000
-"""Least number of samples of a piece that is fitted: many more than the initial state that it has of its own."""
-_MOSTLY = 0.5
-"""Least share of the samples that the pieces must hold together"""
-
-
-def long_pieces(record: Record, shortest_s: float = 0.0) -> list[Record]:
-    """The pieces of a record between its gaps that are worth a fit; empty if most of the record would be lost.
-
-    A record without a gap is returned as it is.  A drive that runs through a gap on an unknown torque is off for long
-    afterwards: after a few gaps no drive seems to explain the record.
-    """
-    if not (record.intervals > GAP * record.interval_s).any():
-        return [record]
-    found = [piece for piece in pieces(record) if len(piece) >= _SHORTEST and piece.duration_s >= shortest_s]
-    return found if sum(map(len, found)) >= _MOSTLY * len(record) else []
-
-
 _ENOUGH = 40_000
 """Number of samples that suffices to find starting values and the speed scale of friction, and to judge a drive."""
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import lively_parts
-from monitor_core.identification.records.measured_record import Record, between, long_pieces, segments
+from monitor_core.identification.records.measured_record import Record, between, segments
 from monitor_core.identification.records.uniform_grid import PASS, mean_torque, resample
 from monitor_core.samples import SampleBlock
 from tests.core.identification.record_cases import H, records, same
@@ -106,18 +106,6 @@ def test_segments_have_no_gap_and_hold_every_sample_that_has_a_neighbour(r: Reco
     assert all(piece.intervals.max() <= gap for piece in pieces)
     near = np.concatenate(([False], r.intervals <= gap)) | np.concatenate((r.intervals <= gap, [False]))
     assert [t for piece in pieces for t in piece.t] == r.t[near].tolist()
-
-
-@pytest.mark.parametrize(("lost", "left"), [((), [4000]), ((1500, 2000), [1500, 2000]), ((900, 950), [3050])])
-def test_long_pieces_are_those_worth_a_fit(lost: tuple[int, ...], left: list[int]) -> None:
-    t = H * np.arange(4000)
-    r = record(t, 0 * t, 0 * t)
-    kept = np.ones(4000, np.bool_)
-    kept[slice(*lost) if lost else slice(0)] = False
-    found = long_pieces(r.select(kept))
-    assert [len(piece) for piece in found] == left
-    if lost:
-        assert long_pieces(r.select(kept), shortest_s=r.duration_s) == []
 
 
 def test_samples_taken_out_are_not_measured() -> None:
