@@ -20,7 +20,7 @@ from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
 from monitor_core.calibration.injection import Fault, changed_values
 from monitor_core.calibration.monitored_axis import MonitoredAxis
-from monitor_core.calibration.multimodel_healthy import COPIES
+from monitor_core.calibration.multimodel_healthy import COPY_SAMPLES
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.record_doubts import (
     check_healthy,
@@ -70,7 +70,7 @@ class CalibrationOptions:
     onsets: int = 100
     seed: int = 1
     copies: int = SAMPLES
-    bank_copies: int = COPIES
+    bank_copies: int = COPY_SAMPLES
 
 
 def calibrate(

@@ -53,13 +53,13 @@ def log_single(k: Floats, h: Floats) -> Floats:
     return np.asarray(np.log1p(-np.exp(-(0.7 + 0.3 * k) * k * np.maximum(h, _LEAST_H))))
 
 
-ENOUGH, FEW = 300, 15
-"""Largest number of highest excursions that are used; with fewer than FEW a rate comes from the formula only."""
+MAX_EXCURSIONS, MIN_EXCURSIONS = 300, 15
+"""Largest number of highest excursions that are used; with fewer than the second number the rate is the formula's."""
 LEAST_H = 1.0
 """Lowest threshold, in sigma times memory, at which the formula is accurate enough to be fitted."""
 TAU_SD, LEVEL_SD = 0.2, 0.2
 """Prior standard deviations of the logs of memory and rate, around those of white noise."""
-_FAR = 2.0
+_MAX_PRIOR_SIGMAS = 2.0
 """Prior standard deviations.  If a fit to few excursions is farther away than this, the formula does not hold at their
 low thresholds.  They then contain no information about higher thresholds, and the prior is used."""
 _STEP, _TINY = 1e-3, 1e-300
@@ -132,7 +132,7 @@ def _tail(i: int, scatter: Scatter, found: Excursions) -> Tail:
         fit_peaks(max(k - sign * off, _LEAST_K), side, scatter.memory, found.samples)
         for sign, side in zip((1, -1), heights, strict=True)
     )
-    often = min(max(len(side) for side in heights), FEW)
+    often = min(max(len(side) for side in heights), MIN_EXCURSIONS)
     return Tail(k, float(scatter.sigma[i]), (up, down), math.log(max(often, 1) / found.samples))
 
 
@@ -149,9 +149,9 @@ def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakF
     """
     from scipy.optimize import minimize  # as in budget.py
 
-    h = heights[: min(ENOUGH, int((heights > LEAST_H).sum()))]
+    h = heights[: min(MAX_EXCURSIONS, int((heights > LEAST_H).sum()))]
     known = np.array([TAU_SD, LEVEL_SD])
-    base = np.array([float(h[-1]) if len(h) == ENOUGH else LEAST_H])
+    base = np.array([float(h[-1]) if len(h) == MAX_EXCURSIONS else LEAST_H])
     around = np.concatenate([h * (1 - _STEP), h * (1 + _STEP)])
 
     def log_count(at: Floats, apart: Floats) -> Floats:
@@ -168,7 +168,7 @@ def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakF
 
     simplex = np.vstack([np.zeros(2), 100 * _STEP * np.eye(2)])
     best: Floats = minimize(loss, np.zeros(2), method="Nelder-Mead", options={"initial_simplex": simplex}).x
-    if len(h) < FEW and (abs(best) > _FAR * known).any():
+    if len(h) < MIN_EXCURSIONS and (abs(best) > _MAX_PRIOR_SIGMAS * known).any():
         return PeakFit(np.array([math.log(memory), 0.0]), np.diag(known))
     covariance = np.linalg.inv(second_derivatives(loss, best, _STEP))
     return PeakFit(np.array([math.log(memory), 0.0]) + best, np.linalg.cholesky(covariance))

@@ -11,7 +11,7 @@ from monitor_core.calibration.copy_excursions import SAMPLES, Excursions, simula
 from monitor_core.calibration.false_alarm_tail import Tail, tails
 from monitor_core.calibration.healthy_records import RecordDeviations
 from monitor_core.calibration.monitored_axis import MonitoredAxis
-from monitor_core.calibration.scatter import BINS, Scatter, binned, scatter
+from monitor_core.calibration.scatter import SAMPLES_PER_MEMORY, Scatter, binned, scatter
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import ALLOWED
 
@@ -51,9 +51,9 @@ def healthy_statistics(
     return HealthyStatistics(shrunk, alone, allowance(found, shrunk), tails(shrunk, excursions))
 
 
-SHORTEST, MOST = 20, 10
+MIN_PART_MEMORIES, MAX_PARTS = 20, 10
 """Least number of memories in a part of a record, and largest number of parts."""
-LEVEL = 0.99
+MIN_CONFIDENCE = 0.99
 """Confidence with which the parts must differ by more than chance."""
 
 
@@ -67,10 +67,10 @@ def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     means, weights = [], []
     for record in found:
         d = binned(record, scatter.memory)[:, 0]
-        count = int(np.clip(len(d) // (SHORTEST * BINS), 1, MOST))
+        count = int(np.clip(len(d) // (MIN_PART_MEMORIES * SAMPLES_PER_MEMORY), 1, MAX_PARTS))
         for part in np.array_split(d, count) if len(d) else ():
             means.append(part.mean(axis=0))
-            weights.append(len(part) / BINS / 2)
+            weights.append(len(part) / SAMPLES_PER_MEMORY / 2)
     m, w = np.array(means), np.array(weights)[:, np.newaxis]
     if len(m) < 2:
         return scatter.beyond
@@ -80,7 +80,7 @@ def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
     mean = (w * m).sum(axis=0) / w.sum(axis=0)
     Q, freedom = (w * (m - mean) ** 2).sum(axis=0), len(m) - 1
     excess = (Q - freedom) / (w.sum(axis=0) - (w**2).sum(axis=0) / w.sum(axis=0))
-    real = 2 * gammaincinv(freedom / 2, LEVEL ** (1 / len(Q))) < Q
+    real = 2 * gammaincinv(freedom / 2, MIN_CONFIDENCE ** (1 / len(Q))) < Q
     return np.asarray(scatter.beyond + np.where(real, ALLOWED * np.sqrt(np.maximum(excess, 0.0)), 0.0))
 
 
@@ -99,11 +99,11 @@ def allowance(found: Sequence[RecordDeviations], scatter: Scatter) -> Floats:
 
 MAX_COPY_ERROR = 0.5
 """The error of the copies accounts for at most this share of the standard deviation of a record."""
-EXPECTED = 0.25
+EXPECTED_DIFFERENCES = 0.25
 """Prior number of nonzero differences: one in four axes.  A large difference is not shrunk in any case."""
-_STEPS, _SCALES, _WIDE = 120, 60, 9.0
+_ZETA_POINTS, _TAU_POINTS, _MAX_LOG = 120, 60, 9.0
 """Numbers of points of zeta and of tau, in equal steps of their logarithms, and the largest logarithm."""
-_FARTHEST = 1e3
+_MAX_SIGMAS = 1e3
 """Standard deviations.  A larger difference is not shrunk anyway, and its weights would underflow."""
 _TINY = 1e-300
 
@@ -148,9 +148,9 @@ def draw_posterior(e: Floats, chance: Floats, rng: np.random.Generator) -> Float
     draws for the uncertainty given kappa; correlated if the errors of the numbers are.
     """
     B, n = chance.shape
-    tau, of_tau = _half_cauchy(_SCALES)
-    zeta, of_zeta = _half_cauchy(_STEPS)
-    kappa = 1 / (1 + np.outer(tau * EXPECTED / (n - EXPECTED), zeta) ** 2)
+    tau, of_tau = _half_cauchy(_TAU_POINTS)
+    zeta, of_zeta = _half_cauchy(_ZETA_POINTS)
+    kappa = 1 / (1 + np.outer(tau * EXPECTED_DIFFERENCES / (n - EXPECTED_DIFFERENCES), zeta) ** 2)
     weights = of_zeta[:, np.newaxis] * _likelihood(e, kappa)
     log = np.log(of_tau) + np.log(weights.sum(axis=1)).sum(axis=-1)
     likely = np.exp(log - log.max())
@@ -178,10 +178,10 @@ def _likelihood(e: Floats, kappa: Floats) -> Floats:
 
 def _half_cauchy(n: int) -> tuple[Floats, Floats]:
     """Quadrature points and weights (n,) of the half Cauchy distribution."""
-    x = np.exp(np.linspace(-_WIDE, _WIDE, n))
+    x = np.exp(np.linspace(-_MAX_LOG, _MAX_LOG, n))
     weight = 1 / (x + 1 / x)
     return x, weight / weight.sum()
 
 
 def _shrink_factor(e: Floats) -> Floats:
-    return np.asarray(np.clip(e, -_FARTHEST, _FARTHEST))
+    return np.asarray(np.clip(e, -_MAX_SIGMAS, _MAX_SIGMAS))

@@ -13,9 +13,9 @@ from scipy.signal import lfilter, lfiltic
 
 from monitor_core.arrays import Floats, Ints
 
-ALIKE, LEAST_ALIKE = 0.03, 4
+SIMILAR_SHARE, MIN_SIMILAR_BLOCKS = 0.03, 4
 """The next block is drawn from this share of all blocks on each side of the best match, or from this number."""
-LONGEST = 500
+MAX_PAST_SAMPLES = 500
 """Largest number of past samples that the prediction uses."""
 _RIDGE = 1e-6
 
@@ -28,8 +28,8 @@ class MatchedBlocks:
 
     def __init__(self, eps: Floats, length: int, many: int, copies: int, rng: np.random.Generator) -> None:
         self._eps, self._length, self._rng = eps, min(length, len(eps) - 1), rng
-        self._near = min(max(LEAST_ALIKE, round(ALIKE * many)), many)
-        predicted = predicted_sum(eps, min(max(1, self._length // 2), LONGEST))
+        self._near = min(max(MIN_SIMILAR_BLOCKS, round(SIMILAR_SHARE * many)), many)
+        predicted = predicted_sum(eps, min(max(1, self._length // 2), MAX_PAST_SAMPLES))
         first = rng.integers(1, len(eps) - self._length + 1, (copies, many))
         order = np.argsort(predicted[first - 1], axis=1)
         # (copies, blocks), sorted by the prediction before
@@ -76,11 +76,11 @@ def predicted_sum(eps: Floats, lags: int) -> Floats:
 # burst.  Then the autocorrelation is restored (Buehlmann 1997).
 
 _ORDERS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-_SAMPLES_EACH = 20
+_MIN_SAMPLES_EACH = 20
 """Least number of samples of the record for each coefficient."""
-_TOGETHER = 10
+_PIECE_SAMPLES = 10
 """Samples that are drawn in one piece, which keeps their dependence beyond the autocorrelation."""
-_SETTLING = 1000
+_SETTLING_SAMPLES = 1000
 
 
 class SieveBootstrap:
@@ -96,11 +96,11 @@ class SieveBootstrap:
         self._left, self._left_of = np.zeros((0, copies)), np.zeros((0, copies), np.int64)
         self.origin = self._left_of
         """Sample of the record that each innovation of the last ``take`` was drawn from (count, copies)"""
-        self.take(_SETTLING)
+        self.take(_SETTLING_SAMPLES)
 
     def take(self, count: int) -> Floats:
         """The next innovations (count, copies)."""
-        piece = min(_TOGETHER, len(self._shocks))
+        piece = min(_PIECE_SAMPLES, len(self._shocks))
         while len(self._left) < count:
             many = (count - len(self._left)) // piece + 1
             first = self._rng.integers(0, len(self._shocks) - piece + 1, (many, 1, self._copies))
@@ -121,7 +121,7 @@ def whitening_filter(eps: Floats) -> Floats:
     the order the error is random.
     """
     N = len(eps)
-    longest = min(2 * _ORDERS[-1], N // _SAMPLES_EACH)
+    longest = min(2 * _ORDERS[-1], N // _MIN_SAMPLES_EACH)
     r = np.array([eps[: N - lag] @ eps[lag:] for lag in range(longest + 1)]) / N
     best, least = 0, N * np.log(r[0])
     for order in (p for p in _ORDERS if p <= longest):
@@ -141,11 +141,11 @@ def whitening_filter(eps: Floats) -> Floats:
 # another size each time it is drawn, from the part of the distribution that belongs to its rank (after McNeil and Frey
 # 2000, who draw the tails of residuals in this way).
 
-_SHARE = 0.02
+_LARGE_SHARE = 0.02
 """Share of the shocks on each side that count as large."""
-_FEWEST = 500
+_MIN_LARGE_SHOCKS = 500
 """With fewer large shocks the error of their shape exceeds 0.05; then no shock is changed."""
-_MOST_SHAPE = 0.45
+_MAX_SHAPE = 0.45
 """Largest shape: from 0.5 on the exceedances have no finite variance, and their moments do not determine the shape."""
 _NO_SHAPE = 1e-6
 
@@ -155,7 +155,7 @@ class Shocks:
 
     def __init__(self, shocks: Floats) -> None:
         self._shocks = shocks
-        self._many = many if (many := int(_SHARE * len(shocks))) >= _FEWEST else 0
+        self._many = many if (many := int(_LARGE_SHARE * len(shocks))) >= _MIN_LARGE_SHOCKS else 0
         self._rank = np.zeros(len(shocks), np.int64)
         """Rank of large shocks: 1, 2 .. from the largest, -1, -2 .. from the lowest; 0 for all others"""
         self._tails = [self._tail(sign) for sign in (1, -1)] if self._many else []
@@ -190,6 +190,6 @@ def pareto(falling: Floats) -> tuple[float, float]:
     """
     N = len(falling)
     m, a = falling.mean(), falling @ (np.arange(N) + 0.5) / N**2
-    xi = min(2 - m / max(m - 2 * a, 1e-12 * m), _MOST_SHAPE) if m > 0 else 0.0
+    xi = min(2 - m / max(m - 2 * a, 1e-12 * m), _MAX_SHAPE) if m > 0 else 0.0
     xi = float(xi if abs(xi) > _NO_SHAPE else _NO_SHAPE)
     return float(m * (1 - xi)), xi

@@ -24,13 +24,13 @@ from monitor_core.detection.multimodel.naming import CausePosterior
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import MODEL_ERRORS, Settings
 
-COPIES = 8_000_000
+COPY_SAMPLES = 8_000_000
 """Number of samples of copies over which the bank is run."""
-PARTS = 8
+RECORD_PARTS = 8
 """Number of parts of a record; the allowance makes the mean evidence for a hypothesis negative in each of them."""
 SEGMENT_BLOCKS = 2
 """Length, in blocks, of the segments for the power of the innovations: an offset needs it close to frequency zero."""
-_CHUNK = 10_000
+_CHUNK_SAMPLES = 10_000
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def multimodel_statistics(
     axis: MonitoredAxis,
     records: Sequence[SampleBlock],
     rng: np.random.Generator,
-    copies: int = COPIES,
+    copies: int = COPY_SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> MultiModelStatistics:
     """Run the bank over the records, and over ``copies`` samples of bootstrap copies.
@@ -100,15 +100,15 @@ def healthy_evidence(bank: HypothesisBank, records: Sequence[SampleBlock]) -> He
     window, spans = round(MEMORIES * bank.settings.memory), list[Floats]()
     for record in records:
         N, first = len(record.t_us), 0
-        sums, counts = np.zeros((PARTS, len(most))), np.zeros(PARTS)
+        sums, counts = np.zeros((RECORD_PARTS, len(most))), np.zeros(RECORD_PARTS)
         of_spans = np.zeros((1 + N // window, len(most)))
         bank.reset()
-        for k in range(0, N, _CHUNK):
-            part = record.select(slice(k, k + _CHUNK))
+        for k in range(0, N, _CHUNK_SAMPLES):
+            part = record.select(slice(k, k + _CHUNK_SAMPLES))
             _, trace = bank.run_traced(part)
             tested = np.isfinite(trace.llr).any(axis=1)
             llr = np.where(np.isfinite(trace.llr[tested]), trace.llr[tested], 0.0)
-            index = (k + np.flatnonzero(tested)) * PARTS // N
+            index = (k + np.flatnonzero(tested)) * RECORD_PARTS // N
             np.add.at(sums, index, llr)
             np.add.at(counts, index, 1.0)
             np.add.at(of_spans, (first + np.arange(len(llr))) // window, llr)
@@ -172,8 +172,8 @@ def _run_record(
     """Run one record from the start; returns its innovations (N, 1 + H)."""
     bank.reset()
     course, found = heights.course(), []
-    for k in range(0, len(record.t_us), _CHUNK):
-        part = record.select(slice(k, k + _CHUNK))
+    for k in range(0, len(record.t_us), _CHUNK_SAMPLES):
+        part = record.select(slice(k, k + _CHUNK_SAMPLES))
         _, trace = bank.run_traced(part, reference=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)

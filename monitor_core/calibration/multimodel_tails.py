@@ -95,7 +95,7 @@ _LEAST_SHAPE, _MOST_SHAPE = -0.1, 0.45
 """Bounds of the shape.  No tail falls faster than an exponential, but the estimate of a zero shape is negative in half
 of the cases."""
 _NO_SHAPE = 1e-6
-_UNSURE = 0.25
+_SHAPE_SD = 0.25
 """Relative standard deviation of the shapes beyond the observed range."""
 
 
@@ -156,7 +156,7 @@ def bank_tails(
     shape = 2 - mean / np.maximum(mean - 2 * a, 1e-12 * mean)
     # Only with TOP excursions the base lies in the tail; other hypotheses get the mean shape.
     shape = np.clip(_shrink_to_mean(_with_chance(shape, own[:, 2]), number == TOP), _LEAST_SHAPE, _MOST_SHAPE)
-    shape *= np.maximum(1 + _UNSURE * farther, 0.0)
+    shape *= np.maximum(1 + _SHAPE_SD * farther, 0.0)
     log_rate = _with_chance(np.log(np.maximum(count, 1.0) / max(heights.samples, 1)), own[:, 0])
     mean = np.exp(_with_chance(np.log(mean), own[:, 1]))
     return BankTails(base, log_rate.T, mean.T, shape.T, float(np.log(TOP)))

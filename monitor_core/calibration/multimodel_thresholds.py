@@ -18,7 +18,11 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import LOWER, UPPER, bisected, root
 from monitor_core.calibration.monitored_axis import MonitoredAxis
-from monitor_core.calibration.multimodel_healthy import COPIES, MultiModelStatistics, multimodel_statistics
+from monitor_core.calibration.multimodel_healthy import (
+    COPY_SAMPLES,
+    MultiModelStatistics,
+    multimodel_statistics,
+)
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.samples import SampleBlock
@@ -28,7 +32,7 @@ _MIN_MARGIN = 1.1
 _DRAWS = 1000
 _MAX_LOG = 4.0
 """Logarithm of the largest factor by which the shares of the budget are corrected."""
-_NEAR = 0.01
+_LOG_TOLERANCE = 0.01
 _HALVINGS = 14
 """Number of bisections for a threshold."""
 
@@ -48,7 +52,7 @@ def bank_limits(
     records: Sequence[SampleBlock],
     samples: float,
     rng: np.random.Generator,
-    copies: int = COPIES,
+    copies: int = COPY_SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
 ) -> BankLimits:
     """Thresholds from records, for at most one false alarm of the detector in ``samples`` with a certainty of 95 %.
@@ -90,7 +94,11 @@ def limits_for_budget(
     def excess(less: float) -> float:
         return float(np.quantile(total(h_for(less)), UPPER)) - log_budget
 
-    less = root(excess, -_MAX_LOG, _MAX_LOG, xtol=_NEAR) if excess(-_MAX_LOG) > 0 > excess(_MAX_LOG) else 0.0
+    less = (
+        root(excess, -_MAX_LOG, _MAX_LOG, xtol=_LOG_TOLERANCE)
+        if excess(-_MAX_LOG) > 0 > excess(_MAX_LOG)
+        else 0.0
+    )
     h = h_for(less)
     own = tuple(
         Limit(hypothesis.cause, hypothesis.size, height, allowance, hypothesis.alike, size_error)
@@ -127,10 +135,10 @@ def _height_for_rate(log_rate: Callable[[Floats], Floats], share: float, least: 
 # After an alarm all hypotheses restart.  The higher the thresholds, the rarer are common alarms: -log of the share of
 # the remaining alarms falls as a power of their rate, and two counts determine this power.
 
-_OFTEN, _FEW = TOP, TOP // 20
+_MORE_EXCURSIONS, _FEWER_EXCURSIONS = TOP, TOP // 20
 """Numbers of excursions of each hypothesis for the two counts, which differ enough for two distinct shares"""
-_STEEPEST = 1.0
-_UNSURE = 0.2
+_MAX_POWER = 1.0
+_LOG_SHARE_SD = 0.2
 """Relative standard deviation of the logarithm of the share."""
 
 
@@ -139,12 +147,12 @@ def log_share(found: ExcursionPeaks, hypotheses: int, log_rate: float, draws: Fl
 
     ``draws`` (B,): standard normal draws for its uncertainty.
     """
-    often, seldom = (_merged_share(found, hypotheses, many) for many in (_OFTEN, _FEW))
+    often, seldom = (_merged_share(found, hypotheses, many) for many in (_MORE_EXCURSIONS, _FEWER_EXCURSIONS))
     if not seldom[0] < 0 or not often[0] < seldom[0]:
         return np.zeros_like(draws)
     power = math.log(often[0] / seldom[0]) / (often[1] - seldom[1])
     farther = min(log_rate - seldom[1], 0.0)
-    return np.asarray(seldom[0] * math.exp(min(power, _STEEPEST) * farther) * np.exp(_UNSURE * draws))
+    return np.asarray(seldom[0] * math.exp(min(power, _MAX_POWER) * farther) * np.exp(_LOG_SHARE_SD * draws))
 
 
 def _merged_share(found: ExcursionPeaks, hypotheses: int, many: int) -> tuple[float, float]:

@@ -9,14 +9,14 @@ from monitor_core.arrays import Bools, Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy_records import RecordDeviations
 from monitor_core.calibration.monitored_axis import MonitoredAxis
-from monitor_core.calibration.scatter import BINS, Scatter, binned, looked_at
+from monitor_core.calibration.scatter import SAMPLES_PER_MEMORY, Scatter, binned, looked_at
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.monitoring.not_tested import SEEDING_MEMORIES, fitting_memory
 from monitor_core.monitoring.recommended_settings import time_constant
 from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed, rounded_up
 
-FEWEST = 20
+MIN_MEMORIES = 20
 """Least number of memories of tested samples."""
 LEAST_TESTED = 0.5
 """Least share of tested samples among those after P(0) was found."""
@@ -28,9 +28,9 @@ are exact."""
 _MIN_MEAN_SIGMAS = 6.0
 """Standard deviations of the difference of two means: a larger difference is not chance."""
 MIN_WITHIN_MEMORIES = 2.0
-_EDGE = 5
+_EDGE_MEMORIES = 5
 """Memories at each end of a record that are not searched for a change."""
-WIDEST = 1000.0
+MAX_RATE_RATIO = 1000.0
 """Largest ratio of the upper bound of the rate to the most likely rate with which a calibration is accepted.  For a
 long budget it is the square root of the budget in memories, if that is larger: a record of minutes cannot support a
 year better."""
@@ -113,7 +113,7 @@ def _check_tests_begin(
             without=uncertain,
         )
     if after < memory:
-        needed = SEEDING_MEMORIES + FEWEST + 1
+        needed = SEEDING_MEMORIES + MIN_MEMORIES + 1
         settling_s = len(found) * settings.settle_s
         slowest_s = time_constant(model, h, settings.K)
         shorter, joint = fitting_memory(slowest_s, settings, (count * h - settling_s) / needed)
@@ -149,12 +149,12 @@ def _check_length(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested
     model, settings = axis
     h, memory = settings.interval_s, settings.memory
     tested_samples = tested.all(axis=1).sum()
-    if tested_samples < FEWEST * memory:
+    if tested_samples < MIN_MEMORIES * memory:
         # With another memory, P(0) takes another part of the records.
         slowest_s = time_constant(model, h, settings.K)
         usable_s = (tested_samples + SEEDING_MEMORIES * memory * len(found)) * h
         shorter, joint = fitting_memory(
-            slowest_s, settings, usable_s / (FEWEST + SEEDING_MEMORIES * len(found) + 1)
+            slowest_s, settings, usable_s / (MIN_MEMORIES + SEEDING_MEMORIES * len(found) + 1)
         )
         way = (
             ""
@@ -162,7 +162,9 @@ def _check_length(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested
             else f", or memory_s = {shorter:g}{' with joint_state = true' if joint else ''}"
         )
         gated = sum(deviations.gated for deviations in found)
-        in_all_s = (FEWEST + SEEDING_MEMORIES * len(found)) * memory * h * len(tested) / (len(tested) - gated)
+        in_all_s = (
+            (MIN_MEMORIES + SEEDING_MEMORIES * len(found)) * memory * h * len(tested) / (len(tested) - gated)
+        )
         in_all = (
             f"; the axis is at rest, or a gate is closed, for {100 * gated / len(tested):.0f} % of the time, so give"
             f" records of about {duration(in_all_s)}"
@@ -170,7 +172,7 @@ def _check_length(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested
         raise CalibrationError(
             f"{tested_samples * h:.3g} s of the records can be used, {tested_samples / memory:.0f} memories of"
             f" {memory * h:.3g} s:"
-            f" at least {FEWEST} are needed, {FEWEST * memory * h:.3g} s{in_all if gated else ''}{way}",
+            f" at least {MIN_MEMORIES} are needed, {MIN_MEMORIES * memory * h:.3g} s{in_all if gated else ''}{way}",
             memory_s=shorter,
             joint_state=joint,
         )
@@ -191,20 +193,20 @@ def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
     model, settings = axis
     use = looked_at(deviations, settings.memory)
     d = deviations.d[use]
-    n, edge = len(d), _EDGE * BINS
+    n, edge = len(d), _EDGE_MEMORIES * SAMPLES_PER_MEMORY
     if n < 4 * edge:
         return
     changes = []
     for i in range(d.shape[1]):
         k, step, sd = _largest_step(d[:, i], edge)
-        sure = abs(step) / (sd * math.sqrt(2 * BINS * (1 / k + 1 / (n - k))))
+        sure = abs(step) / (sd * math.sqrt(2 * SAMPLES_PER_MEMORY * (1 / k + 1 / (n - k))))
         if abs(step) > MIN_STEP_SIGMAS * sd and sure > _MIN_MEAN_SIGMAS:
             changes.append((abs(step) / sd, i, k, step))
     if not changes:
         return
     ratio, i, k, step = max(changes, key=lambda change: change[0])
     # The estimate has changed by half within a memory of the fault.
-    at = max(0, k - round(0.7 * BINS))
+    at = max(0, k - round(0.7 * SAMPLES_PER_MEMORY))
     seconds = (deviations.t_us[use[at]] - deviations.t_us[0]) * 1e-6
     unit = model.parameters[i].unit
     raise CalibrationError(
@@ -225,7 +227,10 @@ def _largest_step(d: Floats, edge: int) -> tuple[int, float, float]:
     best = int(np.argmax(np.abs(after - before) * np.sqrt(k * (n - k))))
     at = int(k[best])
     ends = np.concatenate(
-        [d[: max(at - BINS, 2)] - d[: max(at - BINS, 2)].mean(), d[at + BINS :] - d[at + BINS :].mean()]
+        [
+            d[: max(at - SAMPLES_PER_MEMORY, 2)] - d[: max(at - SAMPLES_PER_MEMORY, 2)].mean(),
+            d[at + SAMPLES_PER_MEMORY :] - d[at + SAMPLES_PER_MEMORY :].mean(),
+        ]
     )
     return at, float(after[best] - before[best]), float(ends.std())
 
@@ -252,7 +257,7 @@ def check_promise(scatter: Scatter, rates: Rates, alone: Rates, samples: float, 
         CalibrationError: the records cannot support the budget.
     """
     most = max(rates.upper, alone.upper) / rates.total
-    widest = max(WIDEST, math.sqrt(samples / scatter.memory))
+    widest = max(MAX_RATE_RATIO, math.sqrt(samples / scatter.memory))
     if most <= widest and math.isfinite(rates.upper) and rates.upper * samples <= 1.5:
         return
     seconds = scatter.memories * scatter.memory * interval_s

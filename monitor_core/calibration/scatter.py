@@ -13,13 +13,13 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy_records import RecordDeviations
 
-BINS = 50
+SAMPLES_PER_MEMORY = 50
 """Number of samples used per memory; more would add little, as the deviations are correlated."""
-OFFSET = 0.3
+MAX_MEAN_SIGMAS = 0.3
 """Largest mean deviation, in standard deviations, that the rates include; the allowance covers the rest."""
-_SMALL = 1e-12
+_MIN_SD = 1e-12
 _RESAMPLINGS = 1000
-LONGEST, MOST_BLOCKS = 5, 30
+MAX_BLOCK_MEMORIES, MOST_BLOCKS = 5, 30
 """Largest number of memories in a block; number of blocks from which blocks have this length."""
 
 
@@ -43,7 +43,7 @@ class Scatter:
     @property
     def offset(self) -> Floats:
         """The part of the mean deviation (p,) that the rates include."""
-        largest = OFFSET * self.sigma
+        largest = MAX_MEAN_SIGMAS * self.sigma
         return np.clip(self.mean_d, -largest, largest)
 
     @property
@@ -54,7 +54,7 @@ class Scatter:
 
 def stride(memory: float) -> int:
     """Number of samples from one used sample to the next."""
-    return max(1, round(memory / BINS))
+    return max(1, round(memory / SAMPLES_PER_MEMORY))
 
 
 def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Generator) -> Scatter:
@@ -63,7 +63,7 @@ def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Gen
     Raises:
         ValueError: the records have no tested samples.
     """
-    parts = [part for record in found if len(part := binned(record, memory)) > BINS]
+    parts = [part for record in found if len(part := binned(record, memory)) > SAMPLES_PER_MEMORY]
     if not parts:
         raise ValueError("no sample was tested")
     d, s = np.swapaxes(np.concatenate(parts), 0, 1)
@@ -71,7 +71,7 @@ def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Gen
     memories = len(d) * stride(memory) / memory
     mean = d.mean(axis=0)
     around = d - mean
-    length = max(1, round(BINS * min(LONGEST, memories / MOST_BLOCKS)))
+    length = max(1, round(SAMPLES_PER_MEMORY * min(MAX_BLOCK_MEMORIES, memories / MOST_BLOCKS)))
     sums, count = _blocks(np.hstack([around, around**2]), starts, length)
     weights = rng.multinomial(len(count), np.full(len(count), 1 / len(count)), size=_RESAMPLINGS)
     means, squares = np.hsplit((weights @ sums) / (weights @ count)[:, np.newaxis], 2)
@@ -84,7 +84,7 @@ def scatter(found: Sequence[RecordDeviations], memory: float, rng: np.random.Gen
 
 
 def looked_at(deviations: RecordDeviations, memory: float) -> Ints:
-    """Indices of the used samples: BINS per memory, of those that were tested."""
+    """Indices of the used samples: SAMPLES_PER_MEMORY per memory, of those that were tested."""
     q = stride(memory)
     return np.flatnonzero(deviations.tested.all(axis=1))[q - 1 :: q]
 
@@ -97,7 +97,7 @@ def binned(deviations: RecordDeviations, memory: float) -> Floats:
 
 def _correlation(values: Floats) -> Floats:
     """Correlation of the columns of values (B, p)."""
-    z = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), _SMALL)
+    z = (values - values.mean(axis=0)) / np.maximum(values.std(axis=0), _MIN_SD)
     return np.asarray(z.T @ z / len(z))
 
 
@@ -109,7 +109,7 @@ def _mirrored_variance(resampled: Floats, memories: float) -> Floats:
     """
     log = np.log(resampled)
     return np.asarray(
-        np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _SMALL)))
+        np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _MIN_SD)))
     )
 
 

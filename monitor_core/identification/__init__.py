@@ -54,7 +54,7 @@ from monitor_core.identification.records.measured_record import (
     UNITS,
     Record,
     between,
-    lively_parts,
+    most_moving_parts,
 )
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.thermal.warm_up import FoundWarmUp

@@ -23,9 +23,9 @@ from monitor_core.identification.identification_result import (
 )
 from monitor_core.identification.parameter_selection import ScheduledTerm, acting
 from monitor_core.identification.problem import IdentificationError, Problem
-from monitor_core.identification.record_checks.known_axis import slowest_time_constant
+from monitor_core.identification.record_checks.known_axis import drive_time_constant
 from monitor_core.identification.records.gap_cuts import cut_at_gaps
-from monitor_core.identification.records.measured_record import Record, lively_parts
+from monitor_core.identification.records.measured_record import Record, most_moving_parts
 from monitor_core.identification.starting import (
     Growth,
     best_of,
@@ -89,7 +89,7 @@ def identify(
     report = progress or _silent
     if not options.cut_at_gaps:
         return _with_repeats(problem, records, validation, options, report)
-    slowest_s = slowest_time_constant(problem.drive, problem.nominal, options.unknown)
+    slowest_s = drive_time_constant(problem.drive, problem.nominal, options.unknown)
     used, cuts = cut_at_gaps(records, slowest_s, options.begins_s)
     validated, further_cuts = cut_at_gaps(validation, slowest_s)
     found = _with_repeats(
@@ -230,7 +230,7 @@ def _first(
     problem: Problem, records: Sequence[Record], options: IdentificationOptions, report: Progress
 ) -> Estimate:
     """The fit to all records with constant friction, started from a fit to the parts with most motion."""
-    parts = lively_parts(records)
+    parts = most_moving_parts(records)
     found = _best(problem, parts, options.start, report)
     found = with_best_scale(found, options.speed_scales, lambda other: _fit(other, parts, _silent))
     if sum(map(len, parts)) == sum(map(len, records)):

@@ -33,15 +33,15 @@ from monitor_core.settings import Settings
 
 LOOKS_PER_MEMORY = 2
 """Number of checks per memory whether the heat can be observed."""
-MEMORIES = 4
+SETTLING_MEMORIES = 4
 """Memories of motion until the estimates belong to the present heat."""
-SHARE = 0.5
+MAX_SHARE = 0.5
 """Share of the tolerated deviation by which the uncertainty of the heat may move a nominal value."""
-FARTHEST = 3.0
+MAX_SIGMAS = 3.0
 """Limit in standard deviations: friction that is farther from any value that heat explains has changed by a fault."""
 LOOKS_ALIKE = "a warmer or colder gearbox"
 """Other possible cause, in alarms, of a change of a parameter that depends on the heat"""
-_STEP = 1e-3
+_SLOPE_STEP = 1e-3
 """Step for slopes, as a share of the largest heat."""
 
 
@@ -66,8 +66,8 @@ class WarmUp:
         s = monitor.settings
         self._every_us = max(1, round(1e6 * s.memory * s.interval_s / LOOKS_PER_MEMORY))
         self._needed, self._widen_us = (
-            round(MEMORIES * s.memory),
-            self._every_us * LOOKS_PER_MEMORY * MEMORIES,
+            round(SETTLING_MEMORIES * s.memory),
+            self._every_us * LOOKS_PER_MEMORY * SETTLING_MEMORIES,
         )
         self._since_us: int | None = None  # time at which the heat became unknown
         self._learned = 0  # number of learned samples at that time, or at the last observation
@@ -149,7 +149,7 @@ class WarmUp:
 
         0: it already is; inf: never.
         """
-        moved, tolerated = np.abs(self._slopes()) * sd, SHARE * found.tolerated
+        moved, tolerated = np.abs(self._slopes()) * sd, MAX_SHARE * found.tolerated
         if (moved <= tolerated).all():
             return 0.0
         with np.errstate(divide="ignore"):
@@ -157,7 +157,7 @@ class WarmUp:
 
     def _slopes(self) -> Floats:
         """Change of the nominal values (p,) per watt of heat."""
-        h, heat = _STEP * self._thermal.model.largest, self._thermal.heat
+        h, heat = _SLOPE_STEP * self._thermal.model.largest, self._thermal.heat
         step = self._operating.shift_at_heat(heat + h) - self._operating.shift_at_heat(heat - h)
         return np.where(np.isfinite(step), step / (2 * h), 0.0)
 
@@ -172,7 +172,7 @@ def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tupl
         return heat, sd
     d, s = found.d[used], slopes[used]
     M = found.covariance[np.ix_(used, used)] + np.diag(found.errors[used] ** 2)
-    if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > FARTHEST**2 * used.size:
+    if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > MAX_SIGMAS**2 * used.size:
         return heat, sd
     weighted = np.linalg.solve(M, s)
     variance = 1 / (1 / sd**2 + float(weighted @ s))

@@ -21,13 +21,13 @@ PAUSE_S = 600.0
 """After a shorter standstill an axis is about as warm as before it: gearboxes cool with some 5 and 25 minutes."""
 WARM_S = 7200.0
 """Time [s] after a start at which an axis is as warm as it becomes: five of the slow time constants."""
-MEMORIES = 4
+ONSET_MEMORIES = 4
 """Memories after the start of the tests, within which a change has its onset if it was there at the start."""
 LOOKS_PER_MEMORY = 2
 """Number of times per memory at which it is judged whether the axis moves."""
 WAIT_S = 3600.0
 """Time [s] for which an axis waits after a start, if it waits: a tenth of a cold start's friction is left then."""
-STARTS = 16
+MAX_STARTS = 16
 """Number of starts that are remembered, for alarms that are open meanwhile."""
 OTHER_HEAT = "a gearbox that starts colder or warmer than in its records"
 WARMER = "a gearbox that becomes warmer than in its records"
@@ -50,7 +50,7 @@ class UnrecordedHeat:
         self._last_us: int | None = None  # the last sample
         self._moved = 0  # the monitor's count of samples with motion, at the last look
         self._moved_us: int | None = None  # the last sample with motion
-        self._starts = deque[int](maxlen=STARTS)  # times [us], the oldest first
+        self._starts = deque[int](maxlen=MAX_STARTS)  # times [us], the oldest first
         self._waits, self._stands = waits, False
         monitor.look_alike = self.look_alike
 
@@ -132,7 +132,7 @@ class UnrecordedHeat:
         if start_us is None:
             return None
         onset_us = alarm.onset_us if alarm.onset_low_us is None else alarm.onset_low_us
-        if onset_us - start_us <= MEMORIES * self._memory_us:
+        if onset_us - start_us <= ONSET_MEMORIES * self._memory_us:
             return dict.fromkeys(self._friction, OTHER_HEAT)
         falls = alarm.kind == "drift" and alarm.direction == "down"
         if falls and onset_us - start_us <= WARM_S * 1e6:

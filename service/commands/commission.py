@@ -163,7 +163,7 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
             f"Accept all with: {command} --yes", markup=False
         )  # the box of an error would break the line
         raise typer.BadParameter(
-            f"{len(proposed)} proposed {'changes' if len(proposed) > 1 else 'change'}, and nobody to ask:"
+            f"{len(proposed)} proposed {'changes' if len(proposed) > 1 else 'change'}, to be confirmed in a terminal:"
             f" {'; '.join(proposed)}",
             param_hint="--yes",
         )

@@ -204,7 +204,7 @@ def _samples(seconds: float, periods: int, interval_s: float) -> int:
     samples = round(seconds / interval_s)
     if samples * (periods + 2) > _LONGEST:
         raise ExcitationError(
-            f"{periods} periods of {seconds:g} s have more than {_LONGEST} samples: ask for less"
+            f"{periods} periods of {seconds:g} s have more than {_LONGEST} samples: reduce --seconds or --periods"
         )
     return samples
 

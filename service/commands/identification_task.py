@@ -29,7 +29,7 @@ from monitor_core.identification import (
     cut_at_gaps,
     identify,
     known_axis,
-    lively_parts,
+    most_moving_parts,
     scheduled_terms,
     select_parameters,
     speed_scales,
@@ -99,9 +99,9 @@ class IdentificationTask:
     warnings: tuple[str, ...]
     options: IdentificationOptions
 
-    def lively_part(self) -> IdentificationTask:
+    def with_most_moving_parts(self) -> IdentificationTask:
         """The same problem with only that part of long records that shows whether a drive model fits at all."""
-        parts = lively_parts([item.record for item in self.estimation])
+        parts = most_moving_parts([item.record for item in self.estimation])
         return replace(
             self,
             estimation=tuple(

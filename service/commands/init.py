@@ -181,7 +181,7 @@ def _from_log(description: Path, log: Path, output: Path) -> None:
     from service.ingest.live_roles import roles_on_bus
 
     known, buses = read_messages(description), logged(log)
-    name = max(buses, key=lambda bus: len(roles_on_bus(known, buses[bus]).came))
+    name = max(buses, key=lambda bus: len(roles_on_bus(known, buses[bus]).received))
     found = _roles(known, buses[name], description, f"{log}, {name}")
     lines = bus_lines(found.axes, description, output, channel=name)
     next_step = f"Next: axiswatch commission {log} --config {output}"
@@ -193,14 +193,14 @@ def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str)
     from service.ingest.live_roles import roles_on_bus
 
     found = roles_on_bus(known, frames)
-    if not found.came:
+    if not found.received:
         raise RecordError(
-            f"{frames.size} frames on {where}, and none of their messages is in {description}: {_few(found.strange)};"
-            " does that describe this robot, and this bus?"
+            f"{frames.size} frames on {where}, and none of their messages is in {description}:"
+            f" {_few(found.undescribed)}; does that describe this robot, and this bus?"
         )
     if not found.axes:
         raise RecordError(
-            f"no torque and motion of an axis on {where}: messages of {description} received: {_few(found.came)};"
+            f"no torque and motion of an axis on {where}: messages of {description} received: {_few(found.received)};"
             " do the axes move?"
         )
     return found
@@ -210,7 +210,7 @@ def _bus_words(found: BusRoles, description: Path) -> Iterator[str]:
     from service.ingest.signal_roles import summary
 
     yield from summary(found.axes)
-    for what, names in (("never came", found.missing), (f"not in {description.name}", found.strange)):
+    for what, names in (("not received", found.missing), (f"not in {description.name}", found.undescribed)):
         if names:
             yield f"{what}: {_few(names)}"
 

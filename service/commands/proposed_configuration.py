@@ -223,9 +223,9 @@ def _source(axis: AxisRoles, role: SignalRole) -> str:
         keys.append(f"factor = {factor:.10g}")
     if role.wrap_period is not None:
         keys.append(f"wrap_period = {role.wrap_period:.10g}")
-    sureness = role.sureness if axis.explained is None else axis.sureness
+    confidence = role.confidence if axis.explained is None else axis.confidence
     turned = "; the sign is turned, since the motion goes against it" if role.turned else ""
-    return f"{{ {', '.join(keys)} }}  # {sureness}: {_unit_words(role)}{turned}"
+    return f"{{ {', '.join(keys)} }}  # {confidence}: {_unit_words(role)}{turned}"
 
 
 def _unit_words(role: SignalRole) -> str:
@@ -236,7 +236,7 @@ def _unit_words(role: SignalRole) -> str:
     )
     if unit is None and role.factor is not None:
         return "by its values, which start again after a turn"
-    if unit is None and role.sureness == "guess":
+    if unit is None and role.confidence == "guess":
         return f"by its values; factor makes it {UNITS[role.quantity]}"
     if unit is None:
         return f"by its name; it has no unit, so {UNITS[role.quantity]} is assumed"

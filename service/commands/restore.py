@@ -25,5 +25,5 @@ def restore(archive: Archive, into: Into) -> None:
     for place, name in manifest.renamed.items():
         typer.echo(f"{place} is now {into / name}", err=True)
     for name in manifest.left_out:
-        typer.echo(f"missing, as it is secret: put it to {into / name}", err=True)
+        typer.echo(f"not in the archive, as it is secret: copy it to {into / name}", err=True)
     typer.echo(f"next: axiswatch check --config {into / manifest.configuration}", err=True)

@@ -229,12 +229,12 @@ def _wrong(
     known: MessageSet, message: Message, counts: Counter[FrameKey], longest: Mapping[FrameKey, int]
 ) -> str:
     key, name = key_of_message(message), message.name
-    came = {other: count for other, count in counts.items() if known.carries(key, other.record_id)}
-    if came:
-        length = max(longest[other] for other in came)
+    received = {other: count for other, count in counts.items() if known.carries(key, other.record_id)}
+    if received:
+        length = max(longest[other] for other in received)
         if length >= message.length:
             return ""
-        return f"{name} has {message.length} bytes by {known.source}, and its {sum(came.values())} frames {length}"
+        return f"{name} has {message.length} bytes by {known.source}, and its {sum(received.values())} frames {length}"
     twin = FrameKey(key.can_id, not key.extended)
     if counts[twin]:
         bits = {True: 29, False: 11}
@@ -242,4 +242,4 @@ def _wrong(
             f"{name} has an identifier of {bits[key.extended]} bits by {known.source}, and {counts[twin]} frames have"
             f" 0x{key.can_id:X} with {bits[twin.extended]}"
         )
-    return f"{name} (0x{key.can_id:X}) never came"
+    return f"{name} (0x{key.can_id:X}) was not received"

@@ -25,7 +25,7 @@ from service.ingest.roles_by_name import (
     words_in,
 )
 from service.ingest.roles_by_values import MOST, Named, Pair, axes_by_values, changes
-from service.ingest.signal_roles import AxisRoles, SignalRole, Sureness
+from service.ingest.signal_roles import AxisRoles, Confidence, SignalRole
 
 _MOST_ROWS = 20_000
 _ABSURD = 1e30
@@ -105,8 +105,8 @@ def _role(column: str, quantity: Quantity, kind: str, unit: str) -> SignalRole:
     current = kind == "current"
     known = None if current else unit_in(unit, quantity) or unit_in(column, quantity)
     factor = current_in(unit) if current else known and known.factor
-    sureness: Sureness = "guess" if not kind else "sure" if known or (current and unit) else "likely"
-    return SignalRole("", column, quantity, unit, factor, current, sureness, None)
+    confidence: Confidence = "guess" if not kind else "sure" if known or (current and unit) else "likely"
+    return SignalRole("", column, quantity, unit, factor, current, confidence, None)
 
 
 def _pairs(

@@ -79,11 +79,11 @@ class BusRoles(NamedTuple):
     """The axes and messages found on a bus."""
 
     axes: tuple[AxisRoles, ...]
-    came: tuple[str, ...]
+    received: tuple[str, ...]
     """Names of described messages that were received"""
     missing: tuple[str, ...]
     """Described messages that were never received, with their identifiers"""
-    strange: tuple[str, ...]
+    undescribed: tuple[str, ...]
     """Identifiers of frames without a description"""
 
 
@@ -92,11 +92,11 @@ def roles_on_bus(known: MessageSet, frames: FrameBlock) -> BusRoles:
     frames = frames.in_order()
     decoder, messages = _decoder(known)
     keys = frames.counts()
-    came = tuple(m.name for key, m in messages.items() if key in keys)
+    received = tuple(m.name for key, m in messages.items() if key in keys)
     missing = tuple(f"{m.name} (0x{key.can_id:x})" for key, m in messages.items() if key not in keys)
-    strange = tuple(f"0x{key.can_id:x}" for key in sorted(keys.keys() - messages.keys()))
+    undescribed = tuple(f"0x{key.can_id:x}" for key in sorted(keys.keys() - messages.keys()))
     series = _series(decoder, frames)
-    return BusRoles(tuple(_axes(known, messages.values(), series)), came, missing, strange)
+    return BusRoles(tuple(_axes(known, messages.values(), series)), received, missing, undescribed)
 
 
 def _decoder(known: MessageSet) -> tuple[Decoder, dict[FrameKey, Message]]:

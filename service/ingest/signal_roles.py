@@ -22,7 +22,7 @@ from service.ingest.roles_by_name import (
 )
 from service.ingest.roles_by_values import LIKELY, SURE
 
-Sureness = Literal["sure", "likely", "guess"]
+Confidence = Literal["sure", "likely", "guess"]
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
 _TURNS = (360.0, 2 * math.pi, 1.0)
 _NEARLY = 1e-3
@@ -41,7 +41,7 @@ class SignalRole(NamedTuple):
     """Factor to SI units; None: the unit does not tell"""
     current: bool
     """Whether it is a current, which the torque constant converts to a torque"""
-    sureness: Sureness
+    confidence: Confidence
     wrap_period: float | None
     turned: bool = False
     """Whether the values show that it has the wrong sign"""
@@ -76,7 +76,7 @@ class AxisRoles(NamedTuple):
     """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
 
     @property
-    def sureness(self) -> str:
+    def confidence(self) -> str:
         """How sure the roles are: by the values, if they were compared; otherwise as sure as the less sure signal."""
         if self.rivals:
             return f"likely; or torque {', '.join(self.rivals)}"
@@ -84,8 +84,8 @@ class AxisRoles(NamedTuple):
             return (
                 "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
             )
-        grades: tuple[Sureness, ...] = ("guess", "likely", "sure")
-        return min((self.torque.sureness, self.motion.sureness), key=grades.index)
+        grades: tuple[Confidence, ...] = ("guess", "likely", "sure")
+        return min((self.torque.confidence, self.motion.confidence), key=grades.index)
 
 
 def axes_in(messages: Sequence[Message]) -> list[AxisRoles]:
@@ -144,10 +144,10 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
         return None  # a linear motion of a tool, or a distance
     agrees = named == quantity or (current and named in ("current", "torque"))
     known = unit is not None or current
-    sureness: Sureness = "sure" if agrees and known else "likely" if agrees else "guess"
+    confidence: Confidence = "sure" if agrees and known else "likely" if agrees else "guess"
     factor = amperes if unit is None else unit.factor
     return SignalRole(
-        message.name, signal.name, quantity, text, factor, current, sureness,
+        message.name, signal.name, quantity, text, factor, current, confidence,
         _wrap(signal) if quantity == "angle" else None,
     )  # fmt: skip
 
@@ -209,7 +209,7 @@ def _best(roles: Sequence[SignalRole]) -> SignalRole | None:
     grades = {"guess": 0, "likely": 1, "sure": 2}
 
     def grade(role: SignalRole) -> tuple[int, int, bool]:
-        return grades[role.sureness], -role.current, bool({*words_in(role.signal)} & MEASURED)
+        return grades[role.confidence], -role.current, bool({*words_in(role.signal)} & MEASURED)
 
     return max(roles, key=grade, default=None)
 
@@ -221,7 +221,7 @@ def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
             role.name if role.unit in role.name else f"{role.name} [{role.unit}]"
             for role in (axis.torque, axis.motion)
         )
-        words = f"{axis.name}: torque {torque}, {axis.motion.quantity} {motion}: {axis.sureness}"
+        words = f"{axis.name}: torque {torque}, {axis.motion.quantity} {motion}: {axis.confidence}"
         if axis.explained is not None:
             words += f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
         elif axis.measured:

@@ -36,7 +36,7 @@ REASONS: Mapping[str, str] = {
     "untimed": "the counter or the fitted clock contradicts the time of receipt",
     "unpaired": "torque or motion without its partner",
     "late": "arrived after its partner had been dropped",
-    "missing": "samples that never came",
+    "missing": "missing samples",
     "ambiguous": "more than half a turn since the sample before: which way is not known",
     "unwanted": "no axis asks for them",
     "too_short": "shorter than their message",

@@ -27,7 +27,7 @@ class SignalCheck(Body):
     samples: int
     rate_hz: Number = Field(description="samples a second; null: there are none")
     scatter_s: Number = Field(description="scatter of the time stamps [s]; null: not known")
-    missing: Number = Field(description="share of the samples that never came; null: there are none")
+    missing: Number = Field(description="share of missing samples; null: there are none")
     moves: bool | None = Field(description="whether the axis moves; null: not known")
     signals: list[SignalRange] = Field(description="torque, then angle or speed; empty without samples")
     problems: list[str] = Field(

@@ -16,15 +16,15 @@ import threading
 from pathlib import Path
 
 import numpy as np
+import uvicorn
 
 from monitor_core.arrays import Floats
 from service.commands.main import main
-from service.web.server import _Server
 from tests.bench.datagram_daemon import read_datagrams
 
 EVERY_S = 0.002
 _late_s: list[tuple[float, float]] = []
-_startup = _Server.startup
+_startup = uvicorn.Server.startup
 
 
 async def look(on: Path) -> None:
@@ -44,7 +44,7 @@ async def look(on: Path) -> None:
             _late_s.append((late_s, late_s - np.max(waited_s() - before_s)))
 
 
-async def startup(self: _Server, sockets: list[socket.socket] | None = None) -> None:
+async def startup(self: uvicorn.Server, sockets: list[socket.socket] | None = None) -> None:
     await _startup(self, sockets)
     self.looking = asyncio.create_task(look(path.with_suffix(".on")))  # type: ignore[attr-defined]
 
@@ -52,6 +52,6 @@ async def startup(self: _Server, sockets: list[socket.socket] | None = None) -> 
 if __name__ == "__main__":
     path = Path(sys.argv.pop(1))
     read_datagrams(int(sys.argv.pop(1)))
-    _Server.startup = startup  # type: ignore[method-assign]
+    uvicorn.Server.startup = startup  # type: ignore[method-assign]
     atexit.register(lambda: np.save(path, np.array(_late_s)))
     main()

@@ -27,22 +27,22 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import grid_interval, resample
 
-_POINTS = 300
-_PERIODS = 4.0
+_FREQUENCIES = 300
+_MIN_PERIODS = 4.0
 """Least number of periods of the lowest frequency in the longest record."""
-_EXCITED = 3e-3
+_MIN_EXCITATION = 3e-3
 """Share of the largest spectral density of the torque below which a frequency counts as not excited: there the torque
 is a controller's answer to noise."""
-_NYQUIST = 0.95
-_EVEN = 0.01
+_MAX_OF_NYQUIST = 0.95
+_MAX_INTERVAL_SCATTER = 0.01
 """Relative scatter of the intervals below which samples count as evenly spaced."""
-_FASTER = 5.0
+_MIN_PERIOD_SAMPLES = 5.0
 """Least number of samples in a period of the highest frequency."""
-_LARGEST = 100
+_MAX_ORDER = 100
 """Largest order of the black box."""
-_FEWEST = 400
+_MIN_SAMPLES = 400
 """Least number of samples that remain of the shortest record after decimation: the filter takes 18 at each end."""
-_LONGEST = 60_000
+_MAX_SAMPLES = 60_000
 """Largest number of samples for the black box and the spectra: more only take longer."""
 
 
@@ -88,17 +88,17 @@ def band(records: Sequence[Record]) -> Floats:
     longest = max(records, key=len)
     nyquist = 0.5 / longest.interval_s
     f, density = welch(longest.u, 1 / longest.interval_s, nperseg=min(len(longest), 2048))
-    excited = f[density > _EXCITED * density.max()]
-    low = max(_PERIODS / longest.duration_s, float(excited[excited > 0].min(initial=nyquist)) / 2)
-    high = min(_NYQUIST * nyquist, float(excited.max(initial=2 * low)))
-    return np.geomspace(min(low, high / 2), high, _POINTS)
+    excited = f[density > _MIN_EXCITATION * density.max()]
+    low = max(_MIN_PERIODS / longest.duration_s, float(excited[excited > 0].min(initial=nyquist)) / 2)
+    high = min(_MAX_OF_NYQUIST * nyquist, float(excited.max(initial=2 * low)))
+    return np.geomspace(min(low, high / 2), high, _FREQUENCIES)
 
 
 def _regular(records: Sequence[Record], interval_s: float) -> tuple[list[Record], tuple[str, ...]]:
     """The records on a uniform grid, and a sentence if they had to be resampled."""
-    cut = [record.select(slice(0, _LONGEST)) for record in records]
+    cut = [record.select(slice(0, _MAX_SAMPLES)) for record in records]
     scatter = max(record.jitter_s / record.interval_s for record in cut)
-    if scatter < _EVEN:
+    if scatter < _MAX_INTERVAL_SCATTER:
         return cut, ()
     words = "For the black box and the spectra the record was resampled: its samples are not evenly spaced."
     # Where times are in whole milliseconds, the usual interval may be longer than the mean one of the drive.
@@ -118,10 +118,10 @@ def _tried(
 def _black_box(records: Sequence[Record], f: Floats) -> FrequencyResponse:
     """ARX model; samples much faster than the band are decimated, as the order of the model counts samples."""
     h = max(record.interval_s for record in records)
-    every = max(1, min(int(1 / (_FASTER * f[-1] * h)), min(map(len, records)) // _FEWEST))
+    every = max(1, min(int(1 / (_MIN_PERIOD_SAMPLES * f[-1] * h)), min(map(len, records)) // _MIN_SAMPLES))
     thinned = [resample(r, every * grid_interval(r)) if every > 1 else r for r in records]
     samples = sum(len(record) for record in thinned)
-    model = fit_arx(thinned, largest=max(1, min(_LARGEST, samples // 20)))
+    model = fit_arx(thinned, largest=max(1, min(_MAX_ORDER, samples // 20)))
     found = model.response(f)
     return replace(found, name=f"{found.name}, every {1e3 * every * h:.3g} ms") if every > 1 else found
 

@@ -13,13 +13,13 @@ from monitor_core.wording import rounded_down
 
 _MIN_SIGMAS = 3.0
 """A change shows from this number of standard deviations of the estimate, as with alpha_1 of the paper's tests."""
-_ZERO = 2.0
+_ZERO_SIGMAS = 2.0
 """A value below this number of its standard deviations is not distinguished from zero."""
 _MAX_CHANGE = 1.0
 """A parameter that shows only changes beyond 100 % is not watched."""
 
 
-_SMALL = 0.2
+_SMALL_CHANGE = 0.2
 """Robots are monitored for changes of 20 %."""
 _OF_LOAD = 0.3
 """Change of the payload that must be detected, as a share of the weight."""
@@ -99,7 +99,7 @@ class Outlook:
             if memory_s >= most_s:
                 break
             found = self.watched(monitored, memory_s)
-            if all(w.change <= _SMALL for w in found if w.obstacle is not Obstacle.NO_SIZE):
+            if all(w.change <= _SMALL_CHANGE for w in found if w.obstacle is not Obstacle.NO_SIZE):
                 return memory_s
         return most_s
 
@@ -116,7 +116,7 @@ class Outlook:
         without = self.watched(monitored, memory_s)
         names = [*(w.name for w in without if w.obstacle is None), LOAD]
         found = {w.name: w for w in self.watched(names, memory_s, weight)}
-        most = {w.name: max(_SMALL, _MAX_INCREASE * w.change) for w in without} | {LOAD: _OF_LOAD}
+        most = {w.name: max(_SMALL_CHANGE, _MAX_INCREASE * w.change) for w in without} | {LOAD: _OF_LOAD}
         if any(w.obstacle is not None or w.change > most[name] for name, w in found.items()):
             return None
         return (*(found.get(w.name, w) for w in without), found[LOAD])
@@ -143,7 +143,7 @@ def _is_zero(estimate: Estimate, name: str) -> bool:
     value = _size(estimate, name)
     signed = estimate.drive.parameter(_base(name)).least < 0
     sd = estimate.sd[estimate.names.index(name)] if signed and name in estimate.names else 0.0
-    return bool(value <= _ZERO * sd)
+    return bool(value <= _ZERO_SIGMAS * sd)
 
 
 def _base(name: str) -> str:

@@ -42,9 +42,9 @@ the right drive reach 75 to 95 on records that were not fitted, an arm without i
 GOOD_TORQUE, FAIR_TORQUE = 85.0, 70.0
 """Per cent of the torque under a weight.  A robot's shoulder and elbow with the weight of all links reach 77 to 94,
 with that of their own link only 25 to 54: most of the torque is the weight."""
-_ITERATIONS = 30
+_MAX_ITERATIONS = 30
 """Iterations of the fit to a half, which starts at the estimates."""
-_FEWEST = 200
+_MIN_HALF_SAMPLES = 200
 """Least number of samples in a half."""
 _MAX_REMAINING = 0.5
 """An effect is missing in the drive if it reduces the unexplained torque to less than this share."""
@@ -52,7 +52,7 @@ _MIN_EFFECT = 0.003
 """Least share of an effect in the torque of slow motions; a smaller one is more likely due to springs."""
 _MIN_SLOW_SHARE = 0.5
 """If the motion is slow for this share of the time in motion, its friction outweighs everything else."""
-_RIGID = 0.9
+_MIN_RIGID_SHARE = 0.9
 """If this share of the torque of slow motions is explained, the missing effect is a fast one."""
 
 
@@ -197,10 +197,10 @@ def _cross_validated(estimate: Estimate, records: Sequence[Record]) -> list[_Tri
     """
     found = list[_Tried]()
     for halves in _divisions(records):
-        if any(sum(map(len, half)) < _FEWEST for half in halves):
+        if any(sum(map(len, half)) < _MIN_HALF_SAMPLES for half in halves):
             continue
         try:
-            fits = [fit(estimate.problem, half, most_iterations=_ITERATIONS) for half in halves]
+            fits = [fit(estimate.problem, half, most_iterations=_MAX_ITERATIONS) for half in halves]
         except (ValueError, np.linalg.LinAlgError):
             continue
         if not found or _determined(estimate, fits):
@@ -270,9 +270,9 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
     }
     named = tuple(effect for effect in sorted(gains, key=gains.__getitem__) if gains[effect] < _MAX_REMAINING)
     if named:
-        small = left * (1 - min(gains.values())) < _MIN_EFFECT and own.explained > _RIGID
+        small = left * (1 - min(gains.values())) < _MIN_EFFECT and own.explained > _MIN_RIGID_SHARE
         return (Effect.FAST, *named) if small else named
-    if own.explained > _RIGID:
+    if own.explained > _MIN_RIGID_SHARE:
         return (Effect.FAST,)
     elastic = any(p.unit == STIFFNESS for p in problem.drive.parameters)  # which takes torque by itself
     return () if elastic else (Effect.FOREIGN,)

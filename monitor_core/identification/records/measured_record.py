@@ -219,13 +219,13 @@ _ENOUGH = 40_000
 """Number of samples that suffices to find starting values and the speed scale of friction, and to judge a drive."""
 
 
-def lively_parts(records: Sequence[Record], most: int = _ENOUGH) -> Sequence[Record]:
+def most_moving_parts(records: Sequence[Record], most: int = _ENOUGH) -> Sequence[Record]:
     """The stretches with most motion of long records, so that at most ``most`` samples remain.
 
     Short records stay as they are: all are cut to the same length, if they are longer.
     """
     length = _length([len(record) for record in records], most)
-    return [record if len(record) <= length else _liveliest(record, length) for record in records]
+    return [record if len(record) <= length else _most_moving(record, length) for record in records]
 
 
 def _length(counts: Sequence[int], most: int) -> int:
@@ -236,7 +236,7 @@ def _length(counts: Sequence[int], most: int) -> int:
     return left // len(longer) if longer else max(counts, default=0)
 
 
-def _liveliest(record: Record, length: int) -> Record:
+def _most_moving(record: Record, length: int) -> Record:
     """The stretch of ``length`` samples in which the motion changes most from sample to sample."""
     y = np.where(record.measured, record.y, np.nan)
     steps = np.nan_to_num(abs(np.diff(y)))

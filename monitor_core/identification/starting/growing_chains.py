@@ -38,7 +38,7 @@ class FittedChain(NamedTuple):
 
     response: Response
     end: SearchEnd
-    slots: ChainParameters
+    parameters: ChainParameters
 
     @property
     def cost(self) -> float:
@@ -49,10 +49,10 @@ class FittedChain(NamedTuple):
     def known(self) -> Modal:
         """Its modes: frequencies and weights without the losses, decays of the drive's own poles."""
         values = self.response.named(self.end.x)
-        return Modal(*modes_of_chain(self.slots.chain(values)), self.slots.decays(values))
+        return Modal(*modes_of_chain(self.parameters.chain(values)), self.parameters.decays(values))
 
 
-def stems(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
+def grown_chains(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
     """The chain of a problem's drive, grown from one mass; the best first, none where no further mode is seen.
 
     Raises:
@@ -62,7 +62,7 @@ def stems(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
     if masses == 1:
         return rigid(problem, measured)
     shorter = problem_of(masses - 1, measured.output, friction=("fm",))
-    return longer(problem, stems(shorter, measured), measured)
+    return longer(problem, grown_chains(shorter, measured), measured)
 
 
 def rigid(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
@@ -75,28 +75,28 @@ def rigid(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
     )
 
 
-def longer(problem: Problem, stems: Sequence[FittedChain], measured: Measured) -> tuple[FittedChain, ...]:
+def longer(problem: Problem, shorter: Sequence[FittedChain], measured: Measured) -> tuple[FittedChain, ...]:
     """Chains with one mass more, ``problem``'s, grown out of shorter ones; the best first."""
-    slots = ChainParameters(problem)
+    parameters = ChainParameters(problem)
     grown = (
-        chain
-        for stem in stems
-        for mode in lacking(stem.response, stem.end.x, measured)
-        for chain in _settled(problem, slots, joined(stem.known, mode), measured)
+        longer_chain
+        for chain in shorter
+        for mode in lacking(chain.response, chain.end.x, measured)
+        for longer_chain in _settled(problem, parameters, joined(chain.known, mode), measured)
     )
     return tuple(distinct(grown))[:_BEAM]
 
 
 def _settled(
-    problem: Problem, slots: ChainParameters, modal: Modal, measured: Measured
+    problem: Problem, parameters: ChainParameters, modal: Modal, measured: Measured
 ) -> Iterator[FittedChain]:
     """The chain with these modes, fitted; none where there is no such chain."""
     try:
-        values = slots.values(chain_of_modes(modal.p, modal.a), modal.decay)
+        values = parameters.values(chain_of_modes(modal.p, modal.a), modal.decay)
     except (ValueError, np.linalg.LinAlgError):
         return
     response = Response(problem, values)
-    yield FittedChain(response, settle(response, measured, response.start), slots)
+    yield FittedChain(response, settle(response, measured, response.start), parameters)
 
 
 # --- One more mass: the resonance that the response of a fitted drive lacks most --------------------------------------
@@ -108,14 +108,14 @@ def _settled(
 # and springs of the longer chain follow from its resonances in closed form, whatever the weight, so each candidate
 # makes sense.
 
-_BEYOND = 1.3
+_MAX_FREQUENCY_RATIO = 1.3
 """Candidates reach up to this multiple of the highest measured frequency, as resonances slightly above it matter."""
-_GRID = 200
-_RATIOS = (0.01, 0.03, 0.1)
+_FREQUENCIES = 200
+_DECAY_RATIOS = (0.01, 0.03, 0.1)
 """Decay over frequency."""
-_WEIGHTS = (0.01, 1.0)
+_WEIGHT_RANGE = (0.01, 1.0)
 """Least and largest weight of a further mode, in units of the largest known."""
-_MOST = 4
+_MAX_MODES = 4
 
 
 class Mode(NamedTuple):
@@ -133,9 +133,9 @@ def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ..
     e, J = (_stacked(part) for part in errors("linear", target, *response.at(x, target)))
     Q, _ = np.linalg.qr(J)
     low, high = 2 * np.pi * measured.frequency_hz[[0, -1]]
-    p = np.linspace(low, _BEYOND * high, _GRID)
-    gains, a = np.empty((2, len(_RATIOS), p.size))
-    for i, ratio in enumerate(_RATIOS):
+    p = np.linspace(low, _MAX_FREQUENCY_RATIO * high, _FREQUENCIES)
+    gains, a = np.empty((2, len(_DECAY_RATIOS), p.size))
+    for i, ratio in enumerate(_DECAY_RATIOS):
         columns = [shape(target, w, ratio * w, measured.output) for w in p]
         c = _stacked((target.weight / target.G)[:, None] * np.array(columns).T)
         c -= Q @ (Q.T @ c)
@@ -147,16 +147,16 @@ def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ..
     gain = gains[best, at]
     padded = np.concatenate([[-1.0], gain, [-1.0]])
     peaks = at[(gain > 0) & (gain >= padded[:-2]) & (gain > padded[2:])]
-    chosen = peaks[np.argsort(-gain[peaks])[:_MOST]]
+    chosen = peaks[np.argsort(-gain[peaks])[:_MAX_MODES]]
     return tuple(
-        Mode(float(p[k]), float(a[best[k], k]), float(_RATIOS[best[k]] * p[k]), float(gain[k]))
+        Mode(float(p[k]), float(a[best[k], k]), float(_DECAY_RATIOS[best[k]] * p[k]), float(gain[k]))
         for k in chosen
     )
 
 
 def joined(known: Modal, mode: Mode) -> Modal:
     """The known modes with one more."""
-    low, high = (factor * known.a.max() for factor in _WEIGHTS)
+    low, high = (factor * known.a.max() for factor in _WEIGHT_RANGE)
     p, a = np.append(known.p, mode.p), np.append(known.a, np.clip(mode.a, low, high))
     order = np.argsort(p)
     return Modal(p[order], a[order], np.append(known.decay, mode.decay)[order])

@@ -20,7 +20,7 @@ from monitor_core.identification.starting.chains import (
     modes_of_chain,
     problem_of,
 )
-from monitor_core.identification.starting.growing_chains import FittedChain, longer, stems
+from monitor_core.identification.starting.growing_chains import FittedChain, grown_chains, longer
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Progress, SearchEnd, Steps
 from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, from_chains
@@ -52,7 +52,7 @@ def grow(
     if upto < 1:
         raise ValueError(f"chains of up to {upto} masses: need at least one")
     measured, steps = measure(records), Steps(progress, upto * FITTING)
-    grown = stems(problem_of(1, measured.output, friction=("fm",)), measured)
+    grown = grown_chains(problem_of(1, measured.output, friction=("fm",)), measured)
     models, failed = list[ChainModel](), ""
     for masses in range(1, upto + 1):
         problem = problem_of(masses, measured.output, like, friction)
@@ -60,8 +60,8 @@ def grow(
             # The chain as the records themselves have it; a damper below zero has no logarithm and stays as it is.
             before = models[-1].estimate.problem
             response = Response(before)
-            stem = FittedChain(response, SearchEnd(response.start, np.inf), ChainParameters(before))
-            grown = longer(problem, (stem, *grown), measured)
+            fitted = FittedChain(response, SearchEnd(response.start, np.inf), ChainParameters(before))
+            grown = longer(problem, (fitted, *grown), measured)
         try:
             found = _fitted(problem, records, grown, measured, steps.part((masses - 1) * FITTING, FITTING))
         except ValueError as error:

@@ -10,7 +10,7 @@ from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record_checks.known_axis import rigid_inertia
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.starting.growing_chains import FittedChain, stems
+from monitor_core.identification.starting.growing_chains import FittedChain, grown_chains
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
@@ -169,7 +169,7 @@ def from_records(problem: Problem, measured: Measured, reached: Reached) -> list
     Raises:
         ValueError: the motor does not see a chain of masses that are all free, or the response shows none.
     """
-    found = from_chains(stems(problem, measured), measured)
+    found = from_chains(grown_chains(problem, measured), measured)
     if not found:
         raise ValueError("the frequency response does not show that many masses: give start values")
     if found[0].cost > explained(measured):
@@ -181,7 +181,7 @@ def from_records(problem: Problem, measured: Measured, reached: Reached) -> list
 
 def from_chains(grown: Iterable[FittedChain], measured: Measured) -> list[Candidate]:
     """Chains that were extended mass by mass."""
-    return [_candidate(stem.response, stem.end, measured, _GROWN) for stem in grown]
+    return [_candidate(chain.response, chain.end, measured, _GROWN) for chain in grown]
 
 
 def _candidate(response: Response, end: SearchEnd, measured: Measured, origin: str) -> Candidate:

@@ -53,7 +53,7 @@ class Rigid(NamedTuple):
     """the same of as many other windows: fitted to few, any model explains much"""
 
     @property
-    def sureness(self) -> float:
+    def inertia_sigmas(self) -> float:
         """The inertia in standard deviations."""
         return abs(self.inertia) / max(self.sd, 1e-300)
 
@@ -98,8 +98,8 @@ def rigid_fits(
     most = max(fit.explained for fit, _ in fits)
     enough = 1 - max(_AS_GOOD * (1 - most), _WELL)
     good = [pair for pair in fits if pair[0].explained >= enough]
-    sure = max(fit.sureness for fit, _ in good) / _AS_SURE
-    best, window = max((pair for pair in good if pair[0].sureness >= sure), key=lambda pair: pair[1])
+    sure = max(fit.inertia_sigmas for fit, _ in good) / _AS_SURE
+    best, window = max((pair for pair in good if pair[0].inertia_sigmas >= sure), key=lambda pair: pair[1])
     return [best, *(_fit(parts, window, speed_scale, terms, least) for terms in models[1:])]
 
 

@@ -127,7 +127,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             load = partial(link_load, text, axis.id, order.records, order.folder)
             turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
             guessed = order.shorten and not tried  # the first drive may be a guess
-            for part in (task.lively_part(), task) if guessed else (task,):
+            for part in (task.with_most_moving_parts(), task) if guessed else (task,):
                 report = part.run(provenance, _within("identify", progress))
                 again = (
                     None if schedule and report.rejection else retry(report, text, axis, tried, load, turn)

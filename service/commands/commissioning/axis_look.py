@@ -116,8 +116,8 @@ def missing_messages(
         if not traffic.get(key):
             yield sentence(
                 "message absent",
-                "no {names}: message {message} ({number}) never came on bus {bus} in {seconds} s; is the axis on, and"
-                " is this its message?",
+                "no {names}: message {message} ({number}) was not received on bus {bus} in {seconds} s; is the axis on,"
+                " and is this its message?",
                 names=listed(names),
                 message=message,
                 number=f"0x{key.can_id:x}",
@@ -166,7 +166,7 @@ def _lossy(look: AxisLook) -> Iterator[Sentence]:
     if look.missing > _LOSSY:
         yield sentence(
             "lossy",
-            "{share} of its samples never came, which spoils an identification: are frames lost on the way, or is what"
+            "{share} of its samples are missing, which spoils an identification: are frames lost on the way, or is what"
             " sends them too busy?",
             share=percent(look.missing),
         )

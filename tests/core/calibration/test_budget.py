@@ -18,7 +18,7 @@ from monitor_core.calibration.copy_excursions import Excursions
 from monitor_core.calibration.false_alarm_tail import Tail, log_mean_time, tails
 from monitor_core.calibration.healthy_records import RecordDeviations
 from monitor_core.calibration.healthy_statistics import allowance, shrink
-from monitor_core.calibration.scatter import OFFSET, Scatter, scatter
+from monitor_core.calibration.scatter import MAX_MEAN_SIGMAS, Scatter, scatter
 from monitor_core.settings import Threshold
 from tests.core.calibration.forgetting import LAM, MEMORY, P, forgotten
 from tests.shares import soaked
@@ -181,7 +181,7 @@ def test_what_is_off_all_along_is_allowed_for(seed: int) -> None:
     rng = np.random.default_rng(seed)
     d = forgotten(rng, LENGTH)
     d -= d.mean(axis=0)
-    found = [[deviations(d + np.array([off, 0.0]))] for off in (OFFSET, 2.0)]
+    found = [[deviations(d + np.array([off, 0.0]))] for off in (MAX_MEAN_SIGMAS, 2.0)]
     k = nu_over_sigma(P, MEMORY, BUDGET * MEMORY, WITHIN)
     own = []
     for records in found:
@@ -190,7 +190,7 @@ def test_what_is_off_all_along_is_allowed_for(seed: int) -> None:
         same = np.random.default_rng(seed)
         own.append(thresholds(scattered, tail, allowed, BUDGET * MEMORY, same))
     (plain, _), (off, other) = own
-    assert off.allowance - plain.allowance == pytest.approx(2.0 - OFFSET, abs=0.4)
+    assert off.allowance - plain.allowance == pytest.approx(2.0 - MAX_MEAN_SIGMAS, abs=0.4)
     assert other.allowance < 1.0
     assert off.alpha2 == pytest.approx(plain.alpha2, rel=0.25)
 

@@ -7,9 +7,9 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.false_alarm_tail import (
-    ENOUGH,
     LEAST_H,
     LEVEL_SD,
+    MAX_EXCURSIONS,
     TAU_SD,
     fit_peaks,
     log_mean_time,
@@ -139,8 +139,11 @@ def test_how_often_the_lowest_is_reached_is_known_as_their_number_tells_it(seed:
     heights = happened(rng, MEMORY, 0.0)
     way = fit_peaks(K, heights, MEMORY, SAMPLES)
     drawn = way.best + rng.standard_normal((2000, 2)) @ way.root.T
-    log_rate = [log_often(heights[ENOUGH - 1 : ENOUGH], math.exp(log_tau), level) for log_tau, level in drawn]
-    assert np.std(log_rate) == pytest.approx(1 / math.sqrt(ENOUGH), rel=0.3)
+    log_rate = [
+        log_often(heights[MAX_EXCURSIONS - 1 : MAX_EXCURSIONS], math.exp(log_tau), level)
+        for log_tau, level in drawn
+    ]
+    assert np.std(log_rate) == pytest.approx(1 / math.sqrt(MAX_EXCURSIONS), rel=0.3)
 
 
 def test_of_records_in_which_nothing_can_have_happened_the_formula_holds() -> None:
@@ -170,7 +173,7 @@ def test_what_is_remembered_longer_is_extrapolated(seed: int) -> None:
     found = watched(seed % 2**31, steps, lam, share, np.array([K]), np.full(1, np.inf), tops)[2]
     alarms = watched((seed + 1) % 2**31, 8 * steps, lam, share, np.full(3, K), h, np.zeros(0))[0]
     heights = np.sort(tops[:found])[::-1] / MEMORY
-    assert found > ENOUGH
+    assert found > MAX_EXCURSIONS
     way = fit_peaks(K, heights, MEMORY, steps)
     tau, level = np.exp(way.best[0]), way.best[1]
     log_rate = level - log_mean_time(np.array(K), h / tau, np.array(tau))

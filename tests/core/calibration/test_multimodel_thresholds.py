@@ -16,7 +16,7 @@ from monitor_core.calibration import multimodel_thresholds as hypotheses
 from monitor_core.calibration.fault_trials import run_trials
 from monitor_core.calibration.injection import Fault
 from monitor_core.calibration.monitored_axis import MonitoredAxis
-from monitor_core.calibration.multimodel_healthy import PARTS, healthy_evidence
+from monitor_core.calibration.multimodel_healthy import RECORD_PARTS, healthy_evidence
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
 from monitor_core.calibration.surrogate_records import LANES
@@ -127,7 +127,7 @@ def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(seed: int) ->
     plant, number = plant_with(0.0), 16_000
     healthy = record(plant, seed, number)
     scaled = SampleBlock(healthy.t_us, healthy.u.copy(), healthy.y, name="scaled")
-    scaled.u[number // 2 : number // 2 + number // PARTS] *= 1.25
+    scaled.u[number // 2 : number // 2 + number // RECORD_PARTS] *= 1.25
     bank = HypothesisBank(plant.model, plant.settings)
     causes = [(hypothesis.cause, hypothesis.size) for hypothesis in bank.hypotheses]
     same, beside = (

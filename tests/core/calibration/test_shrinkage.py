@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.copy_excursions import Excursions
-from monitor_core.calibration.healthy_statistics import EXPECTED, draw_posterior, shrink
+from monitor_core.calibration.healthy_statistics import EXPECTED_DIFFERENCES, draw_posterior, shrink
 from monitor_core.calibration.scatter import Scatter
 from tests.shares import soaked
 
@@ -117,7 +117,7 @@ def moments(e: float, tau: Floats) -> Floats:
 def test_draws_are_of_the_posterior(e: tuple[float, float], seed: int) -> None:
     """Mean and standard deviation of two numbers, by quadrature over their scales and the one that they share."""
 
-    tau, weight = scales(EXPECTED / (2 - EXPECTED), 600)
+    tau, weight = scales(EXPECTED_DIFFERENCES / (2 - EXPECTED_DIFFERENCES), 600)
     each = [moments(number, tau) for number in e]
     draws = seen(np.array(e), np.random.default_rng(seed), 40_000)
     for i in range(2):
@@ -157,7 +157,7 @@ def test_intervals_hold_the_truth(seed: int) -> None:
         return float(((lower <= truth) & (truth <= upper)).mean()), float((upper - lower).mean()) / 3.29
 
     def from_prior() -> Floats:
-        tau = abs(rng.standard_cauchy()) * EXPECTED / (n - EXPECTED)
+        tau = abs(rng.standard_cauchy()) * EXPECTED_DIFFERENCES / (n - EXPECTED_DIFFERENCES)
         return np.asarray(tau * rng.standard_cauchy(n) * rng.standard_normal(n))
 
     drawn_held, _ = np.mean([held(from_prior()) for _ in range(times)], axis=0)

@@ -21,7 +21,7 @@ from monitor_core.identification import (
     Record,
     identification_procedure,
     identify,
-    lively_parts,
+    most_moving_parts,
     speed_scales,
 )
 from monitor_core.identification.assessment.bode import bode_of
@@ -121,7 +121,9 @@ def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyP
     """A part of it tells only where the fit starts."""
     rec = record(seed)
     direct = usual(seed).estimate
-    monkeypatch.setattr(identification_procedure, "lively_parts", partial(lively_parts, most=len(rec) // 4))
+    monkeypatch.setattr(
+        identification_procedure, "most_moving_parts", partial(most_moving_parts, most=len(rec) // 4)
+    )
     by_part = found([rec]).estimate
     assert by_part.theta == pytest.approx(direct.theta, rel=1e-3)
     assert by_part.sd == pytest.approx(direct.sd, rel=0.01)

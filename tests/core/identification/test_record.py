@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import lively_parts
+from monitor_core.identification import most_moving_parts
 from monitor_core.identification.records.measured_record import Record, between, segments
 from monitor_core.identification.records.uniform_grid import PASS, mean_torque, resample
 from monitor_core.samples import SampleBlock
@@ -246,14 +246,16 @@ def lively_record(count: int, lively_from: int, length: int, name: str) -> Recor
 @pytest.mark.parametrize("start", [0, 300, 700])
 def test_the_liveliest_stretch_of_a_long_record(start: int) -> None:
     own = lively_record(1000, start, 300, "long")
-    (part,) = lively_parts([own], 300)
+    (part,) = most_moving_parts([own], 300)
     assert len(part) == 300
     assert part.t[0] == pytest.approx(own.t[start], abs=0.006)
 
 
 def test_short_records_stay() -> None:
     records = [lively_record(n, 0, 10, str(n)) for n in (1000, 100, 600)]
-    parts = lively_parts(records, 900)
+    parts = most_moving_parts(records, 900)
     assert [len(part) for part in parts] == [400, 100, 400]
     assert parts[1] is records[1]
-    assert [part is own for part, own in zip(lively_parts(records, 1700), records, strict=True)] == [True] * 3
+    assert [part is own for part, own in zip(most_moving_parts(records, 1700), records, strict=True)] == [
+        True
+    ] * 3

@@ -13,7 +13,14 @@ from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting import Growth, grow, mass_count
 from monitor_core.identification.starting.chains import Chain, ChainParameters, chain, problem_of
-from monitor_core.identification.starting.growing_chains import Modal, Mode, joined, lacking, shape, stems
+from monitor_core.identification.starting.growing_chains import (
+    Modal,
+    Mode,
+    grown_chains,
+    joined,
+    lacking,
+    shape,
+)
 from monitor_core.identification.starting.mass_count import doubt_of, is_supported, verdict
 from monitor_core.identification.starting.response import measure
 from monitor_core.identification.starting.search import errors
@@ -42,10 +49,10 @@ def test_chains_are_the_drawn_drives(name: str, output: Output, seed: int) -> No
 def test_what_a_further_mode_gains_is_what_least_squares_gain(seed: int) -> None:
     """The score test against least squares with the slopes and the mode together."""
     measured = measure([THREE.record(seed)])
-    (stem,) = stems(problem_of(1, "speed", friction=("fm",)), measured)
-    target, x = measured.target(), stem.end.x
-    e, J = errors("linear", target, *stem.response.at(x, target))
-    mode = lacking(stem.response, x, measured)[0]
+    (chain,) = grown_chains(problem_of(1, "speed", friction=("fm",)), measured)
+    target, x = measured.target(), chain.end.x
+    e, J = errors("linear", target, *chain.response.at(x, target))
+    mode = lacking(chain.response, x, measured)[0]
     column = target.weight * shape(target, mode.p, mode.decay, "speed") / target.G
     wide = np.column_stack([J, column])
     both, right = np.vstack([wide.real, wide.imag]), np.concatenate([e.real, e.imag])
@@ -126,8 +133,8 @@ def test_masses_that_are_none() -> None:
 def test_one_mass_needs_only_itself(output: Output, seed: int) -> None:
     """Its inertia is between that of the motor and that of all masses, though the response has a resonance."""
     measured = measure([TWO.record(seed, output=output)])
-    (stem,) = stems(problem_of(1, output, friction=("fm",)), measured)
-    for found in (stem.response.values, stem.response.named(stem.end.x)):
+    (chain,) = grown_chains(problem_of(1, output, friction=("fm",)), measured)
+    for found in (chain.response.values, chain.response.named(chain.end.x)):
         assert 0.5 * TWO.values["Jm"] < found["J1"] < 1.5 * sum(behind(TWO))
 
 

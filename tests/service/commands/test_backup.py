@@ -53,7 +53,7 @@ def test_secrets_are_left_out_and_named(robot: Path, tmp_path: Path) -> None:
     restored = axiswatch("restore", archive, "--into", tmp_path / "new")
     for secret in ("outside/3-localhost.key", "state/tokens.json"):
         assert f"left out, as it is secret: {secret}; --secrets includes it" in done.stderr
-        assert f"put it to {tmp_path / 'new' / secret}" in restored.stderr
+        assert f"copy it to {tmp_path / 'new' / secret}" in restored.stderr
     assert "is there already; --force" in refused("backup", "--config", robot, "--output", archive)
     assert "is not empty" in refused("restore", archive, "--into", tmp_path / "new")
 

@@ -49,7 +49,7 @@ def test_a_log_in_place_of_a_bus(kind: str, folder: Path, rows: Path) -> None:
     assert (
         "axis2: torque Joint2.Joint2_Torque_Act [Nm], angle Joint2.Joint2_Pos_Act [deg]: sure (as one" in text
     )
-    assert "never came: Io (0x386)" in text
+    assert "not received: Io (0x386)" in text
     assert f"Next: axiswatch commission {log.name} --config axis.toml" in text
     assert "no problems" in shown("check", "--config", "axis.toml")
     assert [axis.config.sample_interval_s for axis in load(Path("axis.toml"), {}).axes] == [0.005, 0.005]
@@ -73,7 +73,7 @@ def test_signs_wraps_intervals_and_what_never_came(folder: Path, rows: Path) -> 
     )
     assert "axis2: torque Joint2.Joint2_Torque_Act [Nm], angle" in text
     assert "sure by its name; it did not move" in text
-    assert "never came: Io (0x386)" in text
+    assert "not received: Io (0x386)" in text
     assert "Next: axiswatch commission --config axis.toml --minutes 10" in text
     assert "no problems" in shown("check", "--config", "axis.toml")
     read = load(Path("axis.toml"), {})
@@ -96,7 +96,7 @@ def test_on_a_real_device(folder: Path, seed: int) -> None:
     with moving(rows, config, wrong):
         text = shown("init", "robot.dbc", "--bus", "socketcan:vcan0", "--seconds", 6)
     assert "axis1: torque Joint1.Joint1_Torque_Act [Nm], angle Joint1.Joint1_Pos_Act [deg]: sure" in text
-    assert "never came: Io (0x386)" in text
+    assert "not received: Io (0x386)" in text
     first, second = (axis.config for axis in load(Path("axis.toml"), {}).axes)
     assert (first.bus, first.torque.factor, second.torque.factor) == ("vcan0", -1, 1)
     assert first.sample_interval_s == pytest.approx(0.005, rel=0.01)

@@ -18,7 +18,7 @@ TORQUE, ANGLE = (0x100, False), (0x18FF0100, True)
     ("frames", "words"),
     [
         ([(*TORQUE, 4), (*ANGLE, 8)], ""),
-        ([(*TORQUE, 8), (0x300, True, 8)], "Angle1 (0x18FF0100) never came"),
+        ([(*TORQUE, 8), (0x300, True, 8)], "Angle1 (0x18FF0100) was not received"),
         ([(0x100, True, 4), (*ANGLE, 8)],
          "Torque1 has an identifier of 11 bits by plant.dbc, and 3 frames have 0x100 with 29"),
         ([(*TORQUE, 2), (*TORQUE, 3), (*ANGLE, 0)],

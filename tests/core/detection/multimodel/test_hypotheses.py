@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,15 +12,17 @@ from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import TORQUE_SCALE, TORQUE_STUCK
+from monitor_core.detection.multimodel import hypothesis_bank
 from monitor_core.detection.multimodel.candidates import hypothesis_of
 from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.lanes import lanes_of
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import split_name
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.outliers import AFTER, JOLT_S
-from monitor_core.kernel.predictors import FARTHEST, SHORTEST
-from monitor_core.kernel.tables import GAINS
+from monitor_core.kernel.predictors import FARTHEST, SHORTEST, Predictors
+from monitor_core.kernel.tables import GAINS, Tables
 from monitor_core.monitoring import AxisBatch
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -108,7 +111,9 @@ def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 @pytest.mark.parametrize("interval_us", [-1, 0, 1])
-def test_the_usual_intervals_give_what_any_interval_gives(case: Case, interval_us: int, seed: int) -> None:
+def test_the_usual_intervals_give_what_any_interval_gives(
+    case: Case, interval_us: int, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Discretised in advance or propagated as in the recursion: the same, also with delays of both signs."""
     rec = record(seed, case, SAMPLES)
     s = case.settings(settle_s=0.0, outlier_limit=0.0)
@@ -119,14 +124,18 @@ def test_the_usual_intervals_give_what_any_interval_gives(case: Case, interval_u
     delays = [Hypothesis("delay", delay_s=share * s.interval_s) for share in (-0.4, 0.4)]
     some = [*few(case.name), *delays, Hypothesis("output", output=Distortion(-0.7, 0.1))]
 
-    def innovations(shortest_us: int | None = None) -> Floats:
-        bank = HypothesisBank(case.model, s, some)
-        if shortest_us is not None:
-            bank._predictors.axis[SHORTEST] = shortest_us
-        _, trace = bank.run_traced(SampleBlock(*rec))
+    def innovations() -> Floats:
+        _, trace = HypothesisBank(case.model, s, some).run_traced(SampleBlock(*rec))
         return np.asarray(trace.eps)
 
-    found, expected = innovations(), innovations(NEVER_USUAL)
+    def lanes_without_usual_intervals(*arguments: Any) -> tuple[Tables, Predictors]:
+        tables, predictors = lanes_of(*arguments)
+        predictors.axis[SHORTEST] = NEVER_USUAL
+        return tables, predictors
+
+    found = innovations()
+    monkeypatch.setattr(hypothesis_bank, "lanes_of", lanes_without_usual_intervals)
+    expected = innovations()
     moved = np.isfinite(expected).all(axis=1)
     assert moved.sum() == SAMPLES - 1
     np.testing.assert_allclose(

@@ -174,7 +174,9 @@ def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made")
     asked = axiswatch(*words)
     assert asked.exit_code == MISTAKE
-    assert "3 proposed changes, and nobody to ask" in " ".join(asked.stderr.replace("│", " ").split())
+    assert "3 proposed changes, to be confirmed in a terminal" in " ".join(
+        asked.stderr.replace("│", " ").split()
+    )
     result = axiswatch(*words, "--yes")
     assert result.exit_code == 0, result.output
     assert "per mille of a rated torque of about 2." in result.output
@@ -287,7 +289,7 @@ def test_nothing_is_changed_without_consent(folder: Path, seed: int) -> None:
     result = axiswatch("commission", record, "--config", config, "--output", "made")
     assert result.exit_code == MISTAKE
     words = " ".join(result.stderr.replace("│", " ").split())
-    assert "1 proposed change, and nobody to ask: cell.a1: sample_interval_s = 0.005" in words
+    assert "1 proposed change, to be confirmed in a terminal: cell.a1: sample_interval_s = 0.005" in words
     command = f"axiswatch commission {record} --config {config} --budget 1y --output made --yes"
     assert f"Accept all with: {command}" in result.stdout.splitlines()
     assert not list((folder / "made").iterdir())

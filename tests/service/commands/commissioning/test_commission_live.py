@@ -76,7 +76,8 @@ def test_what_is_wrong_is_named_before_and_after_the_recording(folder: Path, two
         assert "cell.a1: the description of the bus says that the angle is in degrees" in part
         assert "cell.a2: the description" not in part
     assert result.exit_code == MISTAKE
-    right = "2 proposed changes, and nobody to ask: cell.a1: angle.factor = 0.0174533; cell.a1: torque.factor = -1"
+    changes = "cell.a1: angle.factor = 0.0174533; cell.a1: torque.factor = -1"
+    right = f"2 proposed changes, to be confirmed in a terminal: {changes}"
     assert right in words_of(result.stderr)
     (record,) = recorded(folder / "made")
 
@@ -180,7 +181,7 @@ def test_frames_that_are_lost(folder: Path, config: Path, two_axes: Path) -> Non
     for axis in looked_at(folder, config, two_axes, every_tenth).axes:
         assert axis.loaded is not None
         share, _, words = axis.problems[0].partition(" % of its")
-        assert words.startswith(" samples never came")
+        assert words.startswith(" samples are missing")
         assert float(share) == pytest.approx(10, abs=1)
 
 
@@ -193,7 +194,7 @@ def test_a_silent_axis(folder: Path, config: Path, two_axes: Path) -> None:
         look = look_at(load(config, {}), text, folder, LOOK_S, threading.Event())
     first, second = look.axes
     assert (first.loaded is None, second.loaded is None) == (False, True)
-    assert "no torque and angle: message Joint2 (0x182) never came on bus can0" in second.problems[0]
+    assert "no torque and angle: message Joint2 (0x182) was not received on bus can0" in second.problems[0]
 
 
 def test_a_silent_bus_and_the_dbc_of_another_robot(folder: Path, config: Path, two_axes: Path) -> None:
@@ -231,7 +232,7 @@ def test_on_a_real_device(folder: Path, seed: int, monkeypatch: pytest.MonkeyPat
         assert "-> torque.factor = -1" in part
     assert "cell.a2: it does not move: let the robot work" in looked
     assert result.exit_code == MISTAKE
-    assert 'and nobody to ask: cell.a1: time.clock = "cyclic"; cell.a1: angle.factor' in words_of(
+    assert 'to be confirmed in a terminal: cell.a1: time.clock = "cyclic"; cell.a1: angle.factor' in words_of(
         result.stderr
     )
 
@@ -321,7 +322,9 @@ def test_an_axis_that_no_record_has_does_not_hinder_the_others(
     with moving(two_axes, single, turned):
         result = axiswatch("commission", "--config", config, "--output", "made", "--minutes", 0.03)
     assert result.exit_code == MISTAKE  # a question, of the axis that is there
-    assert "1 proposed change, and nobody to ask: cell.a1: torque.factor = -1" in words_of(result.stderr)
+    assert "1 proposed change, to be confirmed in a terminal: cell.a1: torque.factor = -1" in words_of(
+        result.stderr
+    )
 
 
 def turned(rows: Floats) -> None:

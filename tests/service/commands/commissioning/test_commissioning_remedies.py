@@ -274,7 +274,7 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     alone = report(KT, FM, quality=Quality.FAIR)
     reports = [alone, alone, with_links, with_links]  # a first look at part of the records, and all of them
     task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=lambda *_: reports.pop(0))
-    task.lively_part = lambda: task
+    task.with_most_moving_parts = lambda: task
     load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("a2-acceleration",))
     monkeypatch.setattr(axis_commissioning, "prepare", lambda *_: task)
     monkeypatch.setattr(axis_commissioning, "link_load", lambda *_: load)
