@@ -4,7 +4,8 @@
   ``unwrap``, ``late_values``, ``acceleration``; ``encode`` is the inverse.
 * From files: ``records`` (tables and CAN logs behind one interface), ``axis_records`` and ``loaded_records`` (the
   samples of one axis), ``table_files``, ``csv_tables``, ``table_head``, ``torn_rows``, ``axis_columns`` (tables).
-* What is what, for ``init`` and ``discover``: ``roles_by_name``, ``roles_by_values`` and, by these, ``column_roles``
-  (tables), ``signal_roles`` and ``live_roles`` (buses), ``drive_objects`` (CANopen), ``unknown_messages``.
+* The roles of columns and signals, for ``init`` and ``discover``: ``roles_by_name``, ``roles_by_values`` and, by these,
+  ``column_roles`` (tables), ``signal_roles`` and ``live_roles`` (buses), ``drive_objects`` (CANopen),
+  ``unknown_messages``.
 * Remarks on a record: ``recorded_units``, ``timestamp_jitter``.
 """

@@ -63,5 +63,5 @@ class Acceleration:
 
 
 def acceleration_of(source: FurtherSignalConfig, interval_s: float) -> Acceleration | None:
-    """The acceleration that a signal is configured to be; None: it is none."""
+    """The filter for a signal that is configured as an acceleration; None: it is not."""
     return Acceleration(interval_s) if source.acceleration else None

@@ -48,7 +48,7 @@ def units_as_recorded(config: Config, axis: NamedAxis, path: Path) -> Iterator[s
         unit = unit_as_recorded(text, quantity, source.factor)
         if unit is not None:
             yield (
-                f"The {quantity} is in {unit.words} ({text}), and {quantity}.factor = {source.factor:g} leaves it so:"
-                f" read {si} as that in all numbers of this report and its files. {quantity}.factor = {unit.missing}"
-                f" makes it {si}; changes in percent are the same."
+                f"The {quantity} is in {unit.words} ({text}), and {quantity}.factor = {source.factor:g} does not"
+                f" convert it: where this report and its files state {si}, it is {unit.words}."
+                f" {quantity}.factor = {unit.missing} converts it to {si}; changes in percent are the same."
             )

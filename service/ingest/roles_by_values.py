@@ -77,6 +77,41 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
 
     ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: by column.
     """
+    found = _candidates(values, t, named)
+    step = _step(found.speeds, named)
+    rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
+    candidate_pairs = (
+        _pair(values, u, y, output, named, t)
+        for u in found.torques
+        for y in found.motions
+        for output in _outputs(named[y].role, bool(found.speeds))
+        if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
+    )
+    pairs = sorted(candidate_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
+    taken, axes = set[str](), list[Pair]()
+    for pair in pairs:
+        if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
+            continue
+        best = _measured(pair, pairs, values, named, step)
+        taken |= {best.torque, best.motion, *best.rivals}
+        axes.append(best)
+    order = list(values)
+    axes.sort(key=lambda pair: order.index(pair.motion))
+    if len({pair.name for pair in axes}) < len(axes):
+        axes = [pair._replace(name=f"axis{k}") for k, pair in enumerate(axes, 1)]
+    return axes
+
+
+class _Candidates(NamedTuple):
+    """Columns that may be a torque, or a motion; ``speeds``: unnamed angles, each with the column of its speed."""
+
+    torques: list[str]
+    motions: list[str]
+    speeds: Mapping[str, str]
+
+
+def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> _Candidates:
+    """The columns with a name of a torque or motion; without such names, those whose values allow it."""
     by_role: dict[str, list[str]] = {}
     for name in values:
         by_role.setdefault(named[name].role, []).append(name)
@@ -91,39 +126,18 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
     # If an axis sends angle and speed, use the angle: it gives the better estimates.
     numbers = {named[name].number for name in angles}
     motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
-    speeds: Mapping[str, str] = {}
-    if not torques or not motions:
-        speeds = _speeds(values, unnamed, t)
-        motions = motions or list(speeds) or unnamed
-        # A column may repeat a speed, e.g. as a command; a friction torque is less similar to it.
-        slopes = {
-            n
-            for n in unnamed
-            if n in speeds.values() or any(_likeness(values[s], values[n]) > _SAME for s in speeds.values())
-        }
-        torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
-    step = _step(speeds, named)
-    rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
-    found_pairs = (
-        _pair(values, u, y, output, named, t)
-        for u in torques
-        for y in motions
-        for output in _outputs(named[y].role, bool(speeds))
-        if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
-    )
-    pairs = sorted(found_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
-    taken, found = set[str](), list[Pair]()
-    for pair in pairs:
-        if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
-            continue
-        best = _measured(pair, pairs, values, named, step)
-        taken |= {best.torque, best.motion, *best.rivals}
-        found.append(best)
-    order = list(values)
-    found.sort(key=lambda pair: order.index(pair.motion))
-    if len({pair.name for pair in found}) < len(found):
-        found = [pair._replace(name=f"axis{k}") for k, pair in enumerate(found, 1)]
-    return found
+    if torques and motions:
+        return _Candidates(torques, motions, {})
+    speeds = _speeds(values, unnamed, t)
+    motions = motions or list(speeds) or unnamed
+    # A column may repeat a speed, e.g. as a command; a friction torque is less similar to it.
+    slopes = {
+        n
+        for n in unnamed
+        if n in speeds.values() or any(_likeness(values[s], values[n]) > _SAME for s in speeds.values())
+    }
+    torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
+    return _Candidates(torques, motions, speeds)
 
 
 def _outputs(role: str, beside_speeds: bool) -> Sequence[Literal["angle", "speed"]]:

@@ -11,10 +11,11 @@ from monitor_core.wording import Sentence, sentence
 
 Clock = Literal["receipt", "cyclic", "counter"]
 
-_ENOUGH = 100
-_ENOUGH_FOR_MEDIAN = 1000
-_SCATTER = 0.05  # of an interval: 0.25 ms at 5 ms, which costs 2 % spread in fm
-_CRYSTALS = 300e-6
+_MIN_INTERVALS = 100
+_MIN_INTERVALS_FOR_MEDIAN = 1000
+_MAX_SCATTER = 0.05
+"""Share of an interval above which scatter is reported: with 0.25 ms at 5 ms, estimates of fm scatter by 2 %."""
+_MAX_CLOCK_DIFFERENCE = 300e-6
 """Largest relative difference of two quartz clocks."""
 
 
@@ -48,17 +49,18 @@ def stamps_of(
     of receipt per count of a sample counter [s].
     """
     m = meter[0]
-    known = {name: m[f"{name}_count"] >= _ENOUGH for name in ("intervals", "delays")}
+    known = {name: m[f"{name}_count"] >= _MIN_INTERVALS for name in ("intervals", "delays")}
     between_s = math.sqrt(0.5 * m["intervals_variance"]) * 1e-6 if known["intervals"] else None
     late_s = math.sqrt(m["delays_variance"]) * 1e-6 if known["delays"] else None
     scatter_s = between_s if clock == "receipt" else late_s
-    if m["intervals_count"] < _ENOUGH_FOR_MEDIAN:
+    if m["intervals_count"] < _MIN_INTERVALS_FOR_MEDIAN:
         return Stamps(clock, scatter_s, fitted_s)
     measured_s, nominal_s = float(m["median_us"]) * 1e-6, float(m["interval_us"]) * 1e-6
     if counted_s is not None and abs(counted_s - nominal_s) < abs(measured_s - nominal_s):
         # Late frames that catch up shorten most intervals, but not all of them together.
         measured_s = counted_s
-    # With a wrong interval the samples of a counter are later and later: that is no scatter.
+    # With a wrong nominal interval, samples that are timed by a counter drift away from their times of receipt.  This
+    # drift is no scatter, so the scatter of the intervals is used instead.
     intervals_scatter_s = between_s if clock == "counter" else None
     # Use the interval of the fitted clock, unless the nominal interval is too far off for the fit to work.
     if fitted_s is None or _far_off(
@@ -71,7 +73,7 @@ def stamps_of(
 def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
     """Recommendations for the configuration of an axis; ``interval_s``: its nominal interval [s]."""
     scatter_s, found_s = stamps.scatter_s, stamps.interval_s
-    if stamps.clock == "receipt" and scatter_s is not None and scatter_s > _SCATTER * interval_s:
+    if stamps.clock == "receipt" and scatter_s is not None and scatter_s > _MAX_SCATTER * interval_s:
         yield sentence(
             "stamps scatter",
             "stamps scatter by {scatter}: if the controller samples on its own clock, set "
@@ -81,7 +83,7 @@ def remarks(interval_s: float, stamps: Stamps) -> Iterator[Sentence]:
     if found_s is None:
         return
     fitted = stamps.interval_from == "clock"
-    by_clock = fitted and abs(found_s / interval_s - 1) > _CRYSTALS
+    by_clock = fitted and abs(found_s / interval_s - 1) > _MAX_CLOCK_DIFFERENCE
     if by_clock or _far_off(found_s, interval_s, stamps.intervals_scatter_s or scatter_s):
         yield sentence(
             "interval differs",

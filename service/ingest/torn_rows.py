@@ -6,11 +6,11 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
 
-_NEAR = 10
+_NEAR_ROWS = 10
 """Rows farther than this from a broken row are accepted, and so are sequences longer than this without a step."""
-_FEWEST = 20
+_MIN_STEPS = 20
 """Fewest steps far from broken rows from which the largest step of a column is known."""
-_MORE = 2.0
+_EXTRA_STEPS = 2.0
 """Extra largest steps that a column may make, besides one for each row."""
 
 
@@ -28,7 +28,7 @@ def torn(values: Floats, broken: Bools) -> Bools:
     largest = _largest_steps(values, ~_near(broken))
     starts = np.flatnonzero(np.append(True, _apart(values, broken, largest)))
     ends = np.append(starts[1:], len(broken)) - 1
-    long = ends - starts >= _NEAR
+    long = ends - starts >= _NEAR_ROWS
     out, long_starts, long_ends = np.zeros(len(broken), np.bool_), starts[long], ends[long]
     if not long.any():
         return out
@@ -42,27 +42,27 @@ def torn(values: Floats, broken: Bools) -> Bools:
 
 
 def _near(broken: Bools) -> Bools:
-    counts = np.cumsum(np.pad(broken.astype(np.int64), (_NEAR + 1, _NEAR)))
-    return np.asarray(counts[2 * _NEAR + 1 :] > counts[: -2 * _NEAR - 1], np.bool_)
+    counts = np.cumsum(np.pad(broken.astype(np.int64), (_NEAR_ROWS + 1, _NEAR_ROWS)))
+    return np.asarray(counts[2 * _NEAR_ROWS + 1 :] > counts[: -2 * _NEAR_ROWS - 1], np.bool_)
 
 
 def _largest_steps(values: Floats, quiet: Bools) -> Floats:
     """Largest step of each column (C,) from one row to the next; infinite if not known."""
     pairs = quiet[1:] & quiet[:-1]
-    if np.count_nonzero(pairs) < _FEWEST:
+    if np.count_nonzero(pairs) < _MIN_STEPS:
         return np.full(values.shape[1], np.inf)
     return np.asarray(np.fmax.reduce(abs(np.diff(values, axis=0))[pairs], axis=0, initial=0.0))
 
 
 def _apart(values: Floats, broken: Bools, largest: Floats) -> Bools:
     """Mask of the rows that do not continue the row before (N - 1,), without the first row."""
-    far = (abs(np.diff(values, axis=0)) > (1 + _MORE) * largest).any(axis=1)
+    far = (abs(np.diff(values, axis=0)) > (1 + _EXTRA_STEPS) * largest).any(axis=1)
     return np.asarray(broken[1:] | broken[:-1] | far, np.bool_)
 
 
 def _continue(values: Floats, i: int, k: int, largest: Floats) -> bool:
     rows = abs(i - k)
-    return rows <= _NEAR and not (abs(values[i] - values[k]) > (rows + _MORE) * largest).any()
+    return rows <= _NEAR_ROWS and not (abs(values[i] - values[k]) > (rows + _EXTRA_STEPS) * largest).any()
 
 
 def ahead(times: Floats, usable: Bools) -> Bools:

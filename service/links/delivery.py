@@ -287,6 +287,6 @@ class Delivery:
         except StoreError as error:
             if self._is_saved:
                 self._log.error(
-                    "what a link has delivered cannot be saved; it may come again", reason=str(error)
+                    "the progress of a link cannot be saved; messages may be repeated", reason=str(error)
                 )
             self._is_saved = False

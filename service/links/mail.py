@@ -207,7 +207,9 @@ class Mail:
         except (smtplib.SMTPException, OSError) as error:
             raise UnavailableError(f"{place}: {error}") from None
         if refused:
-            log.warning("some do not get messages of alarms", server=place, refused=sorted(refused))
+            log.warning(
+                "the mail server refuses some receivers of alarms", server=place, refused=sorted(refused)
+            )
 
     def _server(self) -> smtplib.SMTP:
         c = self._config

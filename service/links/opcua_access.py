@@ -76,7 +76,7 @@ class Users(PermissionRuleset):
             known = self._anonymous or self._tokens.tokens()
         except StoreError as error:
             return str(error)
-        words = "nobody is let in: there is no token (axiswatch token new NAME --scope read)"
+        words = "no client has access: there is no token (axiswatch token new NAME --scope read)"
         return "" if known else sentence("nobody let in", words)
 
     def get_user(

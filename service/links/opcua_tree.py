@@ -37,12 +37,12 @@ _FIELDS = {
     "Nominal": (_DOUBLE, "commissioned value"),
     "StandardDeviation": (_DOUBLE, "of the estimate"),
     "Status": (_STRING, "state of the parameter, as in the API"),
-    "NotTestedReason": (_STRING, "why no change of it would be found now; empty: it would"),
+    "NotTestedReason": (_STRING, "why a change of it cannot be detected now; empty: it can"),
 }
 """Variables below each parameter"""
 _OF_AXIS = {
     "GatedBy": (_STRING, "operating condition that excludes the samples now; empty: none"),
-    "Epoch": (_STRING, "learning, verifying or current: what is under way with the nominal values"),
+    "Epoch": (_STRING, "state of the nominal values: learning, verifying or current"),
     "OpenAlarms": (_STRING, "causes of the open alarms, with commas; empty: none"),
 }
 _OF_BUS = {

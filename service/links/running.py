@@ -155,5 +155,5 @@ async def _run_on(link: Link) -> None:
         try:
             await link.run()
         except Exception:
-            log.exception("a fault in a link; it goes on", link=link.snapshot.name)
+            log.exception("a fault in a link; it is started again", link=link.snapshot.name)
             await asyncio.sleep(FIRST_RETRY_S)

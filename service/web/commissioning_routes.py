@@ -31,9 +31,9 @@ class CommissioningStep(Body):
     """A step of the commissioning of the robot."""
 
     name: StepName
-    done: int = Field(description="axes for which it is done; of record: files")
-    total: int | None = Field(description="axes; null: of record, where one may do")
-    command: str = Field(description="what does it, to be typed in the folder")
+    done: int = Field(description="number of axes for which it is done; step record: number of files")
+    total: int | None = Field(description="number of axes; null for the step record, as one file may suffice")
+    command: str = Field(description="the command for it, to be typed in the folder")
 
 
 class AxisCommissioning(Body):

@@ -36,7 +36,7 @@ Only = Annotated[str | None, Query(description="only this parameter; default: al
 Points = Annotated[int, Query(ge=1, le=MOST_POINTS, description="at most this number of rows")]
 AsStored = Annotated[
     Resolution | None,
-    Query(description="raw, minute, hour, day; default: rows of a length that at most `points` of them come"),
+    Query(description="raw, minute, hour, day; default: rows so long that there are at most `points`"),
 ]
 FileResolution = Annotated[
     Resolution | None,

@@ -23,7 +23,7 @@ class SignalCheck(Body):
     """Result of the commissioning checks on the last frames of an axis."""
 
     axis: str
-    seconds: Number = Field(description="length of what was looked at [s]")
+    seconds: Number = Field(description="length of the checked time [s]")
     samples: int
     rate_hz: Number = Field(description="samples a second; null: there are none")
     scatter_s: Number = Field(description="scatter of the time stamps [s]; null: not known")
@@ -34,7 +34,7 @@ class SignalCheck(Body):
         description="what keeps the axis from being identified or monitored, and what to do"
     )
     proposals: list[str] = Field(description="changes of the configuration that these values suggest")
-    doubts: list[str] = Field(description="what these values leave open, and what would settle it")
+    doubts: list[str] = Field(description="questions that these values do not answer, and how to answer them")
     sentences: list[Sentence] = Field(description=SENTENCES)
 
 

@@ -38,7 +38,7 @@ class DatabaseFile(Body):
     """A file of the state directory."""
 
     name: str
-    size_bytes: int = Field(description="with what is not yet in the file itself (-wal)")
+    size_bytes: int = Field(description="size with that of its -wal file")
     written: Time | None = Field(description="when it was written last, UTC; null: it is not there")
     problem: TextOrNull = Field(description="why it cannot be written now; null: it can")
 
@@ -61,8 +61,8 @@ class PublicConfiguration(Body):
 
     file: str
     text: str = Field(
-        description="TOML of what is set in the file or by the environment; what keeps its default is left out, and of"
-        " secrets there is nothing, nor of the files that hold them"
+        description="TOML of what is set in the file or by the environment, without defaults, secrets, and the names of"
+        " files with secrets"
     )
 
 

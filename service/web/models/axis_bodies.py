@@ -47,7 +47,7 @@ class Parameter(Body):
         "estimate is the last observed one and its CUSUM is frozen"
     )
     tested: bool = Field(
-        description="whether a change of it would be found now; false: the absence of an alarm says nothing of it"
+        description="whether a change of it would be detected now; false: it may have changed without an alarm"
     )
     not_tested_reason: NotTested | None = Field(
         description="why it is not tested now; null: it is tested. no sample: none is received; "

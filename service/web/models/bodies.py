@@ -68,8 +68,8 @@ class Sentence(Body):
     """A text for a person, with the data to translate it."""
 
     words: str = Field(description="the text, in English, as it stands in other fields")
-    kind: str = Field(description="which sentence it is; joined: its values, one after the other")
-    values: "dict[str, str | Sentence]" = Field(description="what is in it")
+    kind: str = Field(description="kind of the sentence; joined: its values, one after the other")
+    values: "dict[str, str | Sentence]" = Field(description="the values in the text, by their names")
 
 
 def sentences(texts: Iterable[str | None]) -> list[dict[str, object]]:

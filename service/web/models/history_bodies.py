@@ -47,7 +47,7 @@ class History(Body):
     resolution: Resolution = Field(description="what the rows were made of: points, minutes, hours, days")
     step_s: Number = Field(description="length of a row [s]")
     next: Time | None = Field(
-        description="with resolution: there are more rows, from this time on: ask again with it as since; null: all"
+        description="with resolution: start of the remaining rows, to be requested as since; null: there are none"
     )
     time: list[Time] = Field(description="begin of each row, UTC")
     parameters: list[ParameterHistory]

@@ -268,7 +268,7 @@ def test_a_file_that_cannot_be_written_costs_only_repetitions(post: Post) -> Non
     with structlog.testing.capture_logs() as logs:
         post.settle()
     assert post.inbox.events == ["axis0 raise", "axis1 raise"]
-    assert [e["event"] for e in logs] == ["what a link has delivered cannot be saved; it may come again"]
+    assert [e["event"] for e in logs] == ["the progress of a link cannot be saved; messages may be repeated"]
 
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -42,7 +42,7 @@ def test_with_a_certificate_everything_is_encrypted(certificates: Path, tmp_path
     files = {"certificate": str(certificates / "opcua.crt"), "key": str(certificates / "opcua.key")}
     with ExitStack() as stack:
         plant = linked(stack, tmp_path, own_port(), **files)
-        assert plant.links.snapshots()[0].problem.startswith("nobody is let in: there is no token")
+        assert plant.links.snapshots()[0].problem.startswith("no client has access: there is no token")
         plant.secrets["otto"] = plant.tokens.new("otto", Scope.OPERATE)
         wait_for(lambda: not plant.links.snapshots()[0].problem)
         asyncio.run(encrypted(plant, files))

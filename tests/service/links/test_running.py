@@ -95,7 +95,7 @@ def test_a_fault_of_the_program_in_a_link_does_not_end_it(
         run(configured(tmp_path, orders=port), journal, stack)
         record(journal, just_raised())
         wait_for(lambda: answers.requests)
-    assert [entry["event"] for entry in logs][:1] == ["a fault in a link; it goes on"]
+    assert [entry["event"] for entry in logs][:1] == ["a fault in a link; it is started again"]
 
 
 def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:

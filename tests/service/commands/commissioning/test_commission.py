@@ -93,7 +93,7 @@ def test_an_axis_that_its_own_records_do_not_test_is_not_ready(
     assert "0 of 1 axis ready." in page
     assert "nothing is tested in its own records" in page
     assert "In its own records kT and fm are not tested: " in page
-    unit = "read N m as that in all numbers of this report and its files. torque.factor = rated torque / 100 [N m]"
+    unit = "state N m, it is percent of the rated torque. torque.factor = rated torque / 100 [N m]"
     for name in ("report.html", "cell.a1-identification.html", "cell.a1-calibration.html"):
         assert (folder / "made" / name).read_text(encoding="utf-8").count(unit) == 1, name
     replayed = axiswatch("replay", "healthy.csv", "--config", folder / "made" / "axiswatch.toml")
@@ -117,7 +117,7 @@ def test_units_that_depend_on_the_drive_stay_where_no_factor_converts_them(
     read = load(configured(tmp_path / "robot.toml", axis))
     found = list(units_as_recorded(read, read.axes[0], tmp_path / "a.csv"))
     assert len(found) == len(kept)
-    assert all(f"read {unit} as that" in words for unit, words in zip(kept, found, strict=True))
+    assert all(f"files state {unit}, it is " in words for unit, words in zip(kept, found, strict=True))
 
 
 FULL = OSError(28, "No space left on device", "made/cell.a1.json")
