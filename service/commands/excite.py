@@ -95,7 +95,7 @@ def excite(
 # --- The motion, planned from the configuration of an axis; commission plans such motions, too ------------------------
 
 
-_LONGEST = 2_000_000
+_MAX_SAMPLES = 2_000_000
 
 
 class MotionRequest(NamedTuple):
@@ -202,9 +202,9 @@ def _samples(seconds: float, periods: int, interval_s: float) -> int:
     if not (math.isfinite(seconds) and seconds >= 16 * interval_s):
         raise ExcitationError(f"a period of {seconds:g} s: need at least 16 samples, {16 * interval_s:g} s")
     samples = round(seconds / interval_s)
-    if samples * (periods + 2) > _LONGEST:
+    if samples * (periods + 2) > _MAX_SAMPLES:
         raise ExcitationError(
-            f"{periods} periods of {seconds:g} s have more than {_LONGEST} samples: reduce --seconds or --periods"
+            f"{periods} periods of {seconds:g} s have more than {_MAX_SAMPLES} samples: reduce --seconds or --periods"
         )
     return samples
 

@@ -28,7 +28,7 @@ from service.texts.instants import now_us
 
 _LINES_S = 1.0
 _TAKE_S = 0.1
-_MOST = 1_000_000
+_MAX_FRAMES = 1_000_000
 """Most frames of a bus that are taken at once"""
 
 _OLD_S = 1.0
@@ -125,7 +125,7 @@ def rounds(readers: Sequence[CanReader], seconds: float, stop: Event) -> Iterato
     ended = False
     while not ended:
         ended = stop.wait(_TAKE_S) or time.monotonic() >= end
-        yield [reader.take(_MOST) for reader in readers]
+        yield [reader.take(_MAX_FRAMES) for reader in readers]
 
 
 def bus_lines(buses: Sequence[LiveBus]) -> list[str]:

@@ -28,11 +28,11 @@ from service.ingest.roles_by_values import MOST, Named, Pair, axes_by_values, ch
 from service.ingest.signal_roles import AxisRoles, Confidence, SignalRole
 
 _MOST_ROWS = 20_000
-_ABSURD = 1e30
+_MAX_VALUE = 1e30
 """No quantity of a robot is as large in any unit."""
-_FAR = 100.0
+_MAX_RANGES = 100.0
 """Values farther than this from the median, in units of the range of 98 % of the values, are faults of the file ..."""
-_FEW = 3
+_MIN_ROWS = 3
 """... unless at least this many successive rows have them: then an axis that nearly always stands has moved."""
 
 
@@ -131,7 +131,7 @@ def _sound(columns: Mapping[str, Floats]) -> dict[str, Floats]:
 
 def _absurd(v: Floats) -> Bools:
     """Mask of the values (N,) that are too large for any quantity, or in a few rows lie far outside all others."""
-    absurd = np.asarray(abs(v) >= _ABSURD)
+    absurd = np.asarray(abs(v) >= _MAX_VALUE)
     finite = v[np.isfinite(v) & ~absurd]
     if not finite.size:
         return absurd
@@ -139,10 +139,10 @@ def _absurd(v: Floats) -> Bools:
     if low == high:
         return absurd
     with np.errstate(over="ignore"):
-        far = ~absurd & (abs(v - np.median(finite)) > _FAR * (high - low))
+        far = ~absurd & (abs(v - np.median(finite)) > _MAX_RANGES * (high - low))
     steps = np.flatnonzero(np.diff(far, prepend=False, append=False))
     for start, end in zip(steps[::2], steps[1::2], strict=True):
-        absurd[start:end] = end - start < _FEW
+        absurd[start:end] = end - start < _MIN_ROWS
     return absurd
 
 
@@ -150,7 +150,7 @@ def _absurd(v: Floats) -> Bools:
 
 
 _UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
-_RISES = 0.99
+_MIN_RISING_SHARE = 0.99
 """Smallest share of rising steps in a time column: a few rows may be repeated."""
 _FEWEST_STEPS = 4
 _LONGEST_S = 0.5
@@ -159,7 +159,7 @@ _LONGEST_S = 0.5
 
 def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str | None, float]:
     steps_of = {name: np.diff(v[np.isfinite(v)]) for name, v in values.items()}
-    rising = [name for name, d in steps_of.items() if d.size and np.mean(d > 0) > _RISES]
+    rising = [name for name, d in steps_of.items() if d.size and np.mean(d > 0) > _MIN_RISING_SHARE]
     rising.sort(key=lambda name: role_of(name) != "time")
     if not rising:
         return None, 1.0

@@ -25,7 +25,7 @@ ROWS = 8192
 """Rows of a block"""
 _BLOCK_BYTES = 1 << 20
 _MOST_SIGNALS = 1000
-_ALONE = 0.5
+_MAX_LONE_SHARE = 0.5
 """If more than this share of the times has one signal only, each signal has its own times"""
 _UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
@@ -273,7 +273,7 @@ class LongTable:
         _, first, number, counts = np.unique(
             read[self._time], return_index=True, return_inverse=True, return_counts=True
         )
-        if len(values) == 1 and len(signals) > 1 and np.mean(counts == 1) > _ALONE:
+        if len(values) == 1 and len(signals) > 1 and np.mean(counts == 1) > _MAX_LONE_SHARE:
             raise RecordError(
                 f'{self._path}: each "{self._key}" has times of its own, so that torque and motion are not of one'
                 " time; export them with a common interval"

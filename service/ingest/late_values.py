@@ -13,7 +13,7 @@ from monitor_core.samples import SampleBlock, concatenate
 from service.config.schema import AxisConfig, FurtherSignalConfig
 from service.ingest.acceleration import ACCELERATION_LATE, MAX_ERROR
 
-_NEAR = 0.5
+_TIME_TOLERANCE = 0.5
 """Tolerance of the time difference in intervals; outside it, samples in between are missing."""
 
 
@@ -40,7 +40,7 @@ class LateValues:
         count = max(known.size - self._waits, 0)
         self._waiting = [known.select(slice(count, None))]
         motion, torque = known.select(slice(count)), known.select(slice(self._late, self._late + count))
-        pairs = np.abs(self._behind(motion.t_us, torque.t_us) - self._late) < _NEAR
+        pairs = np.abs(self._behind(motion.t_us, torque.t_us) - self._late) < _TIME_TOLERANCE
         self.unpaired += int(np.count_nonzero(~pairs))
         return motion._replace(u=torque.u, signals=self._signals(known, count)).select(pairs)
 

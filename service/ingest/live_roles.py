@@ -30,22 +30,22 @@ from service.ingest.signal_roles import (
 )
 from service.ingest.unwrap import continuous
 
-_FEWEST = 50
+_MIN_VALUES = 50
 """Fewest values of a signal that are compared."""
 _SCATTER_S, _CATCH_UP_S = 0.1, 1.0
 """Largest jitter of the times of receipt [s], and the time within which late frames have caught up [s]"""
-_BUNCHED = 0.05
+_MIN_BUNCHED_SHARE = 0.05
 """Frames are bunched if more than this share comes within half an interval after another frame"""
 _ALIKE, _APART = 1.3, 5.0
 """Signals are compared if their intervals differ by less than the first factor; by the second if no axis is found"""
-_BITS = 8  # a number of fewer bits is a state
-_CYCLE = 0.02
+_MIN_BITS = 8  # a number of fewer bits is a state
+_CYCLE_TOLERANCE = 0.02
 """A measured interval within this relative distance of the described cycle is taken as that cycle."""
-_ACCURATE = 0.003
+_INTERVAL_ACCURACY = 0.003
 """Relative accuracy of an interval that is measured in some seconds."""
-_TURNS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
+_TURN_FACTORS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
 """SI factors of angles without a unit, by the period after which they wrap"""
-_NEARLY = 1e-3
+_TURN_TOLERANCE = 1e-3
 
 
 class Series(NamedTuple):
@@ -63,7 +63,9 @@ class Series(NamedTuple):
     @property
     def is_bunched(self) -> bool:
         """Whether many values come shortly after another one."""
-        return int(np.count_nonzero(np.diff(self.t) < 0.5 * self.interval_s)) > _BUNCHED * self.t.size
+        return (
+            int(np.count_nonzero(np.diff(self.t) < 0.5 * self.interval_s)) > _MIN_BUNCHED_SHARE * self.t.size
+        )
 
     @property
     def even_s(self) -> Floats:
@@ -165,14 +167,14 @@ def _named(
         return Named("current" if role.current else role.quantity, owners[message.name, signal.name])
     number = number_in(message.name, signal.name)
     unnamed = may_be_measured(message, signal) and not (
-        signal.unit or role_of(signal.name) or signal.length < _BITS
+        signal.unit or role_of(signal.name) or signal.length < _MIN_BITS
     )
     return Named("", number) if unnamed else None
 
 
 def _groups(series: Mapping[str, Series], most: float) -> Iterator[dict[str, Series]]:
     """Groups of signals whose intervals differ by less than ``most``, resampled to the times of a slowest signal."""
-    long = {name: s for name, s in series.items() if s.t.size >= _FEWEST and s.interval_s > 0}
+    long = {name: s for name, s in series.items() if s.t.size >= _MIN_VALUES and s.interval_s > 0}
     while long:
         shortest_s = min(s.interval_s for s in long.values())
         group = {name: s for name, s in long.items() if s.interval_s < most * shortest_s}
@@ -205,7 +207,7 @@ def _with_wrap(role: SignalRole, series: Series) -> SignalRole:
     period = wrap_of(series.values)
     factor = role.factor
     if not role.unit and period is not None:
-        near = (f for turn, f in _TURNS.items() if math.isclose(period, turn, rel_tol=_NEARLY))
+        near = (f for turn, f in _TURN_FACTORS.items() if math.isclose(period, turn, rel_tol=_TURN_TOLERANCE))
         factor = next(near, factor)
     return role._replace(wrap_period=period, factor=factor)
 
@@ -225,7 +227,7 @@ def _timed(axis: AxisRoles, message: Message, series: Mapping[str, Series]) -> A
             measured_s, counter = counted_s, (message.name, signal.name)
             break
     cycle_s = (message.cycle_time or 0) / 1000
-    interval_s = cycle_s if abs(measured_s - cycle_s) < _CYCLE * cycle_s else _rounded(measured_s)
+    interval_s = cycle_s if abs(measured_s - cycle_s) < _CYCLE_TOLERANCE * cycle_s else _rounded(measured_s)
     bunched = any(s.is_bunched for s in own)
     apart = max(s.interval_s for s in own) > _ALIKE * min(s.interval_s for s in own)
     return axis._replace(
@@ -236,7 +238,7 @@ def _timed(axis: AxisRoles, message: Message, series: Mapping[str, Series]) -> A
 def _rounded(interval_s: float) -> float:
     """A measured interval, rounded as far as its accuracy allows."""
     few = float(f"{interval_s:.2g}")
-    return few if abs(few - interval_s) < _ACCURATE * interval_s else float(f"{interval_s:.4g}")
+    return few if abs(few - interval_s) < _INTERVAL_ACCURACY * interval_s else float(f"{interval_s:.4g}")
 
 
 def _counted_s(signal: Signal, series: Series | None) -> float | None:

@@ -23,14 +23,14 @@ _JERKS, _RATHER = 0.9, 6.0
 """A torque without a name is rougher than its motion by this factor, compared at this quantile of the roughness."""
 _ALIKE, _LATER = 0.05, 0.9
 """Columns have equal values if they differ by less than this part of their spread; least delay in rows"""
-_FEWEST = 3
+_MIN_ROWS = 3
 """Fewest rows in which two columns must have values to be compared"""
-_MOVES = 1e-9
+_MIN_RANGE = 1e-9
 MOST = (0.01, 0.99)
 """Quantiles that enclose 98 % of a column"""
 _LONG_S, _HARDLY_EVER = 0.05, 0.999
 """Time over which the speed of an angle is measured [s]; quantile of the speed that is reported as the largest"""
-_TURNED = 0.2
+_MIN_SIGN_GAIN = 0.2
 """A torque of the wrong sign is preferred only if it is explained better by this share."""
 SURE, LIKELY = 0.6, 0.2
 """A pair of torque and motion is sure, or likely, if a rigid mass explains at least this share of the torque."""
@@ -58,7 +58,7 @@ class Pair(NamedTuple):
 def changes(v: Floats) -> bool:
     """Whether a column (N,) is not constant."""
     finite = v[np.isfinite(v)]
-    return finite.size > 2 and float(np.ptp(finite)) > _MOVES
+    return finite.size > 2 and float(np.ptp(finite)) > _MIN_RANGE
 
 
 class Named(NamedTuple):
@@ -150,7 +150,7 @@ def _weight(pair: Pair, named: Mapping[str, Named], step: int | None) -> tuple[b
     alike = named[pair.torque].number == named[pair.motion].number
     beside = _IN_STEP * _in_step(pair, named, step)
     digits = 1 if named[pair.torque].role or named[pair.motion].role else 2
-    return alike, round(pair.explained + beside - _TURNED * pair.turned, digits)
+    return alike, round(pair.explained + beside - _MIN_SIGN_GAIN * pair.turned, digits)
 
 
 def _step(speeds: Mapping[str, str], named: Mapping[str, Named]) -> int | None:
@@ -212,7 +212,7 @@ def _delay(first: Floats, second: Floats) -> float:
     rows = np.column_stack([first, slope, np.ones_like(first)])
     good = np.isfinite(rows).all(axis=1) & np.isfinite(second)
     rows, target = rows[good], second[good]
-    if len(target) < _FEWEST or not changes(rows[:, 1]):
+    if len(target) < _MIN_ROWS or not changes(rows[:, 1]):
         return 0.0
     fit = np.linalg.lstsq(rows, target, rcond=None)[0]
     factor, lead, _ = fit.tolist()

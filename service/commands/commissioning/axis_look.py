@@ -17,7 +17,7 @@ from service.ingest.axis_input import AxisInput
 from service.ingest.loaded_records import Loaded
 from service.ingest.timestamp_jitter import Stamps, remarks
 
-_LOSSY = 0.02
+_MAX_MISSING_SHARE = 0.02
 """Share of missing samples above which it is reported"""
 _STILL = sentence("move it", "let the robot work, or run a motion that `axiswatch excite` plans")
 
@@ -163,7 +163,7 @@ def _unmoved(look: AxisLook, loaded: Loaded) -> Iterator[Sentence]:
 
 def _lossy(look: AxisLook) -> Iterator[Sentence]:
     """Frames that were lost on the way to this machine or never sent."""
-    if look.missing > _LOSSY:
+    if look.missing > _MAX_MISSING_SHARE:
         yield sentence(
             "lossy",
             "{share} of its samples are missing, which spoils an identification: are frames lost on the way, or is what"

@@ -28,9 +28,9 @@ Signal = Literal["torque", "motion"]
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
 FASTEST = 2000.0
 """Speed [rad/s] (19 000 revolutions per minute) that no motor of a robot reaches."""
-_MOVES = 12.0
+_MIN_RANGE_PER_STEP = 12.0
 """Range of a moving signal over its usual step; for noise this ratio is six."""
-_RARE = 0.005
+_OUTLIER_SHARE = 0.005
 """Share of values at either end that may be outliers."""
 
 
@@ -151,5 +151,8 @@ def moves(values: Floats, quantity: str) -> bool:
     if not steps.any():
         return quantity == "speed" and bool(values.any())
     usual = float(np.median(steps[steps > 0]))
-    low, middle, high = np.quantile(values, (_RARE, 0.5, 1 - _RARE))
-    return bool(high - low > _MOVES * usual or (quantity == "speed" and abs(middle) > _MOVES * usual))
+    low, middle, high = np.quantile(values, (_OUTLIER_SHARE, 0.5, 1 - _OUTLIER_SHARE))
+    return bool(
+        high - low > _MIN_RANGE_PER_STEP * usual
+        or (quantity == "speed" and abs(middle) > _MIN_RANGE_PER_STEP * usual)
+    )

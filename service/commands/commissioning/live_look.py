@@ -21,9 +21,9 @@ from service.config.commissioned import corrected
 from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import Loaded, load
 
-LOOK = "look.log"
+RECORD_NAME = "look.log"
 """Name of the record of this check"""
-_NAMED = 5
+_MAX_NAMED = 5
 """Most identifiers of frames that are listed"""
 
 
@@ -47,7 +47,7 @@ def look_at(
         DescriptionError, IngestError: the configuration cannot be used.
         RecordError: the record cannot be written.
     """
-    path = folder / LOOK
+    path = folder / RECORD_NAME
     path.unlink(missing_ok=True)
     heard = record_buses(config, path, seconds, stop, show)
     loaded = {axis.id: _loaded(config, axis.id, path, heard) for axis in config.axes}
@@ -100,8 +100,8 @@ def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
 
 def _ids(keys: Sequence[FrameKey] | Mapping[FrameKey, int]) -> str:
     names = [f"0x{key.can_id:x}" for key in sorted(keys)]
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    more = f" and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else ""
+    return ", ".join(names[:_MAX_NAMED]) + more
 
 
 # --- What the checks of a record find ---------------------------------------------------------------------------------

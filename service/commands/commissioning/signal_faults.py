@@ -13,11 +13,11 @@ from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checke
 from service.config.schema import MOST_LATE
 from service.ingest.loaded_records import RecordOrigin
 
-_LITTLE = 0.01
+_MAX_STUCK_SHARE = 0.01
 """Share of a record that may be stuck; smaller faults are left to the warnings of the identification."""
 _FEWEST, _RARE = 100, 0.005
 """One of so many samples at either end may be an outlier, such as the first one."""
-_NAMED = 3
+_MAX_NAMED_SPANS = 3
 """Most spans of one signal that are reported."""
 
 
@@ -39,7 +39,7 @@ def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
 def _out_of_range(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
     """Values that no motor reaches, so that the unit must be another one."""
     lost = source.dropped.get("absurd", 0)
-    if lost > _LITTLE * (source.samples + lost):
+    if lost > _MAX_STUCK_SHARE * (source.samples + lost):
         quantity = checked.output
         yield sentence(
             "values beyond",
@@ -82,7 +82,7 @@ def _stuck(checked: Checked, record: Record, text: str) -> Iterator[str]:
             )
             continue
         spans = stuck_spans(record, signal)
-        if sum(s.end_s - s.start_s for s in spans) > _LITTLE * record.duration_s:
+        if sum(s.end_s - s.start_s for s in spans) > _MAX_STUCK_SHARE * record.duration_s:
             yield sentence(
                 "signal stuck",
                 "{name} is stuck, while the axis moves, {spans} of {record}: a stuck sensor or a lost connection;"
@@ -137,8 +137,8 @@ def _name(checked: Checked, signal: Signal) -> Sentence:
 
 
 def _words(spans: list[Span]) -> str:
-    named = [f"from {s.start_s:.2f} to {s.end_s:.2f} s" for s in spans[:_NAMED]]
-    more = len(spans) - _NAMED
+    named = [f"from {s.start_s:.2f} to {s.end_s:.2f} s" for s in spans[:_MAX_NAMED_SPANS]]
+    more = len(spans) - _MAX_NAMED_SPANS
     return ", ".join(named) + (f" and {more} times more" if more > 0 else "")
 
 

@@ -27,27 +27,27 @@ from service.ingest.loaded_records import Loaded, RecordOrigin
 from service.ingest.loaded_records import load as load_record
 from service.ingest.records import LogRecord, is_table
 
-_BUNCHED = 0.05
-"""Share of the samples: in bunches so many frames come too close to another one."""
-_PARTS = 5
-"""Share of a record with bunches; in each of them some frames are hardly late"""
-_FEWEST = 100
-"""Frames needed to determine their interval"""
-_NEAR = 0.5
+_MIN_BUNCHED_SHARE = 0.05
+"""Frames are bunched if more than this share comes shortly after another one."""
+_BUNCH_PARTS = 5
+"""Number of parts of a record with bunches; in each part some frames are hardly late."""
+_MIN_FRAMES = 100
+"""Least number of frames from which their interval is determined"""
+_TIME_TOLERANCE = 0.5
 """Tolerance of the distance of two samples in intervals; outside it they do not belong to consecutive cycles."""
-_SMOOTHER = 0.5
-"""Equally spaced times are used if they make the third derivative of the motion smaller by this factor."""
+_MAX_ROUGHNESS_RATIO = 0.5
+"""Equally spaced times are used if they reduce the third derivative of the motion to at most this share."""
 _PAUSE_S = 0.5
 """After a longer gap a counter may have wrapped, or the controller was off"""
-_ABOUT = 2.5
+_MAX_INTERVAL_RATIO = 2.5
 """Factor by which the interval may differ from the configured one if the times are in another unit."""
-_EXPLAINS = 0.3
+_MIN_EXCHANGE_GAIN = 0.3
 """Share of the variance of the torque that two axes must explain better with exchanged torques."""
-_MOST = 50_000
+_MAX_SAMPLES = 50_000
 """Number of samples that are compared."""
 _AS_LONG = 0.95
 """Share of the longest record of an axis: on a bus some axes lose a few samples."""
-_ROUNDS = 8
+_MAX_ROUNDS = 8
 """Most corrections in a row: one mistake may hide another, so the signals are checked again after each."""
 
 
@@ -78,7 +78,11 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
     while True:
         checked, used = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
         new, wrong = _first(checked, used)
-        if new is None or len(found) == _ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
+        if (
+            new is None
+            or len(found) == _MAX_ROUNDS
+            or (new.key, new.value) in [(c.key, c.value) for c in found]
+        ):
             doubts = () if wrong else tuple(unknown_units(checked))
             standing = tuple(text for text in records if text not in used)
             return Review(tuple(found), wrong, doubts, unchecked(checked), standing)
@@ -135,16 +139,16 @@ def _exchanged_in(
     longest = max(len(item.record) for item in loaded.values())
     # Other axes have another interval, or their samples are from another time.
     axes = [axis for axis in axes if len(loaded[axis.id].record) >= _AS_LONG * longest]
-    part = slice(min(longest, _MOST))
+    part = slice(min(longest, _MAX_SAMPLES))
     moved = [item._replace(record=item.record.select(part)) for item in (loaded[axis.id] for axis in axes)]
     explained = np.array(
         [[_explained(motion.record, _torque_at(motion, torque)) for torque in moved] for motion in moved]
     )
     # The right torque explains the motion best. Small differences are no reason for a proposal.
-    _, best = linear_sum_assignment(-explained - _EXPLAINS * np.eye(len(axes)))
+    _, best = linear_sum_assignment(-explained - _MIN_EXCHANGE_GAIN * np.eye(len(axes)))
     now = explained.diagonal()
     changed = [k for k, other in enumerate(best.tolist()) if other != k]
-    if not changed or min(explained[k, best[k]] - now[k] for k in changed) < _EXPLAINS:
+    if not changed or min(explained[k, best[k]] - now[k] for k in changed) < _MIN_EXCHANGE_GAIN:
         return {}
     return {axes[k].id: tuple(_torque_of(axes[k], axes[best[k]])) for k in changed}
 
@@ -206,7 +210,7 @@ def _unit_of_time(checked: Checked) -> Iterator[Correction]:
         return
     ratio = _interval_s(checked)[0] / checked.axis.config.sample_interval_s
     for factor, unit in TIME_UNITS.items():
-        if 1 / _ABOUT < ratio / factor < _ABOUT:
+        if 1 / _MAX_INTERVAL_RATIO < ratio / factor < _MAX_INTERVAL_RATIO:
             yield Correction(("time", "factor"), 1 / factor, f"the times look like {unit}")
 
 
@@ -230,7 +234,7 @@ def _interval_s(checked: Checked) -> tuple[float, float]:
     counted = checked.axis.config.time.counter_signal is not None
     intervals = []
     for record, source in zip(checked.records, checked.sources, strict=True):
-        if not checked.in_tables and (counted or _crowded(source) > _BUNCHED):
+        if not checked.in_tables and (counted or _crowded(source) > _MIN_BUNCHED_SHARE):
             intervals.append(_interval_received(*_receipts(checked, source)))
         else:
             intervals.append((record.mean_interval_s, 0.0))
@@ -267,10 +271,10 @@ def _interval_received(t: Floats, cycle: Floats) -> tuple[float, float]:
     t, cycle = max(
         zip(np.split(t, pauses), np.split(cycle, pauses), strict=True), key=lambda part: len(part[0])
     )
-    if len(t) < _FEWEST or cycle[-1] == cycle[0]:
+    if len(t) < _MIN_FRAMES or cycle[-1] == cycle[0]:
         return 0.0, math.inf
     late = t - t[0] - (cycle - cycle[0]) * (t[-1] - t[0]) / (cycle[-1] - cycle[0])
-    parts = np.array_split(np.arange(len(t)), _PARTS)
+    parts = np.array_split(np.arange(len(t)), _BUNCH_PARTS)
     first, last = (part[late[part].argmin()] for part in (parts[0], parts[-1]))
     interval_s = float((t[last] - t[first]) / (cycle[last] - cycle[first]))
     earliest = [(t - cycle * interval_s)[part].min() for part in parts]
@@ -286,7 +290,12 @@ def _bunches(checked: Checked) -> Iterator[Correction]:
     """Frames whose receive times are not the sample times, as some adapters deliver them."""
     time = checked.axis.config.time
     most = max(map(_crowded, checked.sources))
-    if not checked.in_tables and time.counter_signal is None and time.clock == "receipt" and most > _BUNCHED:
+    if (
+        not checked.in_tables
+        and time.counter_signal is None
+        and time.clock == "receipt"
+        and most > _MIN_BUNCHED_SHARE
+    ):
         yield Correction(
             ("time", "clock"),
             "cyclic",
@@ -319,17 +328,17 @@ def _rougher(record: Record, interval_s: float) -> bool:
     """Whether a motion, where no sample is lost, has a far larger third derivative by its times than by even ones."""
     t, y = record.t[record.measured] / interval_s, record.y[record.measured]
     steps = np.diff(t)
-    near = np.abs(steps - 1) < _NEAR
+    near = np.abs(steps - 1) < _TIME_TOLERANCE
     usable = near[:-2] & near[1:-1] & near[2:]
     moves = np.abs(y[3:] - y[:-3])
     usable &= moves > np.median(moves)
-    if np.count_nonzero(usable) < _FEWEST:
+    if np.count_nonzero(usable) < _MIN_FRAMES:
         return False
     by_time = y
     for order in (1, 2, 3):
         by_time = order * np.diff(by_time) / (t[order:] - t[:-order])
     even = np.median(np.abs(np.diff(y, 3)[usable]))
-    return bool(even < _SMOOTHER * np.median(np.abs(by_time[usable])))
+    return bool(even < _MAX_ROUGHNESS_RATIO * np.median(np.abs(by_time[usable])))
 
 
 def _sign(checked: Checked) -> Iterator[Correction]:

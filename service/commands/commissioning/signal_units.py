@@ -14,9 +14,9 @@ from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checke
 from service.config.commissioned import Correction
 from service.config.unit_names import unit_in, unit_passed_over
 
-_NEAR = 2.0
+_MAX_NOMINAL_RATIO = 2.0
 """Largest factor by which a nominal inertia may be wrong if a unit is to be inferred from it."""
-_CLOSE = 1.35
+_MAX_MATCH_RATIO = 1.35
 """Factor within which the inertia agrees."""
 _COUNTED = 2 * math.pi / 1000
 """Multiple of the nominal inertia with 1000 counts of a turn; with fewer, the unit is one such as degrees."""
@@ -24,9 +24,9 @@ _BETWEEN = math.sqrt(2.0)
 """Factor from a power of two to the geometric middle between it and the next."""
 _PER_MILLE = (10.0, 1e5)
 """Multiples of the nominal inertia: a rated torque of 0.01 to 100 N m in per mille."""
-_GEARED = 2.0
+_MIN_GEAR_RATIO = 2.0
 """A gear with a ratio nearer to 1 cannot be seen in the inertia."""
-_OTHER = 1.5
+_DOUBT_MARGIN = 1.5
 """Margin beyond the bounds from a weight at which a configured unit is doubted."""
 _SAME_ANGLE = 6.0
 """Largest quotient of the bounds of a ratio from a weight that shows a unit; for counts _BETWEEN squared."""
@@ -62,10 +62,10 @@ def by_name(checked: Checked) -> Iterator[Correction]:
 def by_weight(checked: Checked) -> Iterator[Correction]:
     """The torque of a weight repeats after another turn than the configured angle and gear give."""
     ratio = checked.ratio
-    if ratio is None or ratio > _GEARED:
+    if ratio is None or ratio > _MIN_GEAR_RATIO:
         return
     found = turning_weight(checked.records[0])
-    if found is None or found.least / _OTHER < ratio < found.most * _OTHER:
+    if found is None or found.least / _DOUBT_MARGIN < ratio < found.most * _DOUBT_MARGIN:
         return
     shows = sentence(
         "weight repeats",
@@ -164,7 +164,7 @@ def by_inertia(checked: Checked) -> Iterator[Correction]:
             _whole(shows, checked.output),
         )  # fmt: skip
     elif (found := _nearest(checked, times)) is not None:
-        sure = 1 / _CLOSE < times / found.times < _CLOSE
+        sure = 1 / _MAX_MATCH_RATIO < times / found.times < _MAX_MATCH_RATIO
         words = "{shows}: {what}" if sure else "{shows}: probably {what}"
         reason = sentence(
             "then times" if sure else "probably",
@@ -208,7 +208,7 @@ def _per_mille(checked: Checked, times: float, shows: str) -> Correction:
 def _nearest(checked: Checked, times: float) -> _Candidate | None:
     """The mistake that explains this inertia; None: no common mistake does."""
     found = min(_candidates(checked), key=lambda c: abs(math.log(times / c.times)))
-    return found if 1 / _NEAR < times / found.times < _NEAR else None
+    return found if 1 / _MAX_NOMINAL_RATIO < times / found.times < _MAX_NOMINAL_RATIO else None
 
 
 def _candidates(checked: Checked) -> Iterator[_Candidate]:
@@ -219,12 +219,12 @@ def _candidates(checked: Checked) -> Iterator[_Candidate]:
     yield _Candidate(1e3, _unit("torque", "in N mm"), checked.key("torque"), torque * 1e-3)
     times: dict[Signal, float] = {"torque": abs(torque), "motion": 1 / abs(motion)}
     for signal, factor in times.items():
-        if not 1 / _GEARED < factor < _GEARED:
+        if not 1 / _MIN_GEAR_RATIO < factor < _MIN_GEAR_RATIO:
             quantity = checked.quantity(signal)
             what = sentence("no factor", "the {quantity} needs no factor", quantity=quantity)
             value = math.copysign(1.0, checked.factor(signal))
             yield _Candidate(factor, what, checked.key(signal), value)
-    if ratio is None or 1 / _GEARED < ratio < _GEARED:
+    if ratio is None or 1 / _MIN_GEAR_RATIO < ratio < _MIN_GEAR_RATIO:
         return
     yield _Candidate(1 / ratio, _unit(name, "that of the arm"), key, motion / ratio)
     degrees = math.pi / 180 / ratio
@@ -239,7 +239,7 @@ def by_ratio(checked: Checked) -> Iterator[Correction]:
     given, key = checked.axis.config.model.nominal.get("r"), ("model", "nominal", "r")
     if given is None or checked.ratio is None:
         return
-    if checked.ratio > _GEARED:
+    if checked.ratio > _MIN_GEAR_RATIO:
         reason = sentence(
             "r turned",
             "r = {r} would turn the arm faster than the motor; r is the angle of the arm over that of the motor,"
@@ -271,7 +271,7 @@ def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
     if not (0 < motor < inertia and arm > 0):
         return None
     found = math.sqrt((inertia - motor) / arm)
-    return found if found < 1 / _GEARED else None
+    return found if found < 1 / _MIN_GEAR_RATIO else None
 
 
 _TRIED = (0.01, 0.1)
