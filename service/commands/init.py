@@ -119,6 +119,7 @@ def _from_table(record: Path, output: Path) -> None:
     from service.commands.proposed_configuration import table_lines
     from service.ingest.column_roles import roles
     from service.ingest.records import is_table
+    from service.ingest.roles_by_values import changes
     from service.ingest.signal_roles import summary
     from service.ingest.table_files import open_table
 
@@ -137,8 +138,10 @@ def _from_table(record: Path, output: Path) -> None:
         )
     found = roles(columns, table.units, interval_s)
     if not found.axes:
+        constant = ", ".join(name for name, column in columns.items() if not changes(column))
+        still = f", and these do not change: {constant}" if constant else ""
         raise RecordError(
-            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{fault}"
+            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{still}{fault}"
         )
     unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
     not_read = (f"not used: {why}" for why in faults.values())

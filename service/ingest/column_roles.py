@@ -97,6 +97,7 @@ def _axis(pair: Pair, kinds: Mapping[str, str], units: Mapping[str, str]) -> Axi
         explained=pair.explained,
         rivals=pair.rivals,
         fastest=pair.fastest,
+        better=pair.better,
     )
 
 

@@ -34,6 +34,9 @@ _MIN_SIGN_GAIN = 0.2
 """A torque of the wrong sign is preferred only if it is explained better by this share."""
 SURE, LIKELY = 0.6, 0.2
 """A pair of torque and motion is sure, or likely, if a rigid mass explains at least this share of the torque."""
+_EXCHANGED = 0.4
+"""Share of a torque by which the motion of another axis explains more of it than that of its own, if columns have been
+exchanged: axes that move at the same time explain some of each other's torques."""
 
 
 class Pair(NamedTuple):
@@ -53,6 +56,8 @@ class Pair(NamedTuple):
     """Other unnamed columns that may equally be the torque"""
     fastest: float | None = None
     """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
+    better: tuple[str, float] | None = None
+    """Another motion that explains far more of the torque, and the share; None: there is none"""
 
 
 def changes(v: Floats) -> bool:
@@ -94,12 +99,19 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
             continue
         best = _measured(pair, pairs, values, named, step)
         taken |= {best.torque, best.motion, *best.rivals}
-        axes.append(best)
+        axes.append(best._replace(better=_better(best, pairs)))
     order = list(values)
     axes.sort(key=lambda pair: order.index(pair.motion))
     if len({pair.name for pair in axes}) < len(axes):
         axes = [pair._replace(name=f"axis{k}") for k, pair in enumerate(axes, 1)]
     return axes
+
+
+def _better(pair: Pair, pairs: Sequence[Pair]) -> tuple[str, float] | None:
+    """The motion of another axis that surely explains this torque, where its own does not, and the explained share."""
+    others = [(p.motion, p.explained) for p in pairs if p.torque == pair.torque and p.motion != pair.motion]
+    best = max(others, key=lambda other: other[1], default=("", 0.0))
+    return best if best[1] >= max(SURE, pair.explained + _EXCHANGED) else None
 
 
 class _Candidates(NamedTuple):

@@ -74,6 +74,8 @@ class AxisRoles(NamedTuple):
     """Other unnamed columns that may equally be the torque"""
     fastest: float | None = None
     """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
+    better: tuple[str, float] | None = None
+    """The motion of another axis that explains far more of the torque, and the share; None: there is none"""
 
     @property
     def confidence(self) -> str:
@@ -226,6 +228,10 @@ def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
             words += f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
         elif axis.measured:
             words += " by its name; it did not move"
+        if axis.better is not None:
+            words += (
+                f"; {axis.better[0]} explains {100 * axis.better[1]:.0f} % of it: are two columns exchanged?"
+            )
         if axis.apart:
             words += (
                 "; torque and motion come at different rates, but a sample needs both: send them at one rate"

@@ -36,6 +36,17 @@ def test_names_of_columns(record: Path) -> None:
     assert first.config.time.column == "Time"
 
 
+def test_exchanged_columns_are_noticed(record: Path) -> None:
+    """The names are believed, and what speaks against them is said."""
+    assert "are two columns exchanged" not in shown("init", record)
+    rename_columns(record, "Time,A2_Trq,A1_Pos,A1_Trq,A2_Pos")
+    first, second = (line for line in shown("init", record, "--force").splitlines() if line[:4] == "axis")
+    assert "torque A1_Trq, angle A1_Pos" in first
+    assert "; A2_Pos explains " in first
+    assert "; A1_Pos explains " in second
+    assert second.endswith("% of it: are two columns exchanged?")
+
+
 def test_a_cell_that_holds_no_number_does_not_cost_its_column(record: Path) -> None:
     lines = record.read_text(encoding="utf-8").splitlines()
     for row, column in ((300, 1), (500, 2)):
