@@ -5,7 +5,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from threading import Event
 
@@ -14,7 +14,7 @@ import pytest
 from can.interfaces.socketcan import SocketcanBus
 
 from service.can import bus_reader
-from service.can.bus import BusSettings, open_bus, send
+from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
 from service.can.frames import Frame, FrameFilter, FrameKey
 from service.can.receivers import Receiver
@@ -95,15 +95,15 @@ def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
     assert set(stats.dropped.values()) == {0}
 
 
-def open_with_small_buffer(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -> SocketcanBus:
-    bus = open_bus(config, wanted)
+def receiver_with_small_buffer(bus: can.BusABC) -> Receiver:
+    receiver = receiver_of(bus)
     assert isinstance(bus, SocketcanBus)
     bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
-    return bus
+    return receiver
 
 
 def test_the_reader_tells_what_the_kernel_dropped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bus_reader, "open_bus", open_with_small_buffer)
+    monkeypatch.setattr(bus_reader, "receiver_of", receiver_with_small_buffer)
     config = bus_config(tmp_path)
     reader, sent = CanReader(config, [FrameFilter(STANDARD)]), 300
     reader.open()
