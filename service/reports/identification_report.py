@@ -104,12 +104,17 @@ class IdentificationReport:
             yield f"friction_speed_scale is not given: {scale:.3g} rad/s explains the records best."
 
     def _standstill(self) -> Iterator[str]:
-        """Remark that the torque of an axis at rest, or all of its slow motion, is left out."""
+        """Remark that the torque of an axis at rest, held by its brake, or all of its slow motion, is left out."""
         found, slow = self.result.standstill, self.result.slow_left_out
         if slow:
             yield (
                 f"What is slower than {slow:.2g} rad/s is left out of the fit: its friction sticks and slips, other"
                 " than fm and fc describe. The monitor leaves it out, too."
+            )
+        elif found is not None and not found.speed:
+            yield (
+                f"A brake holds the axis {percent(found.share)} of the time, while its motor is off: the fit leaves"
+                " that out. So does the monitor."
             )
         elif found is not None:
             yield (

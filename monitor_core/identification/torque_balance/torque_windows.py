@@ -116,10 +116,18 @@ def least_speed(parts: Sequence[GridPart]) -> float | None:
     """
     if not parts:
         return None
-    speed = np.concatenate([speed_of(part, AROUND) for part in parts])
-    least = _STANDS * float(np.sqrt(np.mean(speed**2)))
+    speed, least = _speeds(parts), standing_speed(parts)
     often = _SELDOM if _one_way(speed) else _OFTEN
     return least if np.mean(abs(speed) < least) > often else None
+
+
+def standing_speed(parts: Sequence[GridPart]) -> float:
+    """Speed below which an axis may stand, at the sensor, however seldom it does; 0: there are no parts."""
+    return _STANDS * float(np.sqrt(np.mean(_speeds(parts) ** 2))) if parts else 0.0
+
+
+def _speeds(parts: Sequence[GridPart]) -> Floats:
+    return np.concatenate([speed_of(part, AROUND) for part in parts])
 
 
 def moves_one_way(records: Sequence[Record]) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.excitation import multisine
 from monitor_core.identification import IdentificationOptions, Problem, identify
 from monitor_core.identification.assessment.verdict import Effect, Quality
 from monitor_core.identification.greybox import fit
@@ -73,6 +74,46 @@ def test_at_rest_it_is_the_torque_of_the_weight(seed: int) -> None:
 
 def test_an_axis_that_seldom_stands_keeps_its_torque(seed: int) -> None:
     assert find_standstill([healthy(np.random.default_rng(seed), "angle", closed=True)]) is None
+
+
+def braked(seed: int, at_s: float, seconds: float) -> Record:
+    """A vertical axis that seldom stands; once its brake closes and its motor is switched off for so long."""
+    rng, n, rest = np.random.default_rng(seed), 12_000, round(seconds / H)
+    w = 12.0 * multisine(rng, n, H, (0.3, 4.0), 2.0)
+    u = TRUE["J"] * np.gradient(w, H) + TRUE["fm"] * w + TRUE["fc"] * np.tanh(w / 0.5) + 1.5
+    y, k = np.cumsum(w) * H, round(at_s / H)
+    k += int(np.argmin(np.abs(w[k : k + 400])))
+    u, y, t = np.insert(u, k, np.zeros(rest)), np.insert(y, k, np.full(rest, y[k])), np.arange(n + rest) * H
+    noisy_u, noisy_y = u + rng.normal(0, 0.02, t.size), y + rng.normal(0, 1e-4, t.size)
+    return Record(np.asarray(t, np.float64), noisy_u, noisy_y, "angle")
+
+
+def test_a_brake_that_holds_the_axis_for_seconds_does_not_spoil_the_fit(seed: int) -> None:
+    """In a record of a minute that the axis otherwise moves throughout."""
+    record, other = braked(seed, 20.0, 3.0), braked(seed + 1, 40.0, 2.0)
+    found = find_standstill([record])
+    assert found is not None
+    assert found.speed == 0.0
+    assert found.share == pytest.approx(3.0 / 63.0, rel=0.05)
+    (held,) = found.records
+    changed = np.flatnonzero(held.u != record.u)
+    assert held.u[changed] == pytest.approx(1.5, abs=0.1)
+    (validation,) = found.held([other])
+    assert np.count_nonzero(validation.u != other.u) * H == pytest.approx(2.0, rel=0.05)
+    start = {"J": 3e-3, "fm": 3e-3, "fc": 0.3, "tau0": -1.0, "kT": 1.0}
+    problem = Problem(one_mass("angle"), start, NAMES, speed_scale=0.5)
+    options = IdentificationOptions("values", speed_scales=speed_scales([record]))
+    fitted, without = (identify(problem, [r], options=options) for r in (record, braked(seed, 20.0, 0.0)))
+    assert fitted.estimate.problem.min_speed == 0.0
+    assert without.standstill is None
+    for name in NAMES:
+        assert fitted.estimate.values[name] == pytest.approx(without.estimate.values[name], rel=0.02), name
+
+
+def test_without_a_weight_no_brake_is_looked_for(seed: int) -> None:
+    record = braked(seed, 20.0, 3.0)
+    level = replace(record, u=np.where(np.abs(record.u) < 0.2, record.u, record.u - 1.5))
+    assert find_standstill([level]) is None
 
 
 def test_a_slow_motion_is_no_standstill(seed: int) -> None:
