@@ -90,6 +90,8 @@ def find_standstill(records: Sequence[Record]) -> Standstill | None:
     """
     parts = windowed_parts(records)
     seldom, slowest = least_speed(parts) is None, standing_speed(parts)
+    if not slowest:  # it never moves
+        return None
     one_way, rests = moves_one_way(records), list[_Rest]()
     for record in records:
         rest = _rest(record, slowest, one_way)
