@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.monitoring import AxisMonitor
+from monitor_core.samples import SampleBlock
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config, load
@@ -171,3 +172,37 @@ def test_an_axis_has_its_own_conditions_and_no_other(file: Path, healthy: list[F
         first, second = (core.monitors.by_id[axis_id] for core in cores)
         assert first.status().counters["gated"] == pytest.approx(gated, abs=FEW * bool(gated))
         assert_same(first, second)
+
+
+HOIST = """
+[[robot]]
+name = "hoist"
+
+[[robot.axis]]
+name = "lift"
+sample_interval_s = 0.005
+time = { column = "t" }
+torque = { column = "u" }
+angle = { column = "y" }
+estimator = { torque_noise = 0.05, output_noise = 1e-4 }
+
+[robot.axis.model]
+drive = "one-mass"
+monitor = ["kT", "fm"]
+friction_speed_scale = 1.0
+nominal = { kT = 1.0, J = 0.01, fm = 0.004, fc = 0.1, tau0 = -1.0 }
+"""
+
+
+def test_an_axis_without_conditions_waits_while_its_brake_holds_it(tmp_path: Path) -> None:
+    """Its weight would let it fall by a metre in a quarter of a second."""
+    file = tmp_path / "hoist.toml"
+    file.write_text(HOIST, encoding="utf-8")
+    monitors = AxisMonitors(load(file, {}).axes)
+    t_us = START_US + 5000 * np.arange(400, dtype=np.int64)
+    monitors.update({"hoist.lift": SampleBlock(t_us, np.zeros(400), np.full(400, 0.3))})
+    assert monitors.axes["hoist.lift"].gated_by.startswith("held by its brake")
+    assert monitors.by_id["hoist.lift"].status().counters["gated"] == 400 - 20
+    later = SampleBlock(t_us + 2_000_000, np.ones(400), np.full(400, 0.3))
+    monitors.update({"hoist.lift": later})
+    assert monitors.axes["hoist.lift"].gated_by == ""

@@ -28,7 +28,7 @@ def test_an_axis_shows_estimates_over_time_and_the_long_term_trend_where_it_is_k
         "0.06000",
         "+30.5 %",
         "72.5 % of threshold",
-        "tested for 9.9 min with these nominal values",
+        "tested for 10 min with these nominal values",
     ):
         expect(panel).to_contain_text(words)
     for plot in ("fm: estimate with 95 % band", "fm: test statistic"):
