@@ -5,9 +5,10 @@ is zero then, and a predictor expects the axis to fall.  An axis is held from th
 
 * its weight would accelerate it more than Coulomb friction can prevent,
 * the torque balances less than half of the weight,
-* it has moved less than a tenth of what the weight would move it in that time.
+* it has moved less than a tenth of what the weight would move it in that time,
 
-So an axis whose sensor is stuck while it is controlled is not held, nor is one that has lost its torque and falls.
+until it has a torque, or moves by half of that.  So an axis whose sensor is stuck while it is controlled is not held, nor
+is one that has lost its torque and falls.
 """
 
 from typing import NamedTuple
@@ -23,16 +24,25 @@ from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGH
 HOLD_S = 0.1
 _BORNE = 0.5
 """Share of the weight that the torque of a controlled axis balances at least."""
-_MOVED = 0.1
-"""Share of the distance, or of the speed, that the weight alone would have caused."""
+_STANDS, _MOVES = 0.1, 0.5
+"""Shares of the distance, or of the speed, that the weight alone would have caused: an axis stands below the first;
+one that is held moves beyond the second, as a noisy sample is no motion."""
 
 
 class _Stand(NamedTuple):
-    """The sample since which the axis has stood without a torque."""
+    """The samples in which the axis has stood without a torque; ``y``: the angle, or the speed 0."""
 
     since_us: int
     y: float
     last_us: int
+
+    @property
+    def is_held(self) -> bool:
+        return self.last_us - self.since_us >= HOLD_S * 1e6
+
+    def is_near(self, y: float, fallen: float) -> bool:
+        """Whether the axis still stands at y; ``fallen``: y if it had fallen for ``HOLD_S``."""
+        return abs(y - self.y) <= (_MOVES if self.is_held else _STANDS) * fallen
 
 
 class HoldingBrake:
@@ -63,8 +73,7 @@ class HoldingBrake:
     @property
     def holds(self) -> bool:
         """Whether the brake held the axis at the last sample."""
-        stand = self._stand
-        return stand is not None and stand.last_us - stand.since_us >= HOLD_S * 1e6
+        return self._stand is not None and self._stand.is_held
 
     def take(self, t_us: NDArray[np.int64], u: Floats, y: Floats, weight: Floats | None) -> Bools:
         """Whether the brake holds the axis at the samples (N,).
@@ -80,16 +89,15 @@ class HoldingBrake:
             idle = (abs(falls) > self._of_friction) & (abs(self._of_torque * u) < _BORNE * abs(falls))
         idle &= np.isfinite(y)
         held, stand = np.zeros(len(t_us), np.bool_), self._stand
-        near = _MOVED * abs(falls) * (HOLD_S**2 / 2 if self._angle else HOLD_S)
+        fallen = abs(falls) * (HOLD_S**2 / 2 if self._angle else HOLD_S)
         last = -1
         for k in np.flatnonzero(idle).tolist():
             now_us, at = int(t_us[k]), float(y[k])
-            broken = stand is None or k != last + 1 or now_us < stand.last_us
-            if stand is None or broken or not abs(at - (stand.y if self._angle else 0.0)) <= near[k]:
-                stand = _Stand(now_us, at, now_us)
+            if stand is None or k != last + 1 or now_us < stand.last_us or not stand.is_near(at, fallen[k]):
+                stand = _Stand(now_us, at if self._angle else 0.0, now_us)
             else:
                 stand = stand._replace(last_us=now_us)
-            held[k] = now_us - stand.since_us >= HOLD_S * 1e6
+            held[k] = stand.is_held
             last = k
         if len(t_us):
             self._stand = stand if last == len(t_us) - 1 else None

@@ -61,6 +61,16 @@ def test_an_axis_without_torque_that_stands_is_held() -> None:
     assert found[since + 1 :].all()
 
 
+def test_an_axis_whose_brake_fails_is_no_longer_held() -> None:
+    """A noisy sample is no motion; a fall is one within a tenth of a second."""
+    u, t = np.zeros(N), np.maximum(np.arange(N) * 0.005 - 0.5, 0.0)
+    y = np.asarray(-50.0 * t**2)
+    y[60] += 0.1
+    found = held(MASS, u, y)
+    assert found[21:100].all()
+    assert not found[120:].any()
+
+
 @pytest.mark.parametrize(
     "what",
     ["controlled", "stuck sensor", "falls", "turns back", "friction bears it", "not measured", "clock"],
@@ -139,14 +149,18 @@ def test_the_reason_is_stated() -> None:
 
 
 def with_brake(seed: int, seconds: float) -> SampleBlock:
-    """An axis whose weight turns with the pose; in the middle its brake closes for so long."""
-    moves, n = moving(seed, 1.0), round(seconds / MOVING_S)
-    rng, half = np.random.default_rng(seed), moves.size // 2
-    weight = np.asarray(moves.weight)
-    t_us = np.arange(moves.size + n, dtype=np.int64) * round(MOVING_S * 1e6)
-    at_rest = (0.02 * rng.standard_normal(n), 0.1 * rng.standard_normal(n), np.full(n, 1.2))
-    u, y, w = (np.insert(v, half, rest) for v, rest in zip((moves.u, moves.y, weight), at_rest, strict=True))
-    return SampleBlock(t_us, u, y, signals=w[:, np.newaxis])
+    """An axis whose weight turns with the pose; its brake stops it for so long, and then it starts again."""
+    first, second, n = moving(seed, 1.0), moving(seed + 1, 1.0), round(seconds / MOVING_S)
+    rng = np.random.default_rng(seed)
+    u, y = 0.02 * rng.standard_normal(n), 0.1 * rng.standard_normal(n)
+    weights = (np.asarray(first.weight), np.full(n, 1.2), np.asarray(second.weight))
+    t_us = np.arange(first.size + n + second.size, dtype=np.int64) * round(MOVING_S * 1e6)
+    return SampleBlock(
+        t_us,
+        np.concatenate([first.u, u, second.u]),
+        np.concatenate([first.y, y, second.y]),
+        signals=np.concatenate(weights)[:, np.newaxis],
+    )
 
 
 def test_an_axis_that_its_brake_holds_raises_no_alarm(seed: int) -> None:

@@ -170,7 +170,7 @@ def test_no_payload_adds_inertia_and_takes_weight() -> None:
 def test_given_a_payload_nothing_else_has_changed(seed: int) -> None:
     """What the larger inertia explains is no evidence for another parameter; what it does not explain is."""
     rng = np.random.default_rng(seed)
-    V = covariance(rng) * 1e-3
+    V = covariance(rng) * 1e-5
     d = after_payload(1.5, 1.4)
     assert single_faults(d, V, [LOAD]).T.max() > 100
     causes = single_faults(d, V, [LOAD], payload=PAYLOAD)
