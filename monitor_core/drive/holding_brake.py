@@ -7,8 +7,8 @@ is zero then, and a predictor expects the axis to fall.  An axis is held from th
 * the torque balances less than half of the weight,
 * it has moved less than a tenth of what the weight would move it in that time,
 
-until it has a torque, or moves by half of that.  So an axis whose sensor is stuck while it is controlled is not held, nor
-is one that has lost its torque and falls.
+until it has a torque, or moves by half of that.  So an axis whose sensor is stuck while it is controlled is not held,
+nor is one that has lost its torque and falls.
 """
 
 from typing import NamedTuple
