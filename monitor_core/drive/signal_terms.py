@@ -1,16 +1,21 @@
-"""Terms that a nominal value can follow: a measured signal, a function of a sum of signals, or a product of these.
+"""Terms that a nominal value can follow: a signal, a function of a sum of signals, a product of these, or their sum.
 
     temperature        cos(angle2)        cos(angle2 + angle3)        payload * cos(angle2 - angle3)
 
 The weight of a robot's arm loads an axis with a sum of such terms.  Each link beyond the axis has a cosine and a sine
 of its angle to the ground, which is a sum of the angles of the axes before it.  A payload is a further factor.
+
+A sum of products is one term with one slope.  The torque of an inertia that follows the pose, for example, is the rate
+of change of cos(angle2) * speed1, which is
+
+    acceleration1 * cos(angle2) - speed1 * speed2 * sin(angle2)
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -27,6 +32,8 @@ _NAME = r"(?=[\w-]*[^\W\d])\w[\w-]*"  # with a letter: 2 is no signal
 _SUM = rf"(?:-\s*)?{_NAME}(?:\s*\+\s*{_NAME}|\s+-\s*{_NAME})*"
 _FACTOR = re.compile(rf"(?:(?P<function>\w+)\s*\(\s*(?P<inner>{_SUM})\s*\))|(?P<signal>{_NAME})")
 _ADDEND = re.compile(rf"(?P<sign>^-\s*|\s*\+\s*|\s+-\s*|^)(?P<signal>{_NAME})")
+_NUMBER = re.compile(r"\d+(?:\.\d+)?")
+_NEXT_PRODUCT = re.compile(r"\s*\+\s*|\s+-\s*")
 
 
 class Factor(NamedTuple):
@@ -49,13 +56,32 @@ class Factor(NamedTuple):
         return np.array([function(v) if math.isfinite(v) else math.nan for v in total.tolist()], np.float64)
 
 
-class Term(NamedTuple):
-    """A product of factors."""
+class Product(NamedTuple):
+    """A number times a product of factors."""
 
     factors: tuple[Factor, ...]
+    number: float = 1.0
 
     def __str__(self) -> str:
-        return " * ".join(str(factor) for factor in self.factors)
+        """The product without its sign."""
+        number = () if abs(self.number) == 1 else (f"{abs(self.number):.12g}",)
+        return " * ".join((*number, *map(str, self.factors)))
+
+
+class Term(NamedTuple):
+    """A sum of products."""
+
+    products: tuple[Product, ...]
+
+    def __str__(self) -> str:
+        first, *others = self.products
+        found = f"-{first}" if first.number < 0 else str(first)
+        return found + "".join(f" {'-' if p.number < 0 else '+'} {p}" for p in others)
+
+    @classmethod
+    def product(cls, *factors: Factor) -> Term:
+        """The term that is a product of these factors."""
+        return cls((Product(factors),))
 
     @classmethod
     def read(cls, text: str) -> Term:
@@ -67,14 +93,19 @@ class Term(NamedTuple):
         Raises:
             ValueError: the text is no term.
         """
-        matches = [_FACTOR.fullmatch(part.strip()) for part in text.split("*")]
-        if any(match is None for match in matches):
+        products = [_product(sign, part) for sign, part in _addends(text.strip())]
+        if any(product is None for product in products):
             functions = ", ".join(f"{name}(...)" for name in FUNCTIONS)
             raise ValueError(
                 f'"{text}" is neither a signal nor one of {functions} of a signal or of a sum of signals, such as'
-                " cos(a + b), nor a product of these, such as payload * cos(a)"
+                " cos(a + b), nor a product of these, such as payload * cos(a), nor a sum of products"
             )
-        return cls(tuple(_factor(match) for match in matches if match is not None))
+        return cls(tuple(product for product in products if product is not None))
+
+    @property
+    def factors(self) -> tuple[Factor, ...]:
+        """The factors of all products."""
+        return tuple(factor for product in self.products for factor in product.factors)
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -88,20 +119,59 @@ class Term(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Whether the term has a cosine or sine, so that it varies with the pose like a weight."""
-        return not {"cos", "sin"}.isdisjoint(self.functions)
+        """Whether the term varies with the pose like a weight: a product with a cosine or sine, and with no speed.
+
+        The torque of moving links has the squares of speeds, products of two of them, or a sum of products.
+        """
+        if len(self.products) > 1 or "square" in self.functions:
+            return False
+        return bool(self.functions) and sum(not factor.function for factor in self.factors) < 2
 
     @property
     def is_signal(self) -> bool:
         """Whether the term is a single signal."""
-        return len(self.factors) == 1 and not self.functions
+        return len(self.factors) == 1 and not self.functions and self.products[0].number == 1
 
     def value(self, signals: Mapping[str, Floats]) -> Floats:
         """The term (N,) at values of its signals (N,); NaN where one of them is not finite."""
-        first, *others = (factor.value(signals) for factor in self.factors)
+        values = {factor: factor.value(signals) for factor in dict.fromkeys(self.factors)}
+        first, *others = (_multiplied(product, values) for product in self.products)
         for value in others:
-            first = first * value
+            first = first + value
         return first
+
+
+def _multiplied(product: Product, values: Mapping[Factor, Floats]) -> Floats:
+    first, *others = (values[factor] for factor in product.factors)
+    for value in others:
+        first = first * value
+    return first if product.number == 1 else product.number * first
+
+
+def _addends(text: str) -> Iterator[tuple[int, str]]:
+    """The products in a text, each with its sign: parts between plus and minus signs outside of parentheses."""
+    sign, start, place = 1, 0, 0
+    if text.startswith("-"):
+        sign, start = -1, 1
+    place = start
+    while place < len(text):
+        following = _NEXT_PRODUCT.match(text, place)
+        if following and text.count("(", start, place) == text.count(")", start, place):
+            yield sign, text[start:place]
+            sign, start = (-1 if "-" in following[0] else 1), following.end()
+            place = start
+        else:
+            place += 1
+    yield sign, text[start:]
+
+
+def _product(sign: int, text: str) -> Product | None:
+    """The product in a text, times a sign; None: it is no product."""
+    parts = [part.strip() for part in text.split("*")]
+    number = float(parts.pop(0)) if _NUMBER.fullmatch(parts[0]) else 1.0
+    matches = [_FACTOR.fullmatch(part) for part in parts]
+    factors = tuple(_factor(match) for match in matches if match is not None)
+    return Product(factors, sign * number) if parts and len(factors) == len(parts) and number else None
 
 
 def _factor(match: re.Match[str]) -> Factor:

@@ -37,17 +37,18 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
                 continue
             other = others[s.axis]
             angle = other.angle
-            if s.acceleration and angle is None:
-                yield Finding(path, f"the speed of {s.axis} is measured: an acceleration is that of an angle")
-            if s.acceleration and not other.is_sampled_as(axis):
+            derivative = "a speed" if s.speed else "an acceleration"
+            if s.is_derivative and angle is None:
+                yield Finding(path, f"the speed of {s.axis} is measured: {derivative} is that of an angle")
+            if s.is_derivative and not other.is_sampled_as(axis):
                 message = (
                     f"it is sampled every {other.sample_interval_s:g} s, this axis every {axis.sample_interval_s:g} s:"
-                    " an acceleration is taken from samples that come with those of this axis"
+                    f" {derivative} is taken from samples that come with those of this axis"
                 )
                 yield Finding(path, message)
             # An angle that wraps after a whole turn is possible, as its cosine is continuous.
             goes_on = angle is None or angle.wrap_period is None or angle.wraps_after_a_turn(s.factor)
-            if angle is not None and angle.wrap_period is not None and (s.acceleration or not goes_on):
+            if angle is not None and angle.wrap_period is not None and (s.is_derivative or not goes_on):
                 message = (
                     f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle"
                     " that does not wrap, from a message"
@@ -71,6 +72,8 @@ def sources(axis: AxisConfig) -> Iterator[Finding]:
                 yield Finding(("signal", n, "name"), message)
     for n, s in enumerate(axis.signal):
         path: Keys = ("signal", n)
+        if s.speed and s.acceleration:
+            yield Finding((*path, "speed"), "it is an acceleration: remove this, or", (*path, "acceleration"))
         if s.axis is not None:
             for key in ("message", "signal"):
                 if getattr(s, key) is not None:

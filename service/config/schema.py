@@ -112,6 +112,8 @@ class FurtherSignalConfig(Table):
     """name by which the configuration refers to it: letters, digits, - and _"""
     axis: Text | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
+    speed: bool = False
+    """it is the speed of that axis [rad/s], taken from its angle; that axis may be this one"""
     acceleration: bool = False
     """it is the acceleration of that axis [rad/s^2], from values that come with the samples of this axis"""
     message: Text | None = None
@@ -131,6 +133,11 @@ class FurtherSignalConfig(Table):
     def scale(self) -> tuple[float, float]:
         """Factor and offset to its own unit."""
         return self.factor, self.offset
+
+    @property
+    def is_derivative(self) -> bool:
+        """Whether it is the speed or the acceleration to an angle."""
+        return self.speed or self.acceleration
 
 
 class GateConfig(Table):

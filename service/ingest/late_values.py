@@ -1,7 +1,7 @@
 """Corrects values that are received some samples later than the motion that they belong to.
 
-A filtered torque is sent some samples after the motion that it caused.  The acceleration of another axis is known only
-when there are samples on both sides of it.
+A filtered torque is sent some samples after the motion that it caused.  Speed and acceleration of an axis, taken
+from its angle, are known only when there are samples on both sides.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,14 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock, concatenate
 from service.config.schema import AxisConfig, FurtherSignalConfig
-from service.ingest.acceleration import ACCELERATION_LATE, MAX_ERROR
+from service.ingest.motion_derivatives import DERIVATIVE_LATE, MAX_ERROR
 
 _TIME_TOLERANCE = 0.5
 """Tolerance of the time difference in intervals; outside it, samples in between are missing."""
 
 
 class LateValues:
-    """Combines each motion with the torque that is received ``late_samples`` samples later, and with accelerations.
+    """Combines each motion with the torque that is received ``late_samples`` samples later, and with derivatives.
 
     It takes block after block.  The last samples wait for their late values.  A sample whose torque is missing is
     dropped and counted.  ``signals`` are the auxiliary signals of the samples.
@@ -26,8 +26,8 @@ class LateValues:
 
     def __init__(self, config: AxisConfig, signals: Sequence[FurtherSignalConfig] = ()) -> None:
         self._late, self._interval_us = config.torque.late_samples, 1e6 * config.sample_interval_s
-        self._accelerations = [place for place, source in enumerate(signals) if source.acceleration]
-        self._waits = max(self._late, ACCELERATION_LATE if self._accelerations else 0)
+        self._derivatives = [place for place, source in enumerate(signals) if source.is_derivative]
+        self._waits = max(self._late, DERIVATIVE_LATE if self._derivatives else 0)
         self._waiting: list[SampleBlock] = []
         self.unpaired = 0
         """Number of samples whose torque is missing"""
@@ -45,13 +45,13 @@ class LateValues:
         return motion._replace(u=torque.u, signals=self._signals(known, count)).select(pairs)
 
     def _signals(self, known: SampleBlock, count: int) -> Floats | None:
-        """The signals of the first samples (count, S), with the accelerations at their time."""
-        if known.signals is None or not self._accelerations:
+        """The signals of the first samples (count, S), with the derivatives at their time."""
+        if known.signals is None or not self._derivatives:
             return None if known.signals is None else known.signals[:count]
-        later = slice(ACCELERATION_LATE, ACCELERATION_LATE + count)
-        lost = self._behind(known.t_us[:count], known.t_us[later]) - ACCELERATION_LATE
+        later = slice(DERIVATIVE_LATE, DERIVATIVE_LATE + count)
+        lost = self._behind(known.t_us[:count], known.t_us[later]) - DERIVATIVE_LATE
         signals = known.signals[:count].copy()
-        for place in self._accelerations:
+        for place in self._derivatives:
             signals[:, place] = np.where(lost < MAX_ERROR, known.signals[later, place], np.nan)
         return signals
 

@@ -15,7 +15,7 @@ from service.can.decode_plan import Column
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
 from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
-from service.ingest.acceleration import acceleration_of
+from service.ingest.motion_derivatives import derivative_of
 
 
 class Quantity(NamedTuple):
@@ -61,7 +61,7 @@ class HeldSignal:
 
     def __init__(self, source: FurtherSignalConfig, decoder: Decoder, interval_s: float) -> None:
         self.quantity = quantity_of(f"signal {source.name}", source, decoder)
-        self._acceleration = acceleration_of(source, interval_s)
+        self._derivative = derivative_of(source, interval_s)
         self._most_us = source.max_age_s * 1e6
         self._value, self._t_us = math.nan, 0
 
@@ -82,8 +82,8 @@ class HeldSignal:
             times += found.t_us[known].tolist()
             self._value, self._t_us = values[-1], times[-1]
         last = np.searchsorted(since, places, "right")
-        if self._acceleration is not None:
-            return self._acceleration.take(np.array(values[1:]), np.array(times[1:], np.int64), last, t_us)
+        if self._derivative is not None:
+            return self._derivative.take(np.array(values[1:]), np.array(times[1:], np.int64), last, t_us)
         age_us = np.abs(t_us - np.array(times, np.int64)[last])
         return np.where(age_us <= self._most_us, np.array(values)[last], math.nan)
 
@@ -97,8 +97,8 @@ class HeldColumns:
     def __init__(self, sources: Sequence[FurtherSignalConfig], interval_s: float) -> None:
         self._sources = tuple(sources)
         self._most_us = 1e6 * np.array([source.max_age_s for source in sources])
-        found = {k: acceleration_of(source, interval_s) for k, source in enumerate(sources)}
-        self._accelerations = {k: acceleration for k, acceleration in found.items() if acceleration}
+        found = {k: derivative_of(source, interval_s) for k, source in enumerate(sources)}
+        self._derivatives = {k: derivative for k, derivative in found.items() if derivative}
         self._values = self._times = np.full(len(self._sources), np.nan)
 
     def take(self, time_us: Floats, columns: Mapping[str, Floats]) -> Floats:
@@ -115,7 +115,7 @@ class HeldColumns:
         if len(values):
             self._values, self._times = values[-1], times[-1]
         found = np.where(np.abs(time_us[:, np.newaxis] - times) <= self._most_us, values, np.nan)
-        for k, acceleration in self._accelerations.items():
+        for k, derivative in self._derivatives.items():
             known = np.isfinite(raw[:, k]) & np.isfinite(time_us)
-            found[:, k] = acceleration.take(raw[known, k], time_us[known], np.cumsum(known), time_us)
+            found[:, k] = derivative.take(raw[known, k], time_us[known], np.cumsum(known), time_us)
         return found

@@ -17,7 +17,7 @@ from service.config import NamedAxis, conditions_of, drive_of, given_values, nee
 from service.config.axis_settings import check_known
 from service.config.conditions import weight_of
 from service.config.drives import axis_model, not_identified
-from service.ingest.acceleration import acceleration_of
+from service.ingest.motion_derivatives import derivative_of
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)
@@ -198,8 +198,8 @@ class SimulatedConditions:
         conditions = conditions_of(axis)
         self._sources = needed(axis)
         self._swings = [_swing(source.name, conditions) for source in self._sources]
-        self._accelerations = tuple(
-            acceleration_of(source, axis.config.sample_interval_s) for source in self._sources
+        self._derivatives = tuple(
+            derivative_of(source, axis.config.sample_interval_s) for source in self._sources
         )
         self._model = axis_model(axis.config)
         thermal = conditions.thermal and replace(conditions.thermal, start="cold")
@@ -218,14 +218,14 @@ class SimulatedConditions:
         """The signals at a time; ``others``: motions of the other axes of the robot as sent, by name."""
         phase = math.sin(2 * math.pi * time_s / SIGNAL_PERIOD_S)
         values = list[float]()
-        each = zip(self._sources, self._swings, self._accelerations, strict=True)
-        for source, (middle, swing), acceleration in each:
+        each = zip(self._sources, self._swings, self._derivatives, strict=True)
+        for source, (middle, swing), derivative in each:
             value = middle + swing * phase
             if source.axis is not None:
                 value = source.factor * others.get(source.axis, math.nan) + source.offset
-            if acceleration is not None:
+            if derivative is not None:
                 now_us = np.array([1e6 * time_s])
-                value = float(acceleration.take(np.array([value]), now_us, np.ones(1, np.int64), now_us)[0])
+                value = float(derivative.take(np.array([value]), now_us, np.ones(1, np.int64), now_us)[0])
             values.append(value)
         return tuple(values)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.drive.signal_terms import FUNCTIONS, Factor, Term
+from monitor_core.drive.signal_terms import FUNCTIONS, Factor, Product, Term
 
 PLAIN = ((1, "temperature"),)
 
@@ -40,13 +40,34 @@ FACTORS = st.builds(
 ) | NAMES.map(lambda name: Factor("", ((1, name),)))
 
 
-@given(st.lists(FACTORS, min_size=1, max_size=3).map(lambda factors: Term(tuple(factors))))
+PRODUCTS = st.builds(
+    Product,
+    st.lists(FACTORS, min_size=1, max_size=3).map(tuple),
+    st.sampled_from((1.0, -1.0, 2.0, -2.0, 0.25)),
+)
+
+
+@given(st.lists(PRODUCTS, min_size=1, max_size=3).map(lambda products: Term(tuple(products))))
 def test_a_term_is_written_as_it_is_read(term: Term) -> None:
     assert Term.read(str(term)) == term
 
 
 @pytest.mark.parametrize(
-    "text", ["", "cos()", "2 * x", "cos(x", "a + b", "cos(sin(x))", "a *", "-a", "cos(a- b)", "cos(a + )"]
+    "text",
+    [
+        "",
+        "cos()",
+        "2",
+        "x * 2",
+        "0 * x",
+        "cos(x",
+        "a +",
+        "+ a",
+        "cos(sin(x))",
+        "a *",
+        "cos(a- b)",
+        "cos(a + )",
+    ],
 )
 def test_what_is_no_term_is_refused(text: str) -> None:
     with pytest.raises(
@@ -71,3 +92,26 @@ def test_the_load_of_a_link_is_a_product_with_the_cosine_of_a_sum_of_angles() ->
     assert term.signals == ("m", "a", "b")
     assert term.functions == ("cos",)
     np.testing.assert_allclose(term.value(signals), [0.0, 2 * math.cos(0.5), math.nan], rtol=1e-15)
+
+
+def test_a_sum_of_products_has_one_value() -> None:
+    a, b, v, w = np.array([[0.3, 0.4], [1.0, -2.0], [0.5, 3.0], [2.0, 0.7]])
+    term = Term.read("-a*cos(b) + 2 * v * w * sin(b + b) - square(v - w)")
+    assert [product.number for product in term.products] == [-1, 2, -1]
+    expected = -a * np.cos(b) + 2 * v * w * np.sin(2 * b) - (v - w) ** 2
+    np.testing.assert_allclose(term.value({"a": a, "b": b, "v": v, "w": w}), expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "turns"),
+    [
+        ("cos(a)", True),
+        ("payload * sin(a + b)", True),
+        ("payload", False),
+        ("square(v) * sin(a)", False),
+        ("v * w * sin(a)", False),
+        ("acceleration * cos(a) - v * w * sin(a)", False),
+    ],
+)
+def test_only_what_has_no_speed_is_a_weight(text: str, turns: bool) -> None:
+    assert Term.read(text).turns is turns

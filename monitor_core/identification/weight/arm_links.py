@@ -28,7 +28,8 @@ from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart
-from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
+from monitor_core.identification.weight.link_energies import MotionSignals, link_energies
+from monitor_core.identification.weight.weight_balance import WeightBalance, moving_parts, slow_parts
 
 _MOST_OTHERS = 2
 """Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
@@ -69,8 +70,9 @@ def link_weights(
     angles: Sequence[str],
     loads: Sequence[str] = (),
     accelerations: Sequence[str] = (),
+    moving: Mapping[str, MotionSignals] = MappingProxyType({}),
 ) -> LinkWeights | None:
-    """The weights, and accelerations of other axes, in the torque of an axis; None: they do not explain it.
+    """The weights, and the motion of other axes, in the torque of an axis; None: they do not explain it.
 
     Args:
         records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
@@ -78,6 +80,8 @@ def link_weights(
         angles: names of all of them, own too, from the base to the hand; none: not looked for.
         loads: names of signals that may be loads.
         accelerations: names of signals that are those of other axes.
+        moving: of angles that do not wrap, the names of signals for speed and acceleration, which need not be in the
+            records; own too.  The torque of kinetic energies is then looked for, too.
     """
     parts, window = slow_parts(records, (*angles, *loads, *accelerations))
     if not parts:
@@ -94,17 +98,34 @@ def link_weights(
             chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
-        return None
+        return _with_energies(LinkWeights((), before, before), records, own, moving)
     needed, left = chosen, balance.error(chosen)
     for term in chosen:
         fewer = [w for w in needed if w != term]
         if (fewer or balance.coupled) and balance.error(fewer) < _MIN_INCREASE * left:
             needed = fewer
     balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
-    explained = balance.explained(needed)
-    if explained < _MIN_EXPLAINED or (1 - before) ** 2 - (1 - explained) ** 2 < _MIN_VARIANCE:
-        return None
-    return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), explained, before)
+    found = LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
+    return _with_energies(found, records, own, moving)
+
+
+def _with_energies(
+    found: LinkWeights, records: Sequence[Record], own: str, moving: Mapping[str, MotionSignals]
+) -> LinkWeights | None:
+    """The same with the kinetic energies that reduce the error; None: they all do not explain enough."""
+    if own in moving and len(moving) > 1:
+        terms = [Term.read(text) for text in found.terms]
+        signals = {name for term in terms for name in term.signals}
+        parts, window = moving_parts(records, [*moving, *signals])
+        if parts:
+            values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
+            energies = link_energies(parts, window, speed_scales(records)[1], own, list(moving), values)
+            if energies.found:
+                torques = [str(energy.torque(own, moving)) for energy in energies.found]
+                explained, before = energies.explained, min(found.before, energies.before)
+                found = LinkWeights(tuple(dict.fromkeys((*found.terms, *torques))), explained, before)
+    enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
+    return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
 
 
 def _with_loads(
@@ -120,7 +141,7 @@ def _with_loads(
         return balance.error([*found, *more])
 
     for load in map(_plain, loads):
-        turning = [Term((*load.factors, *term.factors)) for term in dict.fromkeys((*found, *alone))]
+        turning = [Term.product(*load.factors, *term.factors) for term in dict.fromkeys((*found, *alone))]
         options = ([load], turning, *([term] for term in turning))
         missing = [term for term in alone if term not in found]
         best = min(options, key=error_with)
@@ -147,11 +168,11 @@ _FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType(
 
 
 def _cosines_and_sines(*sums: Sum) -> list[Term]:
-    return [Term((Factor(function, angles),)) for angles in sums for function in ("cos", "sin")]
+    return [Term.product(Factor(function, angles)) for angles in sums for function in ("cos", "sin")]
 
 
 def _plain(signal: str) -> Term:
-    return Term((Factor("", ((1, signal),)),))
+    return Term.product(Factor("", ((1, signal),)))
 
 
 class _LinkBalance(WeightBalance):
@@ -175,7 +196,7 @@ class _LinkBalance(WeightBalance):
         """Cosine and sine of each of these sums of angles, also times the load that is carried, if any."""
         own = _cosines_and_sines(*sums)
         load = () if self.carried is None else self.carried.factors
-        return [*own, *(Term((*load, *term.factors)) for term in own if load)]
+        return [*own, *(Term.product(*load, *term.factors) for term in own if load)]
 
     def couple(self, accelerations: Iterable[Term]) -> None:
         """Add the accelerations of other axes that reduce the error, one by one.

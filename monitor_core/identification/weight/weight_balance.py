@@ -30,6 +30,8 @@ _MOST_SAMPLES = 30_000
 """Longer records are decimated to about this number of samples, as weights change slowly."""
 _PERIOD_SHARE, _MIN_WINDOW = 0.1, 24
 """Window of the torque balance: of the usual period of the motion, in which a weight hardly changes; in samples."""
+_MOST_MOVING_SAMPLES, _MOVING_SHARE = 100_000, 0.03
+"""The same for torques that change with speeds and accelerations"""
 _MAX_RATIO = 2.0
 """Largest ratio of the inertias that both halves of the equations show"""
 _LEAST_WINDOWS = 20
@@ -52,14 +54,19 @@ class WeightBalance:
         """A further column (M,): the integrals of values (N,) of each part."""
         return self._windowed(values, mean=False)
 
+    def rate(self, values: Iterable[Floats]) -> Floats:
+        """The integrals (M,) of the rate of change of values (N,) of each part, by parts."""
+        return self._windowed(values, mean=False, rate=True)
+
     def mean(self, values: Iterable[Floats]) -> Floats:
         """Means of values (N,) of each part in the windows (M,)."""
         return self._windowed(values, mean=True)
 
-    def _windowed(self, values: Iterable[Floats], mean: bool) -> Floats:
+    def _windowed(self, values: Iterable[Floats], mean: bool, rate: bool = False) -> Floats:
         found = list[Floats]()
         for part, value in zip(self._parts, values, strict=True):
-            shape = window_of(self._window, part.h)[0]
+            g, g1, _ = window_of(self._window, part.h)
+            shape = -g1 if rate else g
             found.append(integrals(part, shape, value) / (part.h * shape.sum() if mean else 1.0))
         return np.concatenate(found)[self._kept]
 
@@ -92,25 +99,36 @@ class WeightBalance:
 
 def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:
     """Parts of records where these angles are known, and the window of their torque balance; none: too few windows."""
+    return _parts(records, angles, _MOST_SAMPLES, _PERIOD_SHARE)
+
+
+def moving_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:
+    """The same with more samples, and a window in which accelerations change little."""
+    return _parts(records, angles, _MOST_MOVING_SAMPLES, _MOVING_SHARE)
+
+
+def _parts(
+    records: Sequence[Record], signals: Sequence[str], most: int, share: float
+) -> tuple[list[GridPart], int]:
     parts = [
-        _thinned(part)
+        _thinned(part, most)
         for part in windowed_parts(records)
-        if all(np.isfinite(part.signals[name]).all() for name in angles)
+        if all(np.isfinite(part.signals[name]).all() for name in signals)
     ]
-    window = _window(records, parts)
+    window = _window(records, parts, share)
     parts = [part for part in parts if len(part.u) > window]
     enough = sum(len(part.u) for part in parts) >= _LEAST_WINDOWS * window
     return (parts if enough else []), window
 
 
-def _window(records: Sequence[Record], parts: Sequence[GridPart]) -> int:
-    """Length of the window of the torque balance, in samples."""
+def _window(records: Sequence[Record], parts: Sequence[GridPart], share: float) -> int:
+    """Length of the window of the torque balance, in samples; ``share``: of the usual period of the motion."""
     speed = rms_speed(records)
     if not parts or not speed > 0:
         return _MIN_WINDOW
     turned = np.concatenate([_turned(part) for part in parts])
     period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
-    return max(_MIN_WINDOW, round(_PERIOD_SHARE * period_s / parts[0].h))
+    return max(_MIN_WINDOW, round(share * period_s / parts[0].h))
 
 
 def _turned(part: GridPart) -> Floats:
@@ -119,9 +137,9 @@ def _turned(part: GridPart) -> Floats:
     return np.asarray(angle - angle.mean())
 
 
-def _thinned(part: GridPart) -> GridPart:
+def _thinned(part: GridPart, most: int) -> GridPart:
     """Means over blocks of samples, if there are too many."""
-    block = -(-len(part.u) // _MOST_SAMPLES)
+    block = -(-len(part.u) // most)
     if block == 1:
         return part
     count = len(part.u) // block

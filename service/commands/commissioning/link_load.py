@@ -1,6 +1,6 @@
 """What commissioning tries if the links of an arm or a measured load act on an axis.
 
-A torque offset then follows the angles of axes, their accelerations, and the signals of that axis.
+A torque offset then follows the angles of axes, their speeds and accelerations, and the signals of that axis.
 """
 
 import math
@@ -13,7 +13,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import Term
-from monitor_core.identification import Record, gear_ratios, link_weights
+from monitor_core.identification import MotionSignals, Record, gear_ratios, link_weights
 from service.commands.commissioning.signal_proposals import configured
 from service.config import Config, NamedAxis, given_values
 from service.config.commissioned import SIGNAL, Correction, corrected
@@ -27,13 +27,13 @@ class LinkLoad(NamedTuple):
     """Changes for another identification."""
 
     signals: tuple[Correction, ...]
-    """Angles and accelerations of other axes, as signals of this axis"""
+    """Angles, speeds and accelerations of axes, as signals of this axis"""
     terms: tuple[str, ...]
     """Terms of the torque offset: "cos(axis2 + axis3)", "axis2-acceleration", "payload", .."""
 
 
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
-    """The angles, accelerations and signals on which the load of links on an axis depends.
+    """The angles, their derivatives, and the signals on which the load of links on an axis depends.
 
     None: the torque shows no such load, or only a weight that depends on the angle of the axis itself.
 
@@ -51,7 +51,8 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         return None
     given = {signal.name for signal in axis.config.signal}
     others = [other for other in _arm(config, axis) if other.config.name in arm]
-    coupled = [changes for other in others if (changes := _acceleration(axis, other))]
+    derivatives = {other.config.name: _derivatives(axis, other) for other in others}
+    coupled = [found[1] for name, found in derivatives.items() if found and name != axis.config.name]
     every = [change for changes in (*arm.values(), *coupled) for change in changes]
     config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
     loaded = [load(record, config, axis_id).record for record in records]
@@ -72,14 +73,21 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     if own not in angles:
         angles = []
     geared = [_behind_gears(record, ratios) for record in loaded]
-    found = link_weights(geared, own, angles, known_loads, accelerations)
+    moving = {
+        names[name]: MotionSignals(*(changes[0].key[1] for changes in found))
+        for name, found in derivatives.items()
+        if found and names[name] in angles
+    }
+    found = link_weights(geared, own, angles, known_loads, accelerations, moving)
     if found is None:
         return None
     used = {signal for term in found.terms for signal in Term.read(term).signals}
     if used == {own}:
         return None
-    signals = [c for changes in (*arm.values(), *coupled) for c in changes if c.key[1] in used]
-    signals += [_gear(name, ratio) for name, ratio in ratios.items() if name in used]
+    each = (*arm.values(), *(changes for pair in derivatives.values() for changes in pair))
+    signals = [c for changes in each for c in changes if c.key[1] in used]
+    for name, ratio in ratios.items():
+        signals += [_gear(used_as, ratio) for used_as in (name, *moving.get(name, ())) if used_as in used]
     return LinkLoad(tuple(signals), found.terms)
 
 
@@ -101,20 +109,21 @@ def _turns_on(axis: NamedAxis) -> bool:
 
 def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
     """The angle of an arm's axis as a signal, with its name in the configuration, or that of the axis."""
-    names = {s.axis: s.name for s in axis.config.signal if not s.acceleration}
+    names = {s.axis: s.name for s in axis.config.signal if not s.is_derivative}
     own = other.config.name
     name = _lettered(own)
     name = names.get(own, f"{name}-angle" if name in names.values() else name)
-    reason = f"the torque shows the weight of links, which follows the angle of {own}"
-    ratio = 1.0 if own in names else given_values(other.config).get("r", 1.0)
+    reason = f"the torque shows the load of links, which follows the angle of {own}"
     found = [Correction((SIGNAL, name, "axis"), own, reason)]
+    return tuple(found) if own in names else (*found, *_geared(name, other))
+
+
+def _geared(name: str, other: NamedAxis) -> Iterator[Correction]:
+    """The given gear ratio of an axis as the factor of a signal; none if there is none."""
+    ratio = given_values(other.config).get("r", 1.0)
     if ratio != 1.0:
-        found.append(
-            Correction(
-                (SIGNAL, name, "factor"), ratio, "the gear ratio: the angle of the arm, not of the motor"
-            )
-        )
-    return tuple(found)
+        reason = "the gear ratio: the motion of the arm, not of the motor"
+        yield Correction((SIGNAL, name, "factor"), ratio, reason)
 
 
 def _lettered(own: str) -> str:
@@ -122,20 +131,24 @@ def _lettered(own: str) -> str:
     return own if any(c.isalpha() for c in own) else f"axis{own}"
 
 
-def _acceleration(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
-    """The acceleration of another axis with the same sample interval; none if its angle wraps."""
+def _derivatives(axis: NamedAxis, other: NamedAxis) -> tuple[tuple[Correction, ...], ...]:
+    """Speed and acceleration of an axis with the same sample interval, as signals; none if its angle wraps."""
     own, angle = other.config.name, other.config.angle
-    if own == axis.config.name or angle is None or angle.wrap_period is not None:
+    if angle is None or angle.wrap_period is not None or not other.config.is_sampled_as(axis.config):
         return ()
-    if not other.config.is_sampled_as(axis.config):
-        return ()
-    given = {s.axis: s.name for s in axis.config.signal if s.acceleration}
-    name = given.get(own, f"{_lettered(own)}-acceleration")
-    reason = f"the links couple the axis to the acceleration of {own}"
-    return (
-        Correction((SIGNAL, name, "axis"), own, reason),
-        Correction((SIGNAL, name, "acceleration"), True, reason),
-    )
+    found = list[tuple[Correction, ...]]()
+    for key, reason in (
+        ("speed", f"the links couple the axis to the motion of {own}"),
+        ("acceleration", f"the links couple the axis to the acceleration of {own}"),
+    ):
+        given = [s.name for s in axis.config.signal if s.axis == own and getattr(s, key)]
+        name = next(iter(given), f"{_lettered(own)}-{key}")
+        changes = (
+            Correction((SIGNAL, name, "axis"), own, reason),
+            Correction((SIGNAL, name, key), True, reason),
+        )
+        found.append(changes if given else (*changes, *_geared(name, other)))
+    return tuple(found)
 
 
 def _extent(angle: Floats | None) -> float:

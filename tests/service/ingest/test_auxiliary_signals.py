@@ -138,6 +138,17 @@ def test_the_acceleration_of_another_axis(first: str, tmp_path: Path) -> None:
     assert (off[beside][:-1] < step + 5.0 * abs(wanted[1])).all()
 
 
+def test_the_speed_of_the_axis_itself(tmp_path: Path) -> None:
+    own = {"name": "speed", "axis": "one", "speed": True, "factor": 2.0}
+    config = make_config(tmp_path, axis1(signal=[own], gate=[{"signal": "speed", "above": -1e12}]))
+    h, count = 0.005, 30
+    frames = [f for k in range(count) for f in pair(START_US + 5000 * k, angle=2.0 + 30.0 * (k * h) ** 2)]
+    found = np.array(fed(config, *frames))[:, 0]
+    assert len(found) == count - 3  # a sample waits for three more
+    step = 2.0 * 2.0**-16 / h  # by the steps in which the bus sends the angle
+    np.testing.assert_allclose(found[2:], 2.0 * 60.0 * h * np.arange(count - 3)[2:], atol=step)
+
+
 def test_a_value_in_the_very_frame_of_the_sample_counts(tmp_path: Path) -> None:
     mode = {"name": "mode", "message": "Wide4", "signal": "Mode"}
     config = make_config(tmp_path, axis4(signal=[mode], gate=[{"signal": "mode", "equals": [3.0]}]))

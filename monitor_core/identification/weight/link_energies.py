@@ -1,0 +1,264 @@
+"""Finds the energies of an arm whose torques act on an axis, above all those of its inertia, which follow the pose.
+
+The kinetic energy of a serial arm is a sum of terms E = m f(s) v_j v_k with the speeds v of two joints, or of one, and
+f the cosine or sine of a sum s of joint angles.  By Lagrange's equation such a term loads axis i with the torque
+
+    d/dt (dE / dv_i) - dE / dq_i
+
+For j = k = i it is the inertia of the axis itself, which follows the pose of the axes beyond it: the inertia of a
+robot's base changes several times as the arm stretches.  For j = k = another axis it is a centrifugal torque, and for
+i = j the coupling to the acceleration of axis k.  Each term has one value, m, to be fitted.  No derivative is measured
+for that: the equations are integrated by parts (torque_windows.py).
+
+Weights are candidates, too: where links move fast, only these torques together show them.
+
+Terms are chosen one by one by cross-validation: the values are fitted to one half of the data, and the error is that of
+the other half, and vice versa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, product
+from typing import NamedTuple
+
+import numpy as np
+
+from monitor_core.arrays import Floats, Ints
+from monitor_core.drive.signal_terms import Factor, Product, Term
+from monitor_core.identification.torque_balance.torque_windows import GridPart
+from monitor_core.identification.weight.weight_balance import WeightBalance
+
+_MOST_SUMS = 8
+_MOST_OTHERS = 2
+"""Other angles in the sum of a weight."""
+_MOST_OF_ANGLE = 2
+"""An inertia has the squares and products of two cosines of sums, and so at most twice each angle."""
+_MAX_REMAINING = 0.85
+"""A further term must reduce the squared errors to at most this share."""
+_CLEARLY_LESS = 0.95
+"""A sum that was chosen before a later one is exchanged if another one leaves at most this share of the errors."""
+_MIN_INCREASE = 1.02
+"""A single cosine or sine is kept if the squared errors grow by at least this factor without it."""
+_DETERMINED = 1e-10
+"""Singular values of the normal equations below this share of the largest are left out."""
+
+Sum = tuple[tuple[int, str], ...]
+"""A sum of angles, by the names of their signals, each with a factor"""
+
+
+class MotionSignals(NamedTuple):
+    """Names of the signals that are the speed and the acceleration of an angle."""
+
+    speed: str
+    acceleration: str
+
+
+class Energy(NamedTuple):
+    """The energy f(s) v_j v_k of joints ``axes`` = (j, k); f is ``function``, s is ``angles``.
+
+    Without ``axes``: the weight f(s), which is the derivative of a potential energy.
+    """
+
+    axes: tuple[str, ...]
+    function: str
+    angles: Sum
+
+    def torque(self, own: str, signals: Mapping[str, MotionSignals]) -> Term:
+        """Its torque on the axis with the angle ``own``, in terms of signals, but for a factor."""
+        f = Factor(self.function, tuple((int(np.sign(n)), a) for n, a in self.angles for _ in range(abs(n))))
+        slope = Factor("sin" if self.function == "cos" else "cos", f.addends)
+        sign = -1 if self.function == "cos" else 1
+        if not self.axes:
+            return Term.product(f)
+        j, k = self.axes
+        if own not in self.axes:
+            number = -sign * float(np.sign(self.times(own)))
+            speeds = (Factor("square", ((1, signals[j].speed),)),) if j == k else _plain(signals, j, k)
+            return Term((Product((*speeds, slope), number),))
+        other = k if j == own else j
+        factors = (_signal(signals[other].acceleration), *((f,) if self.angles else ()))
+        parts = [Product(factors)]
+        for n, angle in self.angles:
+            if angle != own:  # its part of the rate cancels with dE / dq
+                parts.append(Product((*_plain(signals, other, angle), slope), float(sign * n)))
+        return Term(tuple(parts))
+
+    def function_values(self, part: GridPart) -> tuple[Floats, Floats]:
+        """f and its derivative by s (N,)."""
+        s = sum((n * part.signals[angle] for n, angle in self.angles), np.zeros(len(part.u)))
+        return (np.cos(s), -np.sin(s)) if self.function == "cos" else (np.sin(s), np.cos(s))
+
+    def times(self, angle: str) -> int:
+        """How often an angle is in the sum."""
+        return next((n for n, name in self.angles if name == angle), 0)
+
+
+def _signal(name: str) -> Factor:
+    return Factor("", ((1, name),))
+
+
+def _plain(signals: Mapping[str, MotionSignals], *angles: str) -> tuple[Factor, ...]:
+    return tuple(_signal(signals[angle].speed) for angle in angles)
+
+
+class LinkEnergies(NamedTuple):
+    """Energies whose torque acts on an axis, and how well all terms explain it."""
+
+    found: tuple[Energy, ...]
+    explained: float
+    """share of the torque that is explained in each half of the records, with values of the other half"""
+    before: float
+    """the same without these energies"""
+
+
+def link_energies(
+    parts: Sequence[GridPart],
+    window: int,
+    scale: float,
+    own: str,
+    angles: Sequence[str],
+    terms: Sequence[Floats],
+) -> LinkEnergies:
+    """The energies of links whose torque acts on an axis.
+
+    Args:
+        parts: pieces of its records with these angles as signals [rad].
+        window: length of the windows, in samples.
+        scale: speed scale of Coulomb friction, rad/s.
+        own: name of the angle of the axis itself.
+        angles: names of all angles, own too, that do not wrap, from the base to the hand.
+        terms: values (N,) of further terms of the torque in all parts, one after the other.
+    """
+    balance = _EnergyBalance(parts, window, scale, own, angles, terms)
+    chosen, before = list[int](), balance.error(())
+    sums, left = list[int](), before
+    while len(sums) < _MOST_SUMS:
+        best, least = balance.best(sums)
+        if not least < _MAX_REMAINING * left:
+            break
+        sums, left = [*sums, best], least
+        for place in range(len(sums) - 1):
+            others = [*sums[:place], *sums[place + 1 :]]
+            best, least = balance.best(others)
+            if least < _CLEARLY_LESS * left:
+                sums, left = [*others, best], least
+    chosen = [index for number in sums for index in balance.same_sum[number]]
+    for index in tuple(chosen):
+        fewer = [other for other in chosen if other != index]
+        if balance.error(fewer) < _MIN_INCREASE * left:
+            chosen = fewer
+    return LinkEnergies(
+        tuple(balance.energies[index] for index in chosen),
+        balance.explained(balance.error(chosen)),
+        balance.explained(before),
+    )
+
+
+class _EnergyBalance(WeightBalance):
+    """The torque balance with these energies, as normal equations of each half of the windows.
+
+    With many candidates, and few of them chosen, these are solved much faster than the windows.
+    """
+
+    def __init__(
+        self,
+        parts: Sequence[GridPart],
+        window: int,
+        scale: float,
+        own: str,
+        angles: Sequence[str],
+        terms: Sequence[Floats],
+    ) -> None:
+        super().__init__(parts, window, scale)
+        ends = np.cumsum([len(part.u) for part in parts])[:-1]
+        further = [self.column(np.split(values, ends)) for values in terms]
+        self.energies = tuple(_candidates(own, angles))
+        columns = [self._energy_column(energy, own) for energy in self.energies]
+        rows = np.column_stack([self.rows, *further, *columns])
+        size = np.sqrt((rows**2).sum(axis=0))
+        rows = rows / np.where(size > 0, size, 1.0)
+        self._usual = self.rows.shape[1] + len(further)
+        half = len(self.torque) // 2
+        halves = ((rows[part], self.torque[part]) for part in (slice(half), slice(half, None)))
+        self._halves = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
+        self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
+        numbers = dict[tuple[tuple[str, ...], Sum], list[int]]()
+        for index, energy in enumerate(self.energies):
+            numbers.setdefault((energy.axes, energy.angles), []).append(index)
+        self.same_sum = list(numbers.values())
+        lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles in numbers])
+        self._by_length = [np.flatnonzero(lengths == length).tolist() for length in np.unique(lengths)]
+        """Indices of the energies of the same joints, with cosine and with sine of the same sum"""
+
+    def best(self, chosen: Sequence[int]) -> tuple[int, float]:
+        """The place in ``same_sum`` of what explains most in addition to these places, and the error with it.
+
+        It is the sum of the fewest angles that explains about as much.
+        """
+        used = [index for place in chosen for index in self.same_sum[place]]
+        best, least = 0, np.inf
+        for places in self._by_length:
+            errors = [
+                np.inf if place in chosen else self.error((*used, *self.same_sum[place])) for place in places
+            ]
+            if min(errors) < _CLEARLY_LESS * least:
+                least = min(errors)
+                best = places[int(np.argmin(errors))]
+        return best, least
+
+    def error(self, chosen: Sequence[int]) -> float:
+        """Sum of squared errors of each half of the equations with values that were fitted to the other half."""
+        used: Ints = np.concatenate([np.arange(self._usual), self._usual + np.array(chosen, np.int64)])
+        square = np.ix_(used, used)
+        missed = 0.0
+        for (G, b, _), (G_, b_, yy) in (self._halves, self._halves[::-1]):
+            found = np.linalg.lstsq(G[square], b[used], rcond=_DETERMINED)[0]
+            missed += yy - float(2 * found @ b_[used] - found @ G_[square] @ found)
+        return missed
+
+    def explained(self, error: float) -> float:
+        """Share of the torque about its mean that is explained where the squared errors are ``error``."""
+        return 1 - float(np.sqrt(error / self._spread)) if self._spread > 0 else 0.0
+
+    def _energy_column(self, energy: Energy, own: str) -> Floats:
+        """The integrals (M,) of the torque of this energy."""
+        if not energy.axes:
+            return self.column(energy.function_values(part)[0] for part in self._parts)
+        j, k = energy.axes
+        n = energy.times(own)
+        rates, torques = list[Floats](), list[Floats]()
+        for part in self._parts:
+            v = {angle: np.gradient(part.signals[angle], part.h) for angle in (j, k)}
+            f, slope = energy.function_values(part)
+            momentum = f * v[k if j == own else j] if own in energy.axes else np.zeros(len(part.u))
+            rates.append(momentum)
+            torques.append(-n * slope * v[j] * v[k])
+        return self.rate(rates) + self.column(torques)
+
+
+def _candidates(own: str, angles: Sequence[str]) -> Iterator[Energy]:
+    """Energies that may act on the axis ``own``, those with cosine and sine of the same sum one after the other."""
+    others = [angle for angle in angles if angle != own]
+    for s in _sums(angles, 1 + _MOST_OTHERS, 1):
+        if own in {angle for _, angle in s}:
+            yield from (Energy((), f, s) for f in ("cos", "sin"))
+    for other in angles:
+        for s in _sums(angles, 2):
+            # An inertia does not depend on the angle of its own axis, and its energy loads only axes that change it.
+            if (own in {angle for _, angle in s}) == (other != own):
+                yield from (Energy((other, other), f, s) for f in ("cos", "sin"))
+    for other in others:
+        yield Energy((own, other), "cos", ())
+        for s in _sums(angles, 1):
+            yield from (Energy((own, other), f, s) for f in ("cos", "sin"))
+
+
+def _sums(angles: Sequence[str], most: int, most_times: int = _MOST_OF_ANGLE) -> Iterator[Sum]:
+    """Sums of up to so many angles, each so many times at most, with a plus sign for the first one."""
+    for count in range(1, most + 1):
+        for names in combinations(angles, count):
+            upwards = range(1, most_times + 1)
+            either = [*(-n for n in upwards), *upwards]
+            for factors in product(upwards, *[either] * (count - 1)):
+                yield tuple(zip(factors, names, strict=True))

@@ -1,0 +1,78 @@
+"""Speed and acceleration of an axis as signals, from its angle.
+
+They are the derivatives of the parabola that fits five values of the angle best (Savitzky and Golay, Analytical
+Chemistry 36, 1964).  They belong to the middle of the five, so they are known some intervals later; ``late_values``
+assigns them to the sample of their time.
+"""
+
+from typing import Literal
+
+import numpy as np
+
+from monitor_core.arrays import Floats, Ints
+from service.config.schema import FurtherSignalConfig
+
+_WEIGHTS = {
+    1: tuple(weight / 10 for weight in (-2, -1, 0, 1, 2)),
+    2: tuple(weight / 7 for weight in (2, -1, -2, -1, 2)),
+}
+"""Weights of five values for the first and second difference in their middle, by least squares."""
+_SPAN = len(_WEIGHTS[1]) - 1
+_MIDDLE = _SPAN // 2
+DERIVATIVE_LATE = _MIDDLE + 1
+"""Intervals until a derivative is known: two for the later values, one as the other axis may send after this one."""
+MAX_ERROR = 4.5
+"""Largest difference, in intervals, between the times of a derivative and of the sample: one lost sample, and the
+scatter of the times."""
+_MAX_STRETCH = 0.5
+"""If the five values take more intervals than this longer than usual, a value was lost."""
+_KEPT = 8
+"""Number of derivatives among which the one nearest in time is chosen."""
+
+
+class MotionDerivative:
+    """First or second derivative by time of an angle whose values come every ``interval_s``.
+
+    It is unknown where a value was lost.
+    """
+
+    def __init__(self, order: Literal[1, 2], interval_s: float) -> None:
+        self._weights, self._unit = _WEIGHTS[order], interval_s**order
+        self._values, self._t_us = np.full(_SPAN, np.nan), np.full(_SPAN, np.nan)
+        self._found, self._found_us = np.full(_KEPT, np.nan), np.full(_KEPT, np.nan)
+        self._interval_s = interval_s
+
+    def take(self, values: Floats, t_us: Floats | Ints, received: Ints, at_us: Floats | Ints) -> Floats:
+        """The derivatives DERIVATIVE_LATE intervals before samples (M,); NaN: unknown.
+
+        Args:
+            values: new values of the signal (N,).
+            t_us: their times (N,).
+            received: number of these values that were there when each sample was complete (M,).
+            at_us: times of the samples (M,).
+        """
+        N = len(values)
+        y, t = np.concatenate([self._values, values]), np.concatenate([self._t_us, t_us])
+        difference = np.zeros(N)
+        for place, weight in enumerate(self._weights):
+            # Summed one by one: the last bit does not depend on the length of the block.
+            difference += weight * y[place : place + N]
+        span_s = 1e-6 * (t[_SPAN:] - t[:N])
+        known = (span_s >= 0) & (span_s < (_SPAN + _MAX_STRETCH) * self._interval_s)
+        found = np.concatenate([self._found, np.where(known, difference / self._unit, np.nan)])
+        found_us = np.concatenate([self._found_us, t[_MIDDLE : _MIDDLE + N]])
+        self._values, self._t_us, self._found, self._found_us = y[N:], t[N:], found[N:], found_us[N:]
+        latest = received[:, np.newaxis] + np.arange(_KEPT)
+        wanted_us = at_us - 1e6 * DERIVATIVE_LATE * self._interval_s
+        off_us = np.abs(found_us[latest] - wanted_us[:, np.newaxis])
+        off_us[~np.isfinite(found[latest])] = np.inf
+        nearest, rows = off_us.argmin(axis=1), np.arange(len(received))
+        near = off_us[rows, nearest] <= 1e6 * MAX_ERROR * self._interval_s
+        return np.where(near, found[latest[rows, nearest]], np.nan)
+
+
+def derivative_of(source: FurtherSignalConfig, interval_s: float) -> MotionDerivative | None:
+    """The filter for a signal that is configured as a speed or an acceleration; None: it is neither."""
+    if not source.is_derivative:
+        return None
+    return MotionDerivative(2 if source.acceleration else 1, interval_s)

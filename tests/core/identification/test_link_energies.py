@@ -1,0 +1,126 @@
+"""Energies of an arm in the torque of an axis: their torque by Lagrange's equation, and which are found."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+import sympy as sp
+from numpy.random import Generator
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.signal_terms import Term
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.weight.arm_links import link_weights
+from monitor_core.identification.weight.link_energies import Energy, MotionSignals
+
+ANGLES = ("q1", "q2", "q3")
+SIGNALS = {q: MotionSignals(f"{q}-speed", f"{q}-acceleration") for q in ANGLES}
+H = 0.01
+
+
+@pytest.fixture
+def rng(seed: int) -> Generator:
+    return np.random.default_rng(seed)
+
+
+@pytest.mark.parametrize("own", ANGLES)
+@pytest.mark.parametrize("function", ["cos", "sin"])
+@pytest.mark.parametrize(
+    "angles", [(), ((1, "q2"),), ((2, "q3"),), ((1, "q2"), (-2, "q3")), ((2, "q1"), (1, "q3"))]
+)
+def test_the_torque_is_that_of_lagranges_equation(
+    own: str, function: str, angles: tuple[tuple[int, str], ...], rng: Generator
+) -> None:
+    t = sp.Symbol("t")
+    q = {name: sp.Function(name)(t) for name in ANGLES}
+    v = {name: sp.Symbol(f"v{name}") for name in ANGLES}
+    place = {name: sp.Symbol(name) for name in ANGLES}
+    at = {**dict(zip(place.values(), q.values(), strict=True)), **{v[n]: sp.diff(q[n], t) for n in ANGLES}}
+    for axes in product(ANGLES, repeat=2):
+        if axes[0] > axes[1] or (axes == (own, own) and any(name == own for _, name in angles)):
+            continue
+        if own not in axes and not any(name == own for _, name in angles):
+            continue
+        s = sum(n * place[name] for n, name in angles)
+        energy = {"cos": sp.cos, "sin": sp.sin}[function](s) * v[axes[0]] * v[axes[1]]
+        torque = sp.diff(sp.diff(energy, v[own]).subs(at), t) - sp.diff(energy, place[own]).subs(at)
+        now = rng.uniform(-1, 1, (3, 3))
+        values = {sp.diff(q[n], t, order) if order else q[n]: now[order, k] for k, n in enumerate(ANGLES)
+                  for order in (2, 1, 0)}  # fmt: skip
+        expected = float(torque.subs(values))
+        signals = {n: now[0, k : k + 1] for k, n in enumerate(ANGLES)}
+        signals |= {SIGNALS[n].speed: now[1, k : k + 1] for k, n in enumerate(ANGLES)}
+        signals |= {SIGNALS[n].acceleration: now[2, k : k + 1] for k, n in enumerate(ANGLES)}
+        if (function == "sin" and not angles) or (not angles and own not in axes):
+            continue
+        term = Energy(axes, function, angles).torque(own, SIGNALS)
+        found = float(Term.read(str(term)).value(signals)[0])
+        own_times = abs({name: n for n, name in angles}.get(own, 0))
+        scale = 2.0 if axes == (own, own) else 1.0 if own in axes else float(own_times)
+        assert scale * found == pytest.approx(expected, rel=1e-9, abs=1e-12)
+
+
+def motion(rng: Generator, seconds: float) -> tuple[Floats, Floats, Floats]:
+    """Angles, speeds and accelerations of three axes (3, N)."""
+    t = np.arange(0.0, seconds, H)
+    f, phase = rng.uniform(0.05, 0.5, (2, 3, 6))
+    w, at = (
+        2 * np.pi * f[..., np.newaxis],
+        2 * np.pi * f[..., np.newaxis] * t + 2 * np.pi * phase[..., np.newaxis],
+    )
+    return (
+        0.5 * np.sin(at).sum(axis=1),
+        0.5 * (w * np.cos(at)).sum(axis=1),
+        -0.5 * (w**2 * np.sin(at)).sum(axis=1),
+    )
+
+
+def record(rng: Generator, own: int, torque: Floats, q: Floats, v: Floats) -> Record:
+    u = torque + 1.5 * v[own] + np.tanh(v[own] / 0.05) + rng.normal(0, 0.2, q.shape[1])
+    return Record(
+        H * np.arange(q.shape[1], dtype=float), u, q[own], "angle", signals=dict(zip(ANGLES, q, strict=True))
+    )
+
+
+def test_the_inertia_of_the_base_is_that_of_the_pose(rng: Generator) -> None:
+    """J(q) = 4 + 2 cos(q2)^2 + 1.5 cos(q2) cos(q2 + q3): by products of cosines, three sums of angles."""
+    q, v, a = motion(rng, 300.0)
+    J = 4 + 2 * np.cos(q[1]) ** 2 + 1.5 * np.cos(q[1]) * np.cos(q[1] + q[2])
+    by2 = -4 * np.cos(q[1]) * np.sin(q[1]) - 1.5 * np.sin(2 * q[1] + q[2])
+    by3 = -1.5 * np.cos(q[1]) * np.sin(q[1] + q[2])
+    torque = J * a[0] + (by2 * v[1] + by3 * v[2]) * v[0]
+    base = record(rng, 0, torque, q, v)
+    found = link_weights([base], "q1", ANGLES, moving=SIGNALS)
+    assert found is not None
+    harmonics = {tuple(sorted(Term.read(term).factors[1].addends)) for term in found.terms}
+    assert harmonics == {((1, "q2"), (1, "q2")), ((1, "q2"), (1, "q2"), (1, "q3")), ((1, "q3"),)}
+    assert all(
+        "cos(" in term.split(" - ")[0] for term in found.terms
+    )  # no sine: zero is the outstretched arm
+    assert found.before < 0.9
+    assert found.explained > 0.97
+    assert link_weights([base], "q1", ANGLES) is None
+
+
+def test_centrifugal_torque_of_the_base_at_the_shoulder(rng: Generator) -> None:
+    q, v, a = motion(rng, 300.0)
+    torque = 3 * a[1] + 30 * np.cos(q[1]) + 4 * np.sin(2 * q[1] + q[2]) * v[0] ** 2
+    found = link_weights([record(rng, 1, torque, q, v)], "q2", ANGLES, moving=SIGNALS)
+    assert found is not None
+    assert "cos(q2)" in found.terms
+    assert "square(q1-speed) * sin(q2 + q2 + q3)" in found.terms
+
+
+@pytest.mark.parametrize("own", [0, 1])
+def test_a_constant_inertia_follows_nothing(own: int, rng: Generator) -> None:
+    q, v, a = motion(rng, 300.0)
+    found = link_weights(
+        [record(rng, own, 5 * a[own] + (20 * np.cos(q[1]) if own == 1 else 0.0), q, v)],
+        ANGLES[own],
+        ANGLES,
+        moving=SIGNALS,
+    )
+    terms = () if found is None else found.terms
+    assert not any("speed" in term or "acceleration" in term for term in terms)
