@@ -119,13 +119,8 @@ class Term(NamedTuple):
 
     @property
     def turns(self) -> bool:
-        """Whether the term varies with the pose like a weight: a product with a cosine or sine, and with no speed.
-
-        The torque of moving links has the squares of speeds, products of two of them, or a sum of products.
-        """
-        if len(self.products) > 1 or "square" in self.functions:
-            return False
-        return bool(self.functions) and sum(not factor.function for factor in self.factors) < 2
+        """Whether the term has a cosine or sine: it varies with the pose, as weight and inertia of an arm do."""
+        return not {"cos", "sin"}.isdisjoint(self.functions)
 
     @property
     def is_signal(self) -> bool:

@@ -99,11 +99,11 @@ def _assumptions(config: Config) -> Iterator[str]:
 
 
 def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:
-    """The load is not monitored although the weight follows the pose and the payload may change."""
+    """The load is not monitored although weight or inertia follows the pose and the payload may change."""
     if LOAD not in axis.model.monitor and turning_torques(axis):
         yield (
-            f'{axis_id}: its weight follows the pose, but "{LOAD}" is not in monitor: another payload will be reported'
-            " as a fault of the drive, most likely of kT"
+            f'{axis_id}: the load of its links follows the pose, but "{LOAD}" is not in monitor: another payload will'
+            " be reported as a fault of the drive, most likely of kT"
         )
 
 

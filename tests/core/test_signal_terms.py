@@ -100,18 +100,3 @@ def test_a_sum_of_products_has_one_value() -> None:
     assert [product.number for product in term.products] == [-1, 2, -1]
     expected = -a * np.cos(b) + 2 * v * w * np.sin(2 * b) - (v - w) ** 2
     np.testing.assert_allclose(term.value({"a": a, "b": b, "v": v, "w": w}), expected, rtol=1e-14)
-
-
-@pytest.mark.parametrize(
-    ("text", "turns"),
-    [
-        ("cos(a)", True),
-        ("payload * sin(a + b)", True),
-        ("payload", False),
-        ("square(v) * sin(a)", False),
-        ("v * w * sin(a)", False),
-        ("acceleration * cos(a) - v * w * sin(a)", False),
-    ],
-)
-def test_only_what_has_no_speed_is_a_weight(text: str, turns: bool) -> None:
-    assert Term.read(text).turns is turns

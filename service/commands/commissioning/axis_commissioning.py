@@ -8,7 +8,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -124,7 +124,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             request = Request(schedule=schedule, memories_s=memories_of(axis.config))
             task = prepare(config, axis, order.records, [], request)
             provenance = order.provenance._replace(drawing=drawing_of(axis.config))
-            load = partial(link_load, text, axis.id, order.records, order.folder)
+            load = cache(partial(link_load, text, axis.id, order.records, order.folder))
             turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
             guessed = order.shorten and not tried  # the first drive may be a guess
             for part in (task.with_most_moving_parts(), task) if guessed else (task,):

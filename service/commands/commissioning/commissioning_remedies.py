@@ -79,7 +79,7 @@ def retry(
 ) -> Retry | None:
     """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
-    The load of links is also considered if one mass without it is only a fair fit.
+    The load of links is also considered if one mass without it is only a fair fit, or if it explains much more.
 
     ``text``: the configuration of that identification; ``tried``: drives that were tried; ``links``: finds on what the
     load of links depends, ``turn`` how far a weight turns with the motion; None: the torque does not show it.
@@ -87,9 +87,10 @@ def retry(
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
     used = axis.config.model.drive
-    fair = used == _ONE_MASS[0] and report.result.verdict.quality is Quality.FAIR
-    known = used.removesuffix(_WEIGHT) in _LIBRARY
-    if (unfit or fair) and not tried and known and (weight := links()):
+    one_mass, fair = used == _ONE_MASS[0], report.result.verdict.quality is Quality.FAIR
+    replaceable = unfit and used.removesuffix(_WEIGHT) in _LIBRARY
+    weight = links() if (replaceable or one_mass) and not tried else None
+    if weight and (unfit or fair or weight.explains_much_more):
         return _with_links(text, axis, weight)
     if unfit:
         missing = report.result.verdict.missing
@@ -138,10 +139,12 @@ def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
     changes = list(weight.signals)
     if name != axis.config.model.drive:
         changes.insert(0, Correction(("model", "drive"), name, "the torque shows a weight"))
-    turns = any(Term.read(term).turns for term in weight.terms)
-    coupled = any(change.key[-1] == "acceleration" for change in weight.signals)
-    parts = ["the weight of links at these angles"] if turns else []
-    parts += ["what it takes to accelerate other axes"] if coupled else []
+    motions = {change.key[1] for change in weight.signals if change.key[-1] in ("speed", "acceleration")}
+    terms = [Term.read(term) for term in weight.terms]
+    weighs = any(term.turns and motions.isdisjoint(term.signals) for term in terms)
+    moves = any(not motions.isdisjoint(term.signals) for term in terms)
+    parts = ["the weight of links at these angles"] if weighs else []
+    parts += ["what it takes to move the links"] if moves else []
     return Retry(
         corrected(text, axis.id, weight.signals),
         tuple(changes),

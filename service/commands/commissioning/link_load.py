@@ -19,6 +19,7 @@ from service.config import Config, NamedAxis, given_values
 from service.config.commissioned import SIGNAL, Correction, corrected
 from service.ingest.loaded_records import load
 
+_MUCH_LESS = 0.5
 _MOST_TURN = 4 * np.pi
 """Largest range of the angle of an arm's axis [rad]; a larger one is that of a motor before its gearbox."""
 
@@ -30,6 +31,15 @@ class LinkLoad(NamedTuple):
     """Angles, speeds and accelerations of axes, as signals of this axis"""
     terms: tuple[str, ...]
     """Terms of the torque offset: "cos(axis2 + axis3)", "axis2-acceleration", "payload", .."""
+    explained: float
+    """Share of the torque that is explained in each half of the records, with values of the other half"""
+    before: float
+    """The same without these terms"""
+
+    @property
+    def explains_much_more(self) -> bool:
+        """Whether the terms leave less than half of the squared errors."""
+        return (1 - self.explained) ** 2 < _MUCH_LESS * (1 - self.before) ** 2
 
 
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
@@ -88,7 +98,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     signals = [c for changes in each for c in changes if c.key[1] in used]
     for name, ratio in ratios.items():
         signals += [_gear(used_as, ratio) for used_as in (name, *moving.get(name, ())) if used_as in used]
-    return LinkLoad(tuple(signals), found.terms)
+    return LinkLoad(tuple(signals), *found)
 
 
 def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:

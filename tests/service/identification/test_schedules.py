@@ -148,7 +148,7 @@ def test_it_explains_what_constant_values_do_not(directory: Path) -> None:
         (("fm:",), "write PARAMETER: SIGNAL"),
         (("fm: temprature",), 'no signal temprature: did you mean "temperature"? there is temperature, angle2, dead'),
         (("fm: tan(angle2)",), "no function tan of signals: there is cos, sin, square"),
-        (("fm: 2*angle2",), '"2*angle2" is neither a signal nor one of cos(...)'),
+        (("fm: angle2*2",), '"angle2*2" is neither a signal nor one of cos(...)'),
         (("fm: angle2,",), '"" is neither a signal nor'),
         (("fm: angle2, angle2",), "fm follows angle2 twice"),
         (("fm: angle2", "fm: angle2"), "fm follows angle2 twice"),

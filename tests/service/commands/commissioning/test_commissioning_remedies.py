@@ -109,7 +109,7 @@ def test_a_drawn_drive_is_not_replaced(tmp_path: Path) -> None:
     _, axis = configured(text, NAME, furnish(tmp_path))
     for missing in ((), (Effect.POSE,)):
         found = report(rejection="poor", missing=missing)
-        assert retry(found, text, axis, links=lambda: LinkLoad((), ("cos(a1)",))) is None
+        assert retry(found, text, axis, links=lambda: LinkLoad((), ("cos(a1)",), 0.9, 0.8)) is None
 
 
 def test_one_mass_that_is_not_identified_becomes_three_at_fast_samples(tmp_path: Path) -> None:
@@ -223,7 +223,7 @@ def test_a_weight_follows_the_pose_without_being_monitored(tmp_path: Path) -> No
 def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     """With the angles of both axes as signals, and one mass."""
     signals = tuple(Correction(("signal", name, "axis"), name, "a weight") for name in ("a1", "a2"))
-    load = LinkLoad(signals, ("cos(a1)", "cos(a1 + a2)"))
+    load = LinkLoad(signals, ("cos(a1)", "cos(a1 + a2)"), 0.9, 0.3)
     two = TEXT + TEXT[TEXT.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
     found = report(rejection="poor")
     again = retry(found, two, configured(two, NAME, tmp_path)[1], links=lambda: load)
@@ -243,25 +243,28 @@ MASS = TEXT.replace(
 
 
 def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:
-    """A good fit needs none, and a drive of several masses that was chosen is kept."""
-    load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("a2-acceleration",))
-    for text, quality, schedule in (
-        (MASS, Quality.FAIR, ("tau0: a2-acceleration",)),
-        (MASS, Quality.GOOD, ()),
-        (TEXT, Quality.FAIR, ()),
+    """A good fit needs none that explain little more, and a drive of several masses that was chosen is kept."""
+    axis = Correction(("signal", "a2-acceleration", "axis"), "a2", "links")
+    load = LinkLoad((axis,), ("a2-acceleration",), 0.93, 0.92)
+    for text, quality, explained, schedule in (
+        (MASS, Quality.FAIR, 0.93, ("tau0: a2-acceleration",)),
+        (MASS, Quality.GOOD, 0.93, ()),
+        (MASS, Quality.GOOD, 0.95, ("tau0: a2-acceleration",)),
+        (TEXT, Quality.FAIR, 0.95, ()),
     ):
+        links = partial(load._replace, explained=explained)
         found = report(KT, FM, quality=quality)
-        again = retry(found, text, configured(text, NAME, tmp_path)[1], links=lambda: load)
+        again = retry(found, text, configured(text, NAME, tmp_path)[1], links=links)
         assert (again.schedule if again else ()) == schedule
-    signals = (Correction(("signal", "a2-acceleration", "acceleration"), True, "links"), *load.signals)
+    signals = (Correction(("signal", "a2-acceleration", "acceleration"), True, "links"), axis)
     for terms, shown in (
-        (("a2-acceleration",), "what it takes to accelerate other axes"),
+        (("a2-acceleration",), "what it takes to move the links"),
         (
             ("cos(a2)", "a2-acceleration"),
-            "the weight of links at these angles and what it takes to accelerate other axes",
+            "the weight of links at these angles and what it takes to move the links",
         ),
     ):
-        links = partial(LinkLoad, signals, terms)
+        links = partial(LinkLoad, signals, terms, 0.9, 0.3)
         again = retry(report(rejection="poor"), MASS, configured(MASS, NAME, tmp_path)[1], links=links)
         assert again is not None
         assert again.shown == shown
@@ -275,7 +278,8 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     reports = [alone, alone, with_links, with_links]  # a first look at part of the records, and all of them
     task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=lambda *_: reports.pop(0))
     task.with_most_moving_parts = lambda: task
-    load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("a2-acceleration",))
+    signals = (Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),)
+    load = LinkLoad(signals, ("a2-acceleration",), 0.9, 0.3)
     monkeypatch.setattr(axis_commissioning, "prepare", lambda *_: task)
     monkeypatch.setattr(axis_commissioning, "link_load", lambda *_: load)
     monkeypatch.setattr(axis_commissioning, "motion_for", lambda *_: None)
