@@ -26,7 +26,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.signal_terms import Factor, Product, Term
-from monitor_core.identification.torque_balance.torque_windows import GridPart
+from monitor_core.identification.torque_balance.torque_windows import WINDOWS, GridPart
 from monitor_core.identification.weight.weight_balance import WeightBalance
 
 _MOST_SUMS = 8
@@ -34,8 +34,10 @@ _MOST_OTHERS = 2
 """Other angles in the sum of a weight."""
 _MOST_OF_ANGLE = 2
 """An inertia has the squares and products of two cosines of sums, and so at most twice each angle."""
-_MAX_REMAINING = 0.85
-"""A further term must reduce the squared errors to at most this share."""
+_MAX_REMAINING = 0.95
+"""A further sum must reduce the squared errors to at most this share, .."""
+_BY_CHANCE = 4.0
+""".. and by more than the best of so many sums does by chance: a chi-square of 2 ln(number), twice that to be sure."""
 _CLEARLY_LESS = 0.95
 """A sum that was chosen before a later one is exchanged if another one leaves at most this share of the errors."""
 _MIN_INCREASE = 1.02
@@ -135,7 +137,7 @@ def link_energies(
     sums, left = list[int](), before
     while len(sums) < _MOST_SUMS:
         best, least = balance.best(sums)
-        if not least < _MAX_REMAINING * left:
+        if not least < balance.max_remaining * left:
             break
         sums, left = [*sums, best], least
         for place in range(len(sums) - 1):
@@ -187,6 +189,9 @@ class _EnergyBalance(WeightBalance):
         for index, energy in enumerate(self.energies):
             numbers.setdefault((energy.axes, energy.angles), []).append(index)
         self.same_sum = list(numbers.values())
+        independent = max(len(self.torque) / WINDOWS, 1.0)
+        self.max_remaining = min(_MAX_REMAINING, 1 - _BY_CHANCE * np.log(len(numbers)) / independent)
+        """A further sum must reduce the squared errors to at most this share"""
         lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles in numbers])
         self._by_length = [np.flatnonzero(lengths == length).tolist() for length in np.unique(lengths)]
         """Indices of the energies of the same joints, with cosine and with sine of the same sum"""
@@ -239,19 +244,22 @@ class _EnergyBalance(WeightBalance):
 
 def _candidates(own: str, angles: Sequence[str]) -> Iterator[Energy]:
     """Energies that may act on the axis ``own``, those with cosine and sine of the same sum one after the other."""
-    others = [angle for angle in angles if angle != own]
     for s in _sums(angles, 1 + _MOST_OTHERS, 1):
         if own in {angle for _, angle in s}:
             yield from (Energy((), f, s) for f in ("cos", "sin"))
-    for other in angles:
-        for s in _sums(angles, 2):
-            # An inertia does not depend on the angle of its own axis, and its energy loads only axes that change it.
-            if (own in {angle for _, angle in s}) == (other != own):
-                yield from (Energy((other, other), f, s) for f in ("cos", "sin"))
-    for other in others:
-        yield Energy((own, other), "cos", ())
-        for s in _sums(angles, 1):
-            yield from (Energy((own, other), f, s) for f in ("cos", "sin"))
+    for place, axis in enumerate(angles):
+        # What an axis turns depends on the angles beyond it, and loads only the axes that change it.
+        for s in _sums(angles[place + 1 :], 2):
+            if axis == own or own in {angle for _, angle in s}:
+                yield from (Energy((axis, axis), f, s) for f in ("cos", "sin"))
+        if axis == own:
+            continue
+        yield Energy((own, axis), "cos", ())
+        # In a parallelogram linkage both angles are those to the ground, so the nearer one matters, too.
+        beyond = angles[min(place, angles.index(own)) :]
+        both = tuple(angle for angle in angles if angle in (own, axis))
+        for s in (*_sums(beyond, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)):
+            yield from (Energy((own, axis), f, s) for f in ("cos", "sin"))
 
 
 def _sums(angles: Sequence[str], most: int, most_times: int = _MOST_OF_ANGLE) -> Iterator[Sum]:
