@@ -122,8 +122,12 @@ def _with_energies(
             energies = link_energies(parts, window, speed_scales(records)[1], own, list(moving), values)
             if energies.found:
                 torques = [str(energy.torque(own, moving)) for energy in energies.found]
+                # An acceleration stays, as it may be there for a positive inertia.
+                needed = [
+                    str(term) for k, term in enumerate(terms) if k not in energies.needless or not term.turns
+                ]
                 explained, before = energies.explained, min(found.before, energies.before)
-                found = LinkWeights(tuple(dict.fromkeys((*found.terms, *torques))), explained, before)
+                found = LinkWeights(tuple(dict.fromkeys((*needed, *torques))), explained, before)
     enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
     return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
 

@@ -112,6 +112,8 @@ class LinkEnergies(NamedTuple):
     """share of the torque that is explained in each half of the records, with values of the other half"""
     before: float
     """the same without these energies"""
+    needless: tuple[int, ...]
+    """indices of the given terms that explain nothing in addition to these energies"""
 
 
 def link_energies(
@@ -150,10 +152,15 @@ def link_energies(
         fewer = [other for other in chosen if other != index]
         if balance.error(fewer) < _MIN_INCREASE * left:
             chosen = fewer
+    needless = list[int]()
+    for index in range(len(terms) if chosen else 0):
+        if balance.error(chosen, (*needless, index)) < _MIN_INCREASE * left:
+            needless.append(index)
     return LinkEnergies(
         tuple(balance.energies[index] for index in chosen),
         balance.explained(balance.error(chosen)),
         balance.explained(before),
+        tuple(needless),
     )
 
 
@@ -212,9 +219,13 @@ class _EnergyBalance(WeightBalance):
                 best = places[int(np.argmin(errors))]
         return best, least
 
-    def error(self, chosen: Sequence[int]) -> float:
-        """Sum of squared errors of each half of the equations with values that were fitted to the other half."""
-        used: Ints = np.concatenate([np.arange(self._usual), self._usual + np.array(chosen, np.int64)])
+    def error(self, chosen: Sequence[int], without: Sequence[int] = ()) -> float:
+        """Sum of squared errors of each half of the equations with values that were fitted to the other half.
+
+        ``chosen``: energies; ``without``: given terms that are left out.
+        """
+        usual = np.delete(np.arange(self._usual), self.rows.shape[1] + np.array(without, np.int64))
+        used: Ints = np.concatenate([usual, self._usual + np.array(chosen, np.int64)])
         square = np.ix_(used, used)
         missed = 0.0
         for (G, b, _), (G_, b_, yy) in (self._halves, self._halves[::-1]):

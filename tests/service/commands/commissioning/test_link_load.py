@@ -200,6 +200,50 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     assert link_load(SCARA, "arm.inner", [str(tmp_path / "a.csv")], tmp_path) is None
 
 
+BASE = f"""{ONE_MASS}[[robot.axis]]
+name = "base"
+torque = {{ column = "u1" }}
+angle = {{ column = "y1" }}
+[[robot.axis]]
+name = "lift"
+torque = {{ column = "u2" }}
+angle = {{ column = "y2" }}
+"""
+
+
+def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed: int) -> None:
+    """A base that turns an arm which another axis lifts: its signals are the motion of both."""
+    rng, step = np.random.default_rng(seed), 0.01
+    t = np.arange(0.0, 180.0, step)
+    f, phase = rng.uniform(0.1, 0.6, (2, 5)), rng.uniform(0, 2 * np.pi, (2, 5))
+    q = np.sin(2 * np.pi * f[..., None] * t + phase[..., None]).mean(axis=1) * [[2.0], [1.5]]
+    w = np.gradient(q, step, axis=1)
+    a = np.gradient(w, step, axis=1)
+    arm = 4 * np.cos(q[1]) ** 2
+    base = (2 + arm) * a[0] - 4 * np.sin(2 * q[1]) * w[1] * w[0]
+    lift = 4 * a[1] + 2 * np.sin(2 * q[1]) * w[0] ** 2 + 40 * np.cos(q[1])
+    u = np.array([base, lift]) + 0.8 * w + np.tanh(w / 0.05) + rng.normal(0, 0.1, q.shape)
+    table = np.column_stack([t, u[0], q[0], u[1], q[1]])
+    np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2", comments="")
+    found = link_load(BASE, "arm.base", [str(tmp_path / "a.csv")], tmp_path)
+    assert found is not None
+    rate = "base-acceleration * cos(lift + lift) - 2 * base-speed * lift-speed * sin(lift + lift)"
+    assert found.terms == (rate,)
+    assert found.explains_much_more
+    assert {c.key[1:]: c.value for c in found.signals} == {
+        ("base-acceleration", "axis"): "base",
+        ("base-acceleration", "acceleration"): True,
+        ("base-speed", "axis"): "base",
+        ("base-speed", "speed"): True,
+        ("lift", "axis"): "lift",
+        ("lift-speed", "axis"): "lift",
+        ("lift-speed", "speed"): True,
+    }
+    lifting = link_load(BASE, "arm.lift", [str(tmp_path / "a.csv")], tmp_path)
+    assert lifting is not None
+    assert set(lifting.terms) == {"cos(lift)", "square(base-speed) * sin(lift + lift)"}
+
+
 POSITIONER = f"""{ONE_MASS}signal = [{{ name = "payload", column = "load" }}]
 [[robot.axis]]
 name = "tilt"
