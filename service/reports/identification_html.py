@@ -29,7 +29,8 @@ _STRONG = 0.95
 def as_html(report: IdentificationReport) -> str:
     """The complete HTML page."""
     result = report.result
-    rows, names = list(result.rows()), list(result.estimate.names)
+    rows, labels = list(result.rows()), content.slope_labels(report)
+    names = [labels.get(name, name) for name in result.estimate.names]
     parameters = content.parameter_table(rows)
     return render(
         "identification.html",

@@ -17,6 +17,8 @@ from service.ingest.loaded_records import RecordOrigin
 from service.reports.formats import Provenance, Table, for_terminal, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 
+_LONGEST_LABEL = 40
+"""Longest name of a slope in a table [characters]"""
 _MOST_NAMED = 3
 _WARM = 3.0
 """Number of time constants after which an axis counts as warm: 5 % of the warm-up remain."""
@@ -330,13 +332,23 @@ def residual_words(report: IdentificationReport) -> Iterator[Tested]:
 
 
 def slope_words(report: IdentificationReport) -> Iterator[str]:
-    """One sentence on each signal that a parameter follows."""
+    """One sentence on each signal that a parameter follows, numbered as in ``slope_labels``."""
+    labels = slope_labels(report)
     for s in report.result.slopes():
         f, unit = s.scheduled, report.result.estimate.drive.parameter(s.scheduled.parameter).unit
         ends = " and ".join(f"{number(s.at(x))} where it is {x:.4g}" for x in (f.low, f.high))
         doubt = "" if s.is_significant else ", which cannot be distinguished from none"
         slope = f"by {number(s.slope, s.sd)} {unit} for each 1 of it (sd {plain(s.sd, 2)}){doubt}"
-        yield f"{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
+        label = f"{labels[f.slope]}: " if f.slope in labels else ""
+        yield f"{label}{f.parameter} follows {f.term}, {slope}: {number(s.value)} at {f.reference:g}, {ends}."
+
+
+def slope_labels(report: IdentificationReport) -> dict[str, str]:
+    """Numbers for all slopes, by their names, if one of these is too long for the head of a table; else empty."""
+    names = [s.scheduled.slope for s in report.result.slopes()]
+    if all(len(name) <= _LONGEST_LABEL for name in names):
+        return {}
+    return {name: f"slope {number}" for number, name in enumerate(names, 1)}
 
 
 def predictor_words(report: IdentificationReport) -> str:

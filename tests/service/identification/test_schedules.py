@@ -117,6 +117,19 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(direct
     assert "at 32.5, " in page
 
 
+def test_a_long_term_has_a_number_in_tables(directory: Path) -> None:
+    term = "cos(angle2) - 0.5 * square(angle2) * sin(angle2)"
+    result = identify(
+        "--free", "Jm", "--free", "fm", "--schedule", "fm: temperature", "--schedule", f"Jm: {term}"
+    )
+    assert result.exit_code == 0, result.output
+    page = (directory / "report.html").read_text(encoding="utf-8")
+    assert "<li>slope 1: fm follows temperature, by" in page
+    assert f"<li>slope 2: Jm follows {term}, by" in page
+    assert "<th>slope 2</th>" in page
+    assert f"<th>Jm per {term}</th>" not in page
+
+
 @pytest.mark.parametrize(
     ("words", "start"), [((), "cold"), (("Jm: cos(angle2)",), "cold"), (("fm: temperature",), None)]
 )
