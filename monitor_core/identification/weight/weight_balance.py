@@ -52,17 +52,17 @@ class WeightBalance:
 
     def column(self, values: Iterable[Floats]) -> Floats:
         """A further column (M,): the integrals of values (N,) of each part."""
-        return self._windowed(values, mean=False)
+        return self._windowed(values)
 
     def rate(self, values: Iterable[Floats]) -> Floats:
         """The integrals (M,) of the rate of change of values (N,) of each part, by parts."""
-        return self._windowed(values, mean=False, rate=True)
+        return self._windowed(values, rate=True)
 
     def mean(self, values: Iterable[Floats]) -> Floats:
         """Means of values (N,) of each part in the windows (M,)."""
         return self._windowed(values, mean=True)
 
-    def _windowed(self, values: Iterable[Floats], mean: bool, rate: bool = False) -> Floats:
+    def _windowed(self, values: Iterable[Floats], mean: bool = False, rate: bool = False) -> Floats:
         found = list[Floats]()
         for part, value in zip(self._parts, values, strict=True):
             g, g1, _ = window_of(self._window, part.h)

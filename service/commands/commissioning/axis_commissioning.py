@@ -145,7 +145,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 fair = text, axis, task, report, outcome
             text, schedule = again.text, schedule or again.schedule
             if again.schedule:
-                followed = f"{', '.join(again.schedule)}: the torque shows {again.shown}."
+                followed = f"The torque shows {again.shown}. {', '.join(again.schedule)}."
                 outcome = replace(outcome, notes=(*outcome.notes, followed))
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _MISTAKES as error:

@@ -84,7 +84,7 @@ def test_each_axis_follows_the_links_that_it_holds(cell: Cell) -> None:
         assert "tau0" not in axis.config.model.monitor
         assert "load" not in axis.config.model.monitor  # for its memory this record is too short
     report = (cell.config.parent / "report.html").read_text(encoding="utf-8")
-    assert "the torque shows the weight of links at these angles" in report
+    assert "The torque shows the weight of links at these angles" in report
 
 
 def follows(axis: NamedAxis) -> set[str]:
