@@ -27,7 +27,7 @@ from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.holding_brake import HoldingBrake
 from monitor_core.drive.measured_speed import MeasuredSpeed
-from monitor_core.drive.signal_terms import FUNCTIONS, Term
+from monitor_core.drive.signal_terms import FUNCTIONS, Factor, Term
 from monitor_core.drive.structure import split_name
 from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalModel, ThermalState
 from monitor_core.samples import SampleBlock
@@ -184,7 +184,9 @@ class Operating:
             gate &= speed >= c.min_speed
         weight = None
         if self._weight:
-            weight = sum((f.change(_term(f.term, s, self._column)) for f in self._weight), np.zeros(N))
+            by_name = {name: s[:, k] for name, k in self._column.items()}
+            factors = dict[Factor, Floats]()  # many terms have the same
+            weight = sum((f.change(f.term.value(by_name, factors)) for f in self._weight), np.zeros(N))
             gate &= np.isfinite(weight)
         if N:
             self._last = s[-1].copy(), float(speed[-1])

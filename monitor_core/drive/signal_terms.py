@@ -50,9 +50,12 @@ class Factor(NamedTuple):
 
     def value(self, signals: Mapping[str, Floats]) -> Floats:
         """The factor (N,) at values of its signals (N,); NaN where one of them is not finite."""
-        total = sum((sign * signals[name] for sign, name in self.addends), np.zeros(()))
+        total = np.asarray(sum((sign * signals[name] for sign, name in self.addends), np.zeros(())))
+        if self.function not in ("cos", "sin"):
+            known = np.where(np.isfinite(total), total, math.nan)
+            return known * known if self.function else known
         # Value by value: the last bit of a vectorised cosine may depend on the index in the array.
-        function = FUNCTIONS[self.function] if self.function else float
+        function = FUNCTIONS[self.function]
         return np.array([function(v) if math.isfinite(v) else math.nan for v in total.tolist()], np.float64)
 
 
@@ -127,9 +130,15 @@ class Term(NamedTuple):
         """Whether the term is a single signal."""
         return len(self.factors) == 1 and not self.functions and self.products[0].number == 1
 
-    def value(self, signals: Mapping[str, Floats]) -> Floats:
-        """The term (N,) at values of its signals (N,); NaN where one of them is not finite."""
-        values = {factor: factor.value(signals) for factor in dict.fromkeys(self.factors)}
+    def value(self, signals: Mapping[str, Floats], values: dict[Factor, Floats] | None = None) -> Floats:
+        """The term (N,) at values of its signals (N,); NaN where one of them is not finite.
+
+        ``values``: of factors for the same signals, as other terms may have the same; those of this one are added.
+        """
+        values = {} if values is None else values
+        for factor in self.factors:
+            if factor not in values:
+                values[factor] = factor.value(signals)
         first, *others = (_multiplied(product, values) for product in self.products)
         for value in others:
             first = first + value
