@@ -2,9 +2,9 @@
 #
 # run-tests.sh [PYTEST ARGUMENT...]
 #
-# Ruff, the tests that run anywhere, then those marked `vcan`, inside with-vcan.sh, where real SocketCAN devices exist, and
-# mypy beside them (`make lint` has it at once). Where the devices cannot be had: a failure with CI=true, else those tests
-# are skipped.
+# Ruff, then at once: the tests that run anywhere, those marked `vcan`, inside with-vcan.sh, where real SocketCAN devices
+# exist, and mypy (`make lint` has it sooner). Where the devices cannot be had: a failure with CI=true, else those tests are
+# skipped.
 #
 set -u
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
@@ -36,19 +36,11 @@ fi
 { .venv/bin/ruff check . && .venv/bin/ruff format --check .; } || { kill $(jobs -p) 2>/dev/null; exit 1; }
 wait
 
-# Side by side, one process more than there are processors: tests of the daemon mostly wait.  More than four would only
-# crowd each other's daemons.
-mkdir -p .cache
-# Each process collects all files: without a selection, not those of which nothing is run here.
-unused=()
-[ $# != 0 ] || unused=(--ignore tests/bench --ignore tests/soak)
-processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
-"${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal --durations 25 "${unused[@]}" "$@"
-main=$?
-
-# These tests are one process in a kernel with one processor: mypy has the other one.
-nice -n 10 .venv/bin/mypy >.cache/mypy.log 2>&1 &
-types=$!
+# The SocketCAN tests, in one order: what records in real time is before what simulates a robot of its own.  Everything
+# is slow in there, imports above all: without a selection, collect only the files concerned.
+files=()
+[ $# != 0 ] || mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests --exclude-dir soak | sort)
+on_devices=("${PYTEST[@]}" "$@" -m "vcan and not soak" "${files[@]}")
 
 # Logs of loggers (.mf4) need asammdf, which python-can would load at every start, in ten times the memory: it has an
 # environment of its own, over this one.
@@ -61,19 +53,40 @@ mf4_tests() {
   fi
   PYTHONPATH=$PWD "$over/bin/python" -m pytest -q -m mf4 tests/service/can/test_mf4.py
 }
-logs=''
+
+# All at once: tests of the daemon and of devices mostly wait.  Those of devices are one process in a kernel with one
+# processor, and record in real time: all others are nice to them.
+mkdir -p .cache
+trap 'exit 130' INT TERM
+trap 'kill $(jobs -p) 2>/dev/null' EXIT
+nice -n 10 .venv/bin/mypy >.cache/mypy.log 2>&1 &
+types=$!
+sock='' logs='' low=()
+unused=()
 if [ $# = 0 ]; then
+  tools/with-vcan.sh "${on_devices[@]}" >.cache/vcan.log 2>&1 &
+  sock=$!
   nice -n 10 bash -c "$(declare -f mf4_tests); mf4_tests" >.cache/mf4.log 2>&1 &
   logs=$!
+  low=(nice -n 5)
+  # Each process collects all files: not those of which nothing is run here.
+  unused=(--ignore tests/bench --ignore tests/soak)
 fi
+# One process more than there are processors.  More than four would only crowd each other's daemons.
+processes=$(($(getconf _NPROCESSORS_ONLN) + 1))
+"${low[@]}" "${PYTEST[@]}" --numprocesses "$processes" --maxprocesses 4 --dist worksteal --durations 25 "${unused[@]}" "$@"
+main=$?
 
 echo
 echo "SocketCAN tests, on vcan0 and vcan1:"
-# Everything is slow in there, imports above all: without a selection, collect only the files concerned.  Always in one
-# order, as a process that has grown is slower: what records in real time is before what simulates a robot of its own.
-if [ $# = 0 ]; then mapfile -t files < <(grep -rlE --include='test_*.py' 'mark\.vcan' tests --exclude-dir soak | sort); else files=(); fi
-tools/with-vcan.sh "${PYTEST[@]}" "$@" -m "vcan and not soak" "${files[@]}"
-sock=$?
+if [ -n "$sock" ]; then
+  wait "$sock"
+  sock=$?
+  cat .cache/vcan.log
+else
+  tools/with-vcan.sh "${on_devices[@]}"
+  sock=$?
+fi
 
 if [ "$sock" = 125 ] && ! tools/with-vcan.sh true; then
   if [ "${CI:-}" = true ]; then
@@ -82,7 +95,7 @@ if [ "$sock" = 125 ] && ! tools/with-vcan.sh true; then
   fi
   echo "No SocketCAN devices here. With root on a kernel that has them: modprobe vcan." >&2
   echo "Without: on Debian (amd64), apt-get update && apt-get install iproute2 util-linux; the rest is fetched." >&2
-  "${PYTEST[@]}" "$@" -m "vcan and not soak" "${files[@]}" # skips them, and says so
+  "${on_devices[@]}" # skips them, and says so
   sock=$?
 fi
 

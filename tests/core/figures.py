@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ ANGLE_TORQUE_NOISE = 0.01
 """N m.  The plant has none; with a tenth of it the predictor is so slow (0.44 s) that theta runs away."""
 
 
+@cache  # fifty records for each seed, and the same few seeds in most tests
 def settings_of(output: Output, seed: int, run_on: bool = False) -> Settings:
     """The paper's settings, P(0) from records of its own; for the angle with a Kalman gain."""
     model = reference_model(output)

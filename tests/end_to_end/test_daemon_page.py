@@ -1,11 +1,11 @@
 """The page of a daemon: while it is stopped; a repaired axis gets new nominal values there, and the old ones back."""
 
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from service.config import load
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config
@@ -31,11 +31,10 @@ def d(config: Path) -> Iterator[Daemon]:
 
 
 @pytest.fixture
-def page(d: Daemon, need: Callable[[str], str]) -> Iterator[Page]:
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=need("chromium"), args=["--no-sandbox"])
-        yield browser.new_page(base_url=d.page)
-        browser.close()
+def page(d: Daemon, browser: Browser) -> Iterator[Page]:
+    opened = browser.new_page(base_url=d.page)
+    yield opened
+    opened.close()
 
 
 def test_a_stopped_daemon_is_stale_within_five_seconds_and_recovers(d: Daemon, page: Page) -> None:

@@ -415,17 +415,6 @@ def configured(stage: Stage) -> Stage:
 # --- The page in a real browser ---------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def browser(need: Callable[[str], str]) -> Iterator["Browser"]:
-    from playwright.sync_api import sync_playwright
-
-    chromium = need("chromium")
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
-        yield opened
-        opened.close()
-
-
 @pytest.fixture
 def daemon(stage: Stage) -> Iterator[Daemon]:
     started = Daemon(stage, own_port())  # it can be had again

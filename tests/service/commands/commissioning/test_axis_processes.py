@@ -13,9 +13,9 @@ from tests.end_to_end.processes import PATIENCE_S
 
 PROGRAM = """
 import multiprocessing, os, sys, time
-from service.commands.commissioning.axis_processes import end_with_parent
 
 def work(found):
+    from service.commands.commissioning.axis_processes import end_with_parent
     end_with_parent()
     with open(found, "w") as file:
         file.write(f"{os.getpid()}\\n")
