@@ -14,7 +14,7 @@ from monitor_core.excitation import Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
 from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, conditions_of, drive_of, given_values, needed, predictor_of
-from service.config.axis_settings import check_known
+from service.config.axis_settings import AxisError, check_known
 from service.config.conditions import weight_of
 from service.config.drives import axis_model, not_identified
 from service.ingest.motion_derivatives import derivative_of
@@ -197,6 +197,11 @@ class SimulatedConditions:
     def __init__(self, axis: NamedAxis) -> None:
         conditions = conditions_of(axis)
         self._sources = needed(axis)
+        if own := [s.name for s in self._sources if s.acceleration and s.axis == axis.config.name]:
+            raise AxisError(
+                f"{axis.id}: its torque offset follows {own[0]}, the acceleration of the axis itself, which the"
+                " simulation has only after the torque: simulate a configuration in which its inertia is constant"
+            )
         self._swings = [_swing(source.name, conditions) for source in self._sources]
         self._derivatives = tuple(
             derivative_of(source, axis.config.sample_interval_s) for source in self._sources

@@ -16,6 +16,7 @@ from monitor_core.drive.signal_terms import Term
 from monitor_core.samples import SampleBlock
 from service.can.bus import open_buses
 from service.config import NamedAxis, conditions_of
+from service.config.axis_settings import AxisError
 from service.config.schema import SpeedConfig
 from service.config.schema_model import EstimatorConfig
 from service.pipeline.axis_monitors import AxisMonitors
@@ -226,6 +227,15 @@ def test_the_acceleration_of_another_axis_is_that_of_what_it_sends(tmp_path: Pat
     conditions, h = SimulatedConditions(named), 0.005
     found = [conditions.signals(k * h, {"two": 1.5 * (k * h) ** 2})[0] for k in range(8)]
     assert found == pytest.approx([math.nan] * 4 + [6.0] * 4, nan_ok=True)
+
+
+def test_the_acceleration_of_the_axis_itself_is_refused(tmp_path: Path) -> None:
+    """It would act one sample late, which makes an inertia that more than doubles unstable."""
+    named = axis(tmp_path, [], [slope("fm", "s", 0.0)], axis="one", acceleration=True)
+    with pytest.raises(
+        AxisError, match=r"^r.one: its torque offset follows s, the acceleration of the axis itself"
+    ):
+        SimulatedConditions(named)
 
 
 def test_a_drive_follows(tmp_path: Path) -> None:
