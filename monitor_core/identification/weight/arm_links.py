@@ -98,7 +98,7 @@ def link_weights(
             chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
-        return _with_energies(LinkWeights((), before, before), records, own, moving)
+        return _complete(LinkWeights((), before, before), records, own, moving)
     needed, left = chosen, balance.error(chosen)
     for term in chosen:
         fewer = [w for w in needed if w != term]
@@ -106,30 +106,38 @@ def link_weights(
             needed = fewer
     balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
     found = LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
-    return _with_energies(found, records, own, moving)
+    return _complete(found, records, own, moving)
+
+
+def _complete(
+    found: LinkWeights, records: Sequence[Record], own: str, moving: Mapping[str, MotionSignals]
+) -> LinkWeights | None:
+    """The same with the energies of links that reduce the error; None: all terms do not explain enough."""
+    if own in moving and len(moving) > 1:
+        found = _with_energies(found, records, own, moving)
+    enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
+    return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
 
 
 def _with_energies(
     found: LinkWeights, records: Sequence[Record], own: str, moving: Mapping[str, MotionSignals]
-) -> LinkWeights | None:
-    """The same with the kinetic energies that reduce the error; None: they all do not explain enough."""
-    if own in moving and len(moving) > 1:
-        terms = [Term.read(text) for text in found.terms]
-        signals = {name for term in terms for name in term.signals}
-        parts, window = moving_parts(records, [*moving, *signals])
-        if parts:
-            values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
-            energies = link_energies(parts, window, speed_scales(records)[1], own, list(moving), values)
-            if energies.found:
-                torques = [str(energy.torque(own, moving)) for energy in energies.found]
-                # An acceleration stays, as it may be there for a positive inertia.
-                needed = [
-                    str(term) for k, term in enumerate(terms) if k not in energies.needless or not term.turns
-                ]
-                explained, before = energies.explained, min(found.before, energies.before)
-                found = LinkWeights(tuple(dict.fromkeys((*needed, *torques))), explained, before)
-    enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
-    return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
+) -> LinkWeights:
+    terms = [Term.read(text) for text in found.terms]
+    parts, window = moving_parts(records, [*moving, *(name for term in terms for name in term.signals)])
+    if not parts:
+        return found
+    values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
+    energies = link_energies(parts, window, speed_scales(records)[1], own, list(moving), values)
+    if not energies.found:
+        return found
+    # An acceleration stays, as it may be there for a positive inertia.
+    needed = [term for k, term in enumerate(terms) if k not in energies.needless or not term.turns]
+    torques = [energy.torque(own, moving) for energy in energies.found]
+    return LinkWeights(
+        tuple(dict.fromkeys(map(str, (*needed, *torques)))),
+        energies.explained,
+        min(found.before, energies.before),
+    )
 
 
 def _with_loads(
