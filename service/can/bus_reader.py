@@ -216,7 +216,7 @@ class CanReader:
             self.open()
             self._retry_s = RETRY_S
         except BusError as error:
-            self._state = sentence("down", "down: {why}", why=error.args[0])
+            self._state = sentence("down", "down: {why}", why=error.why)
             self._stop.wait(self._retry_s)
             self._retry_s = min(2 * self._retry_s, LONGEST_RETRY_S)
 

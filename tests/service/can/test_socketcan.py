@@ -225,6 +225,7 @@ def test_started_before_it_exists(tmp_path: Path) -> None:
     reader = CanReader(bus_config(tmp_path, "vcan8"), [FrameFilter(STANDARD)])
     reader.start()
     wait_for(lambda: "no network interface vcan8" in reader.stats().state, reader.stats)
+    assert "bus " not in reader.stats().state, "the bus is named beside its state"
     ip("link", "add", "dev", "vcan8", "type", "vcan")
     try:
         ip("link", "set", "vcan8", "up")

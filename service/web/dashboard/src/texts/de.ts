@@ -218,11 +218,12 @@ const SENTENCES: Record<string, string> = {
   "bus fault": "gestört: {why}; wird wieder geöffnet, sobald das geht",
   "only errors": "gestört: seit den letzten Daten nur Fehlerframes; stimmen Bitrate, Kabel und Abschluss?",
   "reader stopped": "gestört: der Leser hat aufgehört, was ein Fehler des Programms ist",
-  "no interface": "Bus {bus}: die Schnittstelle {interface} geht hier nicht: {why}",
-  "no device": "Bus {bus}: es gibt keine Netzwerkschnittstelle {channel}: den Adapter anschließen, oder für eine virtuelle"
+  "of bus": "Bus {bus}: {why}",
+  "no interface": "die Schnittstelle {interface} geht hier nicht: {why}",
+  "no device": "es gibt keine Netzwerkschnittstelle {channel}: den Adapter anschließen, oder für eine virtuelle"
     + " `ip link add dev {channel} type vcan && ip link set {channel} up`",
   "no CAN": "dieser Kernel hat kein CAN (modprobe can-raw)",
-  "cannot open": "Bus {bus}: {where} lässt sich nicht öffnen: {why}",
+  "cannot open": "{where} lässt sich nicht öffnen: {why}",
 
   compiling: "Der numerische Kern wird übersetzt; Frames warten, bis er fertig ist",
   "compiling multimodel": "Der Kern des Multimodell-Detektors wird übersetzt; dessen Messwerte warten, bis er fertig ist",
