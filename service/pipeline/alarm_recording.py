@@ -287,7 +287,7 @@ class Alarms:
                 "alarm not recorded",
                 "alarm of {alarms}: cannot be recorded yet, is tried again: {why}",
                 alarms=_names(every),
-                why=error,
+                why=error.args[0],
             )
             return
         self._waiting.clear()

@@ -105,6 +105,21 @@ def test_an_alarm_that_is_not_yet_recorded_is_in_the_list(stage: Stage) -> None:
         assert shown("alarms", "list").startswith(words)
 
 
+@pytest.mark.usefixtures("url")
+def test_status_has_the_messages_even_where_the_journal_cannot_be_read(stage: Stage, tmp_path: Path) -> None:
+    recorded(stage)
+    stage.healthy()
+    stage.snapshot = replace(stage.snapshot, messages=("the state of the monitors cannot be saved: why",))
+    (tmp_path / "alarms.sqlite").rename(tmp_path / "elsewhere")
+    lines = shown("status", code=4).splitlines()
+    assert lines[0].endswith(": ready")
+    assert lines[1] == "  the state of the monitors cannot be saved: why"
+    assert lines[2].startswith("alarms: ")
+    assert "alarms.sqlite is no longer there" in lines[2]
+    (tmp_path / "elsewhere").rename(tmp_path / "alarms.sqlite")
+    assert "active alarms: 1" in shown("status")
+
+
 def test_status_has_the_reasons_why_it_is_not_ready(stage: Stage, url: str) -> None:
     recorded(stage)
     lines = shown("status", code=4).splitlines()

@@ -263,6 +263,8 @@ const SENTENCES: Record<string, string> = {
   "other epoch": "er gehört zu {before}, nicht zu {now}",
   epoch: "Epoche {number}",
   "the configuration": "der Konfiguration",
+  "file gone": "{path} ist nicht mehr da: wieder hinlegen, oder axiswatch neu starten, das dann eine neue Datei beginnt",
+  "file replaced": "{path} wurde durch eine andere Datei ersetzt: die frühere wieder hinlegen, oder axiswatch neu starten",
   "file damaged": "{path} ist beschädigt ({why}); die Datei heißt jetzt {name}, und eine neue wurde begonnen",
   "configuration changed": "{axis}: die Konfiguration wurde geändert, seit Epoche {before} begann: sie gilt, als Epoche {epoch};"
     + " `axiswatch baseline restore {axis} {before}` nimmt das zurück",
