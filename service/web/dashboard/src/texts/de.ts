@@ -259,7 +259,7 @@ const SENTENCES: Record<string, string> = {
   damaged: "er ist beschädigt (falsche Prüfsumme)",
   version: "er passt nicht zu dieser Version ({why})",
   unreadable: "er ist nicht lesbar ({why})",
-  "other settings": "er gehört zu einem anderen Modell, anderen Parametern oder anderen Einstellungen",
+  "other settings": "er gehört zu einem anderen Modell, anderen Parametern, anderen Einstellungen oder einer anderen Version",
   "other epoch": "er gehört zu {before}, nicht zu {now}",
   epoch: "Epoche {number}",
   "the configuration": "der Konfiguration",
