@@ -213,6 +213,8 @@ const SENTENCES: Record<string, string> = {
   "not opened": "gestört: noch nicht geöffnet",
   down: "gestört: {why}",
   closed: "geschlossen",
+  "adapter down": "gestört: die Schnittstelle ist ausgeschaltet; einschalten mit der Bitrate des Busses, bei 500 kbit/s:"
+    + " `ip link set {channel} up type can bitrate 500000`",
   "interface down": `gestört: die Schnittstelle ist ausgeschaltet; ${BUS_UP}`,
   "interface gone": "gestört: die Schnittstelle ist weg; wird wieder geöffnet, sobald das geht",
   "bus fault": "gestört: {why}; wird wieder geöffnet, sobald das geht",
