@@ -742,7 +742,7 @@ export const de: Texts = {
     title: "Dateien", written: "Zuletzt geschrieben", fine: "in Ordnung", damaged: "Beschädigte Dateien, die beiseitegelegt wurden:",
     holds: {
       "alarms.sqlite": "Alarme, Epochen, wer was geändert hat", "checkpoints.sqlite": "Zustand der Überwachung",
-      "history.sqlite": "Geschichte der Schätzwerte", "outbox.sqlite": "wie weit die Anlagenverbindungen sind",
+      "history.sqlite": "Geschichte der Schätzwerte", "links.sqlite": "wie weit die Anlagenverbindungen sind",
     },
   },
   commissioning: {
