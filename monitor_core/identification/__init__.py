@@ -38,6 +38,7 @@ from monitor_core.identification.problem import Disturbance, IdentificationError
 from monitor_core.identification.record_checks.known_axis import KnownAxis, known_axis
 from monitor_core.identification.record_checks.motion_checks import (
     check_record,
+    exchanged_share,
     has_wrong_sign,
     is_about_nominal,
     shown_inertia,

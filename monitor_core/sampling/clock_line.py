@@ -195,6 +195,17 @@ def resume_line(clock: Any, place_us: float) -> None:
 
 
 @outlined
+def step_line(clock: Any, place_us: float, delay_us: float) -> None:
+    """Restart the fit with this delay: the clock of receipt was set.  The shift follows as slowly as ever."""
+    _discard_windows(clock)
+    _next_window(clock, place_us)
+    clock.window[0, 0], clock.window[0, 1] = place_us, delay_us
+    clock.windows = 1
+    clock.was_off = False
+    _fit(clock)
+
+
+@outlined
 def _close_if_full(clock: Any, now_us: float) -> None:
     if now_us - clock.window_since_us < clock.window_us or clock.early == 0:
         return

@@ -26,6 +26,7 @@ from monitor_core.sampling.clock_line import (
     nominal,
     restart_drift,
     resume_line,
+    step_line,
 )
 
 GIVEN, REPEATED, OUT_OF_ORDER, UNTIMED = -1, 2, 3, 4
@@ -58,8 +59,9 @@ MIN_COUNTS = 1000
 MAX_BACKLOG_COUNTS = 10
 """A frame soon after another one belongs to a backlog if its count is at most this much beyond the last one."""
 
-MAX_EARLIER = 10
-"""Largest number of frames in a row that belong to cycles before the last one; more mean that a clock was set back."""
+MIN_SET_BACK = 0.25
+"""Part of a cycle: a frame that was received by more than this before the last one shows that the clock was set back.
+Jitter does not make it so, as a bus keeps the order of its frames."""
 
 _EARLIEST_KEPT = int(EARLY_SHARE * WINDOW) + 1
 _LONGEST_COUNTER = 62
@@ -83,7 +85,8 @@ CLOCK = np.dtype(
         ("paused", "?"),
         ("pauses", "i8"),
         ("bunched", "f8"),
-        ("earlier", "i8"),  # frames in a row that belong to cycles before the last one
+        ("set_back", "?"),  # the last frame may be the first one after this machine's clock was set back
+        ("set_back_us", "f8"),  # its delay, if it belongs to the next cycle
     ]
 )
 """A line with its drift, and the data of the last frame."""
@@ -156,11 +159,14 @@ def cyclic_clock(interval_s: float) -> Clock:
     Then its time of receipt does not determine its cycle; the number of frames does, unless the two contradict each
     other.
 
-    Frames that are not later than the last cycle are rejected as repeated or out of order.  Frames further back than
-    half a second (or ten cycles), and frames that waited for longer than that, are rejected as untimed.  After a second
-    of only untimed frames, or more than ten out of order in a row, the line restarts: the clock of this machine was set
-    back.  After a pause of half a second
-    the line keeps its rate, but not its phase, as the clock may have been set forward; this counts as a restart too.
+    Frames that are not later than the last cycle are rejected as repeated or out of order.  If a frame is received
+    before the one before it, and the next one is not later than the last cycle either, then the clock of this machine
+    was set back.  The cycles are counted on, and the line follows the new times of receipt slowly, as it does after a
+    smaller step; so the samples keep their distances.  This counts as a restart.
+
+    Frames further back than half a second (or ten cycles), and frames that waited for longer than that, are rejected
+    as untimed.  After a second of only untimed frames the line restarts.  After a pause of half a second the line keeps
+    its rate, but not its phase, as the clock may have been set forward; this counts as a restart too.
 
     Args:
         interval_s: the cycle of the controller [s]; a difference of up to about 1000 ppm is found and followed.
@@ -275,6 +281,9 @@ def read_cycle(clock: Any, values: Any, value: Any) -> None:
     if not clock.runs:
         _put_ready(clock, values, value, _anchor_cycle(clock, received_us, 0.0), GIVEN)
         return
+    back = clock.received_us - received_us > MIN_SET_BACK * clock.interval_us
+    if back:
+        release_held(clock, values)  # they were received before the clock was set
     place_us = received_us - clock.anchor_us
     late_us = place_us - expected_delay(clock, float(place_us))
     waited = received_us - clock.received_us < clock.interval_us / 2
@@ -290,7 +299,7 @@ def read_cycle(clock: Any, values: Any, value: Any) -> None:
         return
     clock.received_us = received_us
     if cycle <= clock.n:
-        _read_earlier(clock, values, value, cycle)
+        _read_earlier(clock, values, value, cycle, back)
         return
     _put_ready(clock, values, value, _assign_cycle(clock, received_us, cycle), GIVEN)
 
@@ -374,20 +383,29 @@ def _assign_cycle(clock: Any, received_us: int, n: Any) -> Any:
 @outlined
 def _time_of(clock: Any, n: int) -> Any:
     passed_us = (n - clock.n) * clock.interval_us
-    clock.n, clock.earlier = n, 0
+    clock.n, clock.set_back = n, False
     shift_us = follow_delay(clock, n * clock.interval_us, passed_us)
     return nominal(clock, n) + shift_us
 
 
 @outlined
-def _read_earlier(clock: Any, values: Any, value: Any, cycle: Any) -> None:
-    """Take a frame that is not later than the last cycle."""
-    if cycle < clock.n:
-        clock.earlier += 1
-        if clock.earlier > MAX_EARLIER:
-            clock.restarts += 1
-            _put_ready(clock, values, value, _anchor_cycle(clock, value.received_us, clock.rate), GIVEN)
-            return
+def _read_earlier(clock: Any, values: Any, value: Any, cycle: Any, back: Any) -> None:
+    """Take a frame that is not later than the last cycle; ``back``: nor than the frame before."""
+    received_us = value.received_us
+    if clock.set_back and clock.is_off:  # untimed frames came before, so the cycles have not been counted
+        clock.restarts += 1
+        _put_ready(clock, values, value, _anchor_cycle(clock, received_us, clock.rate), GIVEN)
+        return
+    if clock.set_back:  # the second one in a row
+        n = clock.n + 2
+        # The smaller delay of the two, as one of the frames may be late.
+        delay_us = min(clock.set_back_us, float(received_us - nominal(clock, n)))
+        step_line(clock, n * clock.interval_us, delay_us)
+        clock.restarts += 1
+        _put_ready(clock, values, value, _time_of(clock, n), GIVEN)
+        return
+    if back:
+        clock.set_back, clock.set_back_us = True, float(received_us - nominal(clock, clock.n + 1))
     _put_ready(clock, values, value, 0, REPEATED if cycle == clock.n else OUT_OF_ORDER)
 
 
@@ -406,5 +424,5 @@ def _anchor_cycle(clock: Any, received_us: int, rate: float) -> int:
     restart_drift(clock, rate)
     add_delay(clock, 0.0, 0.0)
     clock.runs = True
-    clock.n, clock.received_us, clock.earlier = 0, received_us, 0
+    clock.n, clock.received_us, clock.set_back = 0, received_us, False
     return received_us

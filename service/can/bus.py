@@ -84,15 +84,16 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -
             raise OSError(errno.ENODEV, "no such device")
         opened = can.Bus(ignore_config=True, **options)
     except (can.CanInterfaceNotImplementedError, NotImplementedError) as error:
-        words = "bus {bus}: cannot use interface {interface} here: {why}"
-        refusal = sentence("no interface", words, bus=config.name, interface=config.interface, why=error)
-        raise BusError(refusal) from None
+        words = "cannot use interface {interface} here: {why}"
+        raise _bus_error(
+            config, sentence("no interface", words, interface=config.interface, why=error)
+        ) from None
     except OSError as error:
-        raise BusError(_refused(config, error)) from None
+        raise _bus_error(config, _refused(config, error)) from None
     except (can.CanError, ValueError, TypeError) as error:
         # The operating system's error says more than that of python-can.
         why = f"{error} ({error.__cause__})" if error.__cause__ else str(error)
-        raise BusError(_cannot_open(config, why)) from None
+        raise _bus_error(config, _cannot_open(config, why)) from None
     if opened.channel_info == can.BusABC.channel_info:  # some interfaces leave it at "unknown"
         opened.channel_info = f"{config.interface} {config.channel}"
     return opened
@@ -179,15 +180,18 @@ def _filter(wanted: FrameFilter) -> CanFilter:
     return {"can_id": key.can_id & mask, "can_mask": mask, "extended": key.extended}
 
 
+def _bus_error(config: BusSettings, why: str) -> BusError:
+    return BusError(sentence("of bus", "bus {bus}: {why}", bus=config.name, why=why), why)
+
+
 def _refused(config: BusSettings, error: OSError) -> str:
     code = error.errno if config.interface == "socketcan" else None
     if code == errno.ENODEV:
         there = can_devices()
         return sentence(
             "no device",
-            "bus {bus}: there is no network interface {channel}: {hint}connect the adapter, or for a virtual one run"
+            "there is no network interface {channel}: {hint}connect the adapter, or for a virtual one run"
             " `ip link add dev {channel} type vcan && ip link set {channel} up`",
-            bus=config.name,
             channel=config.channel,
             hint=did_you_mean(config.channel, there) + "; " if there else "",
         )
@@ -197,8 +201,7 @@ def _refused(config: BusSettings, error: OSError) -> str:
 
 
 def _cannot_open(config: BusSettings, why: str) -> str:
-    words = "bus {bus}: cannot open {where}: {why}"
-    return sentence("cannot open", words, bus=config.name, where=_where(config), why=why)
+    return sentence("cannot open", "cannot open {where}: {why}", where=_where(config), why=why)
 
 
 def _where(config: BusSettings) -> str:

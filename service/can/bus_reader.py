@@ -11,7 +11,7 @@ from types import MappingProxyType
 import can
 
 from monitor_core.wording import sentence
-from service.can.bus import BusSettings, open_bus
+from service.can.bus import BusSettings, open_bus, reaches_hardware
 from service.can.frames import NO_FRAMES, FrameBlock, FrameFilter, concatenate_frames
 from service.can.receivers import BLOCK_S, Receiver
 from service.can.socket_receivers import BLOCK_FRAMES, reader_of, receiver_of
@@ -216,7 +216,7 @@ class CanReader:
             self.open()
             self._retry_s = RETRY_S
         except BusError as error:
-            self._state = sentence("down", "down: {why}", why=error.args[0])
+            self._state = sentence("down", "down: {why}", why=error.why)
             self._stop.wait(self._retry_s)
             self._retry_s = min(2 * self._retry_s, LONGEST_RETRY_S)
 
@@ -231,8 +231,15 @@ class CanReader:
         return bool(int(flags, 16) & _IFF_UP)
 
     def _down(self) -> str:
+        channel = self._config.channel
+        if reaches_hardware(self._config):
+            words = (
+                "down: the interface is down; bring it up with the bit rate of the bus, for 500 kbit/s:"
+                " `ip link set {channel} up type can bitrate 500000`"
+            )
+            return sentence("adapter down", words, channel=channel)
         words = "down: the interface is down; bring it up with `ip link set {channel} up`"
-        return sentence("interface down", words, channel=self._config.channel)
+        return sentence("interface down", words, channel=channel)
 
     def _close_bus(self) -> None:
         bus, self._bus, self._receiver = self._bus, None, None

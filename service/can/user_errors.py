@@ -9,7 +9,16 @@ class IngestError(Exception):
 
 
 class BusError(IngestError):
-    """A bus cannot be opened or written to."""
+    """A bus cannot be opened or written to.
+
+    Args:
+        text: names the bus, and says why and what to do.
+        why: the same without the name of the bus, for places that name it anyway; None: the text.
+    """
+
+    def __init__(self, text: str, why: str | None = None) -> None:
+        super().__init__(text)
+        self.why = text if why is None else why
 
 
 class RecordError(IngestError):

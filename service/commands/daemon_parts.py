@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 
 ALARMS_FILE, CHECKPOINTS_FILE, HISTORY_FILE = "alarms.sqlite", "checkpoints.sqlite", "history.sqlite"
-"""Name of the lock file in the state directory"""
+"""Names of files in the state directory"""
 
 log = structlog.get_logger(__name__)
 

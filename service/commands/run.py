@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -61,29 +62,52 @@ def run(
     SIGHUP reads the configuration again: changed, new and removed axes, buses and links are applied, the others
     continue. A mistake, or a change that needs a restart, is logged, and nothing is changed.
     """
-    read = configuration(config)
-    from service.commands.daemon import run_daemon
-
-    configure_logs(log_format)
-    hangup = _Hangup(config, port)
+    hangup = Hangup(config, port)
+    # Before anything that takes long: without a handler, SIGHUP ends the process.
     with explained(), obeyed([signal.SIGHUP], hangup.apply):
+        configure_logs(log_format)
+        read = configuration(config)
+        from service.commands.daemon import run_daemon
+
         run_daemon(with_port(read, port), record, file=config, insecure=insecure, reloadable=hangup.start)
 
 
-class _Hangup:
-    """The action of SIGHUP: read, check and apply the configuration; calls run one after the other."""
+class Hangup:
+    """The action of SIGHUP: read, check and apply the configuration; calls run one after the other.
+
+    Args:
+        path: the configuration.
+        port: replaces the configured port; None: the configured one.
+    """
 
     def __init__(self, path: Path, port: int | None) -> None:
         self._path, self._port = path, port
-        self.reloading: Reloading | None = None
+        self._lock = threading.Lock()
+        self._waits = False
+        """Whether SIGHUP came while the daemon was starting, after it had read its configuration"""
+        self._reloading: Reloading | None = None
         """None: the daemon has not started yet"""
 
     def start(self, reloading: Reloading) -> None:
-        """The daemon runs; ``reloading`` applies a configuration."""
-        self.reloading = reloading
+        """The daemon runs; ``reloading`` applies a configuration, now if SIGHUP has come, from another thread."""
+        with self._lock:
+            self._reloading = reloading
+        if self._waits:
+            threading.Thread(target=self.apply, name="reload", daemon=True).start()
 
     def apply(self) -> None:
-        """Read and apply the configuration; a faulty one is logged, shown to the operator, and changes nothing."""
+        """Read and apply the configuration, at once or as soon as the daemon runs.
+
+        A faulty one is logged, shown to the operator, and changes nothing.
+        """
+        with self._lock:
+            if self._reloading is not None:
+                self._apply(self._reloading)
+                return
+            self._waits = True
+        log.info("SIGHUP: the configuration is read again once the daemon has started", file=str(self._path))
+
+    def _apply(self, reloading: Reloading) -> None:
         from service.config.public_text import public_problem
         from service.pipeline.baselines import BaselineError
         from service.pipeline.reloading import ReloadError
@@ -93,17 +117,13 @@ class _Hangup:
         except ConfigErrors as errors:
             problems = [str(problem) for problem in errors.problems]
             log.error("SIGHUP: the configuration has mistakes; nothing was changed", problems=problems)
-            if self.reloading is not None:
-                self.reloading.refuse(self._path, [*map(public_problem, errors.problems)])
-            return
-        if self.reloading is None:
-            log.warning("SIGHUP: the daemon is starting; nothing was changed", file=str(self._path))
+            reloading.refuse(self._path, [*map(public_problem, errors.problems)])
             return
         try:
-            found = self.reloading.reload(read)
+            found = reloading.reload(read)
         except (ReloadError, BaselineError, StoreError) as error:
             log.error("SIGHUP: nothing was changed", file=str(self._path), reason=str(error))
-            self.reloading.refuse(self._path, [error.args[0]])
+            reloading.refuse(self._path, [error.args[0]])
             return
         log.info("SIGHUP: the configuration is used", file=str(self._path), **found._asdict())
 

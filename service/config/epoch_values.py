@@ -55,14 +55,26 @@ def _written(**content: Mapping[str, float] | FoundFile | None) -> str:
     return json.dumps(tables, ensure_ascii=False, sort_keys=True)
 
 
+def _without_added(table: Mapping[str, Any], field: str) -> dict[str, Any]:
+    """The table without a field that it did not have at first, if the field is 0, which stands for its absence."""
+    return {name: value for name, value in table.items() if name != field or value}
+
+
 def fingerprint_of(axis: NamedAxis) -> str:
-    """A digest of the configured nominal values, predictor and thresholds."""
-    config, thresholds = axis.config, axis.config.model.thresholds_file
+    """A digest of the configured nominal values, predictor and thresholds.
+
+    Each version of the program gives the same: another digest of the same configuration would look as if the user had
+    changed it, and put the configured values in the place of a later epoch, such as that of a repair.
+    """
+    config, found = axis.config, axis.config.model.thresholds_file
+    thresholds = found and found.model_dump(mode="json", exclude={"path", "date"})
+    if thresholds:
+        thresholds["hypothesis"] = [_without_added(row, "size_error") for row in thresholds["hypothesis"]]
     seen = {
         "values": given_values(config),
         "drive": structure_of(plain_drive_of(config)),
-        "predictor": predictor_of(config)._asdict(),
-        "thresholds": thresholds and thresholds.model_dump(mode="json", exclude={"path", "date"}),
+        "predictor": _without_added(predictor_of(config)._asdict(), "largest_error"),
+        "thresholds": thresholds,
     }
     return hashlib.sha256(json.dumps(seen, sort_keys=True).encode()).hexdigest()[:16]
 

@@ -98,6 +98,7 @@ def _axis(pair: Pair, kinds: Mapping[str, str], units: Mapping[str, str]) -> Axi
         rivals=pair.rivals,
         fastest=pair.fastest,
         better=pair.better,
+        exchanged=pair.exchanged,
     )
 
 

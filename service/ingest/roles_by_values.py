@@ -9,7 +9,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import Record, has_wrong_sign, rigid_fit, wrap_of
+from monitor_core.identification import Record, exchanged_share, has_wrong_sign, rigid_fit, wrap_of
 from service.ingest.roles_by_name import axis_name
 from service.ingest.unwrap import continuous
 
@@ -58,6 +58,10 @@ class Pair(NamedTuple):
     """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
     better: tuple[str, float] | None = None
     """Another motion that explains far more of the torque, and the share; None: there is none"""
+    record: Record | None = None
+    """The two columns; None: they have hardly a row in common"""
+    exchanged: float | None = None
+    """Share of the torque that a rigid mass explains if torque and motion change places; None: they need not"""
 
 
 def changes(v: Floats) -> bool:
@@ -99,7 +103,7 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
             continue
         best = _measured(pair, pairs, values, named, step)
         taken |= {best.torque, best.motion, *best.rivals}
-        axes.append(best._replace(better=_better(best, pairs)))
+        axes.append(best._replace(better=_better(best, pairs), exchanged=_exchanged(best, named)))
     order = list(values)
     axes.sort(key=lambda pair: order.index(pair.motion))
     if len({pair.name for pair in axes}) < len(axes):
@@ -112,6 +116,13 @@ def _better(pair: Pair, pairs: Sequence[Pair]) -> tuple[str, float] | None:
     others = [(p.motion, p.explained) for p in pairs if p.torque == pair.torque and p.motion != pair.motion]
     best = max(others, key=lambda other: other[1], default=("", 0.0))
     return best if best[1] >= max(SURE, pair.explained + _EXCHANGED) else None
+
+
+def _exchanged(pair: Pair, named: Mapping[str, Named]) -> float | None:
+    """See ``Pair.exchanged``; columns without a name have been tried in both places anyway."""
+    if pair.record is None or not (named[pair.torque].role and named[pair.motion].role):
+        return None
+    return exchanged_share(pair.record)
 
 
 class _Candidates(NamedTuple):
@@ -277,6 +288,7 @@ def _pair(
     good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
     explained, turned, fastest = 0.0, False, None
     period = wrap_of(y[good]) if output == "angle" else None
+    record = None
     if np.count_nonzero(good) > 1:
         record = Record(times[good], u[good], continuous(times[good], y[good], period), output, torque)
         fit = rigid_fit(record)
@@ -285,7 +297,9 @@ def _pair(
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
         fastest = None if t is None else _fastest(record)
     number = named[torque].number or named[motion].number
-    return Pair(axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest)
+    return Pair(
+        axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest, record=record
+    )
 
 
 def _fastest(record: Record) -> float | None:

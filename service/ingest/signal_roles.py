@@ -76,6 +76,8 @@ class AxisRoles(NamedTuple):
     """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
     better: tuple[str, float] | None = None
     """The motion of another axis that explains far more of the torque, and the share; None: there is none"""
+    exchanged: float | None = None
+    """Share of the torque that a rigid mass explains if torque and motion change places; None: they need not"""
 
     @property
     def confidence(self) -> str:
@@ -228,7 +230,9 @@ def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
             words += f" (as one mass, the motion explains {100 * axis.explained:.0f} % of the torque)"
         elif axis.measured:
             words += " by its name; it did not move"
-        if axis.better is not None:
+        if axis.exchanged is not None:
+            words += f"; {100 * axis.exchanged:.0f} % if they change places: are the two columns exchanged?"
+        elif axis.better is not None:
             words += (
                 f"; {axis.better[0]} explains {100 * axis.better[1]:.0f} % of it: are two columns exchanged?"
             )

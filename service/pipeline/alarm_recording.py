@@ -213,6 +213,20 @@ class Alarms:
         if self._waiting and self._clock() >= self._next_try:
             self._write()
 
+    def finish(self) -> None:
+        """Write all that wait, however shortly ago the last try failed: afterwards they are only in the log."""
+        if self._waiting:
+            self._write()
+        for waiting in self._waiting.values():
+            note = waiting.acknowledged
+            log.error(
+                "alarm lost: it could not be recorded until the end",
+                **self._facts(waiting.change),
+                raised=iso(waiting.change.alarm.raised_us),
+                acknowledged=None if note is None else note._asdict(),
+                reason=self.problem,
+            )
+
     def snapshot(self, now_us: int) -> AlarmsSnapshot:
         """The states of all alarms now, with everything that persons have done up to now.
 
@@ -287,7 +301,7 @@ class Alarms:
                 "alarm not recorded",
                 "alarm of {alarms}: cannot be recorded yet, is tried again: {why}",
                 alarms=_names(every),
-                why=error,
+                why=error.args[0],
             )
             return
         self._waiting.clear()

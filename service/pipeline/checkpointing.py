@@ -136,7 +136,7 @@ class Checkpointer:
             if self.problem is None:
                 log.error("checkpoint failed; retrying", reason=str(error))
             self.problem = sentence(
-                "not saved", "the state of the monitors cannot be saved: {why}", why=error
+                "not saved", "the state of the monitors cannot be saved: {why}", why=error.args[0]
             )
             return
         if self.problem is not None:

@@ -216,7 +216,9 @@ class HistoryRecording:
         if self._problem is None:
             log.error("the history cannot be written; retrying", reason=str(error))
         self._problem = sentence(
-            "history not written", "the history cannot be written yet, is tried again: {why}", why=error
+            "history not written",
+            "the history cannot be written yet, is tried again: {why}",
+            why=error.args[0],
         )
         if error.is_damage and self.store is not None:
             damaged, self.store = self.store, None  # the next opening quarantines it

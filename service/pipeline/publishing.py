@@ -166,6 +166,7 @@ class Publisher:
             messages=(*out_of_service(axes), *news.messages),
             alarms=news.alarms,
             history=news.history,
+            configuration_refused=self.refused is not None,
         )
 
     def _all_messages(self, history: HistoryState) -> tuple[str, ...]:

@@ -145,7 +145,8 @@ class RecordingFolder:
         path = self.path / f"frames-{_stamp(first)}-{_stamp(last)}.{kind}"
         unfinished = self.path / f"unfinished.{kind}"
         try:
-            self.path.mkdir(parents=True, exist_ok=True)
+            # Not the state directory: where that has been moved away, it is to be put back.
+            self.path.mkdir(exist_ok=True)
             unfinished.unlink(missing_ok=True)
             self._write_frames(unfinished, blocks)
             os.replace(unfinished, path)

@@ -125,6 +125,8 @@ class Snapshot:
     """States of the alarms: unrecorded, acknowledged, shelved, out of service"""
     history: HistoryState = NO_HISTORY
     """State of the history writer"""
+    configuration_refused: bool = False
+    """Whether a changed configuration was refused, so that the former one stays in force; a message says why"""
 
     def axis(self, axis_id: str) -> AxisSnapshot | None:
         """The axis with this id; None: there is none."""

@@ -273,6 +273,7 @@ class Worker:
             self._update_multimodel()
         if left := self.pipeline.monitors.deferred_samples:
             log.warning("the multi-model detector was not ready: its waiting samples are lost", samples=left)
+        self.alarms.finish()
         self.publisher.take_points()
         self.checkpointer.save()
         self._publish(at_once=True)

@@ -152,7 +152,10 @@ def _validated(row: _Row, key: str) -> Checkpoint | QuarantinedCheckpoint:
         )
     if saved_key != key.encode():
         return QuarantinedCheckpoint(
-            sentence("other settings", "it was saved with another model, other parameters or other settings")
+            sentence(
+                "other settings",
+                "it was saved with another model, parameters, settings, or by another version",
+            )
         )
     try:
         return Checkpoint(at_us, unpack(data))

@@ -68,6 +68,8 @@ class Database:
         self._owner = _claim(path)
         try:
             self._writer = self._with_functions(self._open(migrations, synchronous))
+            with _explained(path):
+                self._file = _identity(path)
         except BaseException:
             self._owner.close()
             raise
@@ -88,6 +90,7 @@ class Database:
             StoreError: the transaction could not be committed; nothing was written.
         """
         with self._lock, _explained(self.path):
+            self._check_place()
             self._writer.execute("BEGIN IMMEDIATE")
             try:
                 yield self._writer
@@ -108,9 +111,29 @@ class Database:
         with _explained(self.path):
             if self._closed:
                 raise sqlite3.ProgrammingError("it has been closed")
+            self._check_place()
             with closing(_connect(f"{self.path.resolve().as_uri()}?mode=ro")) as connection:
                 self._with_functions(connection).execute("BEGIN")
                 yield connection
+
+    def _check_place(self) -> None:
+        """Check that the open file is still the one at its path: what is written to a deleted file is lost.
+
+        Raises:
+            StoreError: the file, or its folder, has been moved, deleted or replaced.
+        """
+        found = _identity(self.path)
+        if found != self._file:
+            words = (
+                "{path} is no longer there: put it back, or restart axiswatch, which then begins a new one"
+            )
+            if found is not None:
+                words = (
+                    "{path} has been replaced by another file: put the former one back, or restart axiswatch"
+                )
+            raise StoreError(
+                sentence("file gone" if found is None else "file replaced", words, path=self.path)
+            )
 
     def _with_functions(self, connection: sqlite3.Connection) -> sqlite3.Connection:
         for name, function in self._functions.items():
@@ -123,6 +146,15 @@ class Database:
             self._closed = True
             self._writer.close()
             self._owner.close()
+
+
+def _identity(path: Path) -> tuple[int, int] | None:
+    """Device and number of the file at a path; None: there is none."""
+    try:
+        found = path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    return found.st_dev, found.st_ino
 
 
 def _claim(path: Path) -> FileIO:

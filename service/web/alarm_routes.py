@@ -12,6 +12,7 @@ from service.pipeline.replay_reports import NoReplayError
 from service.store.alarm_statistics import STALE_S
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
+from service.store.database import StoreError
 from service.store.journal import AlarmFilter, UnknownAlarmError
 from service.texts.instants import microseconds
 from service.web import models, views
@@ -27,6 +28,8 @@ _CONFLICT = described(409, "Not possible in the present state of the alarm, e.g.
 _NO_SHELF = described(400, "The end of the shelf is not in the future, or more than seven days in it")
 _NO_PAGE = described(400, "No page has given this cursor, or since is not before until")
 _NO_RANGE = described(400, "since is not before until")
+_ACTIVE_STATES = ("active", "unacknowledged", "acknowledged", "latched", "stale")
+"""Filters by state that only active alarms match"""
 _LARGEST_ID = 2**63 - 1
 _CURSOR = re.compile(r"(?:(-?[0-9]{1,18})\.)?([0-9]{1,18})")
 _WEEK_US = 7 * 86_400_000_000
@@ -83,7 +86,7 @@ class AlarmFilters:
         self.since_us, self.until_us = in_order(since, until)
 
     def match(self, a: RecordedAlarm, now_us: int) -> bool:
-        """Whether an alarm that is not recorded yet matches the filters."""
+        """Whether an alarm matches the filters; of chattering alarms only the journal knows."""
         shown = a.active and not a.life.hidden
         special = {
             "active": a.active,
@@ -112,22 +115,24 @@ def router(state: AppState) -> APIRouter:
             str | None, Query(description="the page after the one that has given this as next")
         ] = None,
     ) -> models.Alarms:
-        """Alarms raised at or after since and before until: those not yet recorded, then the others, latest first."""
+        """Alarms raised at or after since and before until: those not yet recorded, then the others, latest first.
+
+        While the journal cannot be read, active alarms are those that were last read.
+        """
         now_us, f = state.now_us(), filters
         skipped, after = (0, None) if cursor is None else _place(cursor)
         waiting = [a for a in reversed(state.snapshot().alarms.unrecorded) if f.match(a, now_us)]
         first = waiting[skipped : skipped + limit] if after is None else []
-        recorded, total = state.journal.query(
-            f.axis,
-            f.parameter,
-            f.active,
-            f.since_us,
-            f.until_us,
-            limit - len(first) + 1,  # one more, to see whether there is another page
-            after,
-            f.state,
-            now_us,
-        )
+        wanted = limit - len(first) + 1  # one more, to see whether there is another page
+        try:
+            recorded, total = state.journal.query(
+                f.axis, f.parameter, f.active, f.since_us, f.until_us, wanted, after, f.state, now_us
+            )
+        except StoreError:
+            if after is not None or not (f.active or f.state in _ACTIVE_STATES):
+                raise
+            recorded = [a for a in reversed(state.snapshot().alarms.standing) if f.match(a, now_us)]
+            total, recorded = len(recorded), recorded[:wanted]
         folder = state.recordings
         files = [] if folder is None else folder.files()  # list the folder only once
         found = [

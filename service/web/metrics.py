@@ -87,6 +87,8 @@ _GAUGES = {
     "": {
         "alarms_not_recorded": "Alarms of which the journal does not have all yet, as the disk refuses it.",
         "history_waiting_points": "Points of the history that are not yet in its file.",
+        "configuration_refused": "1 while a configuration is refused that SIGHUP was to load, and the former one stays "
+        "in force, else 0.",
         "snapshot_age_seconds": "Time since the worker last reported, in seconds.",
         "checkpoint_age_seconds": "Time since the state of the monitors was last saved, in seconds; absent before the "
         "first time.",
@@ -309,6 +311,7 @@ def _of_axes(snapshot: Snapshot, names: _Names) -> Iterator[_Family]:
     yield from _samples(snapshot.axes, names)
     yield from _trends(snapshot.axes)
     yield from _buses(snapshot)
+    yield _Family("configuration_refused", _NONE, [snapshot.configuration_refused])
     history = snapshot.history
     yield _Family("history_waiting_points", _NONE, [history.waiting])
     yield _Family(

@@ -31,7 +31,10 @@ def _date_and_time(given: object) -> object:
         ValueError: the value is no such text.
     """
     if given is not None and not (isinstance(given, str) and _DATE_AND_TIME.match(given)):
-        raise ValueError("must be ISO 8601 with time zone: 2026-03-01T12:00:00Z, or +01:00 as %2B01:00")
+        raise ValueError(
+            "must be ISO 8601 with time zone: 2026-03-01T12:00:00Z or 2026-03-01T13:00:00+01:00"
+            " (in an address, write + as %2B)"
+        )
     return given
 
 

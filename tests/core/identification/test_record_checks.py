@@ -57,6 +57,22 @@ def test_a_healthy_record_gives_no_finding(quantity: Output, closed: bool, seed:
         assert check_record(record, KNOWN) == ()
 
 
+def test_torque_and_angle_that_are_exchanged_are_named(seed: int) -> None:
+    """A speed explains its torque either way, so there nothing can be found out."""
+    for quantity in OUTPUTS:
+        record = healthy(np.random.default_rng(seed), quantity, samples=2000)
+        found = check_record(replace(record, u=record.y, y=record.u), KNOWN)
+        assert [(f.kind, f.severity) for f in found if f.kind == "exchanged"] == [("exchanged", "refuse")] * (
+            quantity == "angle"
+        )
+        if quantity == "angle":
+            assert [f.kind for f in found] == ["exchanged"]
+            assert found[0].sentence.startswith(
+                "torque and angle are exchanged, in the configuration or in the"
+            )
+            assert found[0].number > 0.9
+
+
 def random_binary(rng: np.random.Generator, count: int) -> Floats:
     return np.repeat(rng.choice([-1.5, 1.5], count // 5), 5)
 

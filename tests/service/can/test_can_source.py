@@ -268,7 +268,7 @@ def test_without_open_the_reader_keeps_trying(tmp_path: Path) -> None:
     config = make_config(tmp_path, axis1(), interface="udp_multicast", channel="10.0.0.1").bus[0]
     reader = CanReader(config, [FrameFilter(STANDARD)])
     reader.start()
-    wait_for(lambda: "cannot open udp_multicast" in reader.stats().state, reader.stats)
+    wait_for(lambda: reader.stats().state.startswith("down: cannot open udp_multicast"), reader.stats)
     assert not reader.stats().up
     reader.close()
 

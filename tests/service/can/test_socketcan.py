@@ -175,6 +175,20 @@ def test_a_bus_says_how_it_is_read(tmp_path: Path) -> None:
         assert reader.stats().reader == "socketcan in blocks"
 
 
+def test_an_adapter_that_is_down_needs_its_bit_rate(tmp_path: Path, device: str) -> None:
+    """A device whose name is not that of a virtual one is taken for an adapter."""
+    ip("link", "set", device, "down")
+    ip("link", "set", device, "name", "can7")
+    try:
+        reader = CanReader(bus_config(tmp_path, "can7"), [FrameFilter(STANDARD)])
+        reader.open()
+        assert reader.stats().state.endswith("for 500 kbit/s: `ip link set can7 up type can bitrate 500000`")
+        reader.close()
+    finally:
+        ip("link", "set", "can7", "name", device)
+        ip("link", "set", device, "up")
+
+
 def test_down_and_up_again(tmp_path: Path, device: str) -> None:
     config = bus_config(tmp_path, device)
     with reading(config) as reader:
@@ -225,6 +239,7 @@ def test_started_before_it_exists(tmp_path: Path) -> None:
     reader = CanReader(bus_config(tmp_path, "vcan8"), [FrameFilter(STANDARD)])
     reader.start()
     wait_for(lambda: "no network interface vcan8" in reader.stats().state, reader.stats)
+    assert "bus " not in reader.stats().state, "the bus is named beside its state"
     ip("link", "add", "dev", "vcan8", "type", "vcan")
     try:
         ip("link", "set", "vcan8", "up")

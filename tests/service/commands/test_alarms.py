@@ -105,6 +105,22 @@ def test_an_alarm_that_is_not_yet_recorded_is_in_the_list(stage: Stage) -> None:
         assert shown("alarms", "list").startswith(words)
 
 
+@pytest.mark.usefixtures("url")
+def test_active_alarms_are_known_even_while_the_journal_cannot_be_read(stage: Stage, tmp_path: Path) -> None:
+    recorded(stage)
+    stage.healthy()
+    standing = AlarmsSnapshot(standing=tuple(stage.journal.standing()))
+    stage.snapshot = replace(stage.snapshot, messages=("the state of the monitors cannot be saved: why",))
+    stage.snapshot = replace(stage.snapshot, alarms=standing)
+    before = shown("status")
+    (tmp_path / "alarms.sqlite").rename(tmp_path / "elsewhere")
+    assert shown("status") == before
+    assert "cannot be saved: why\nactive alarms: 1, unacknowledged: 1\n1  demo.axis1 fm up" in before
+    assert shown("alarms", "list", "--state", "acknowledged") == "no alarm is acknowledged\n"
+    for command in (["alarms", "list"], ["alarms", "list", "--state", "returned"], ["alarms", "show", "1"]):
+        assert "alarms.sqlite is no longer there" in refused(*command, code=4)
+
+
 def test_status_has_the_reasons_why_it_is_not_ready(stage: Stage, url: str) -> None:
     recorded(stage)
     lines = shown("status", code=4).splitlines()

@@ -47,6 +47,13 @@ def test_exchanged_columns_are_noticed(record: Path) -> None:
     assert second.endswith("% of it: are two columns exchanged?")
 
 
+def test_torque_and_angle_of_one_axis_that_are_exchanged_are_noticed(record: Path) -> None:
+    rename_columns(record, "Time,A1_Pos,A1_Trq,A2_Trq,A2_Pos")
+    first, second = (line for line in shown("init", record, "--force").splitlines() if line[:4] == "axis")
+    assert first.endswith("% if they change places: are the two columns exchanged?")
+    assert "exchanged" not in second
+
+
 def test_a_cell_that_holds_no_number_does_not_cost_its_column(record: Path) -> None:
     lines = record.read_text(encoding="utf-8").splitlines()
     for row, column in ((300, 1), (500, 2)):

@@ -19,6 +19,7 @@ from service.config.epoch_values import (
     values_of,
     with_epoch,
 )
+from service.config.thresholds_file import ThresholdsFile
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.robots import changed, demo
 
@@ -108,3 +109,28 @@ def test_the_fingerprint_is_of_nominal_values_and_files(axis: NamedAxis, tmp_pat
         from_commissioning(axis),
     ]
     assert len({fingerprint_of(a) for a in (axis, *others)}) == 4
+
+
+def test_the_fingerprint_is_the_same_in_each_version(axis: NamedAxis) -> None:
+    """Of the version of 2026-11-27.  With another one, an upgrade would undo the baselines that were learned.
+
+    So a new field is left out of the fingerprint while it has its default.
+    """
+    assert fingerprint_of(axis) == "ddf3e2c9fff4f4a6"
+    thresholds = ThresholdsFile.model_validate(
+        {
+            "format": 1,
+            "path": "thresholds.toml",
+            "kind": "thresholds",
+            "axis": "demo.axis1",
+            "date": "2026-11-27",
+            "made_with": {"forgetting": 0.995},
+            "nominal": {"fm": 0.06},
+            "threshold": [{"parameter": "fm", "alpha_1": 3.0, "alpha_2": 20.0, "allowance": 0.01}],
+            "hypothesis": [{"cause": "fm", "size": 0.01, "h": 12.0}],
+            "range": [{"condition": "speed", "low": 1.0, "high": 4.0}],
+        }
+    )
+    model = axis.config.model.model_copy(update={"thresholds_file": thresholds})
+    filed = axis._replace(config=axis.config.model_copy(update={"model": model}))
+    assert fingerprint_of(filed) == "6ea8df3f5e3070a4"

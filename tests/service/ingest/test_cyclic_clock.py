@@ -221,14 +221,51 @@ def test_a_clock_that_is_set_back_is_doubted_for_a_second(back_s: float) -> None
     assert clock.reanchored == 1
 
 
-def test_a_clock_that_is_set_back_a_little_is_doubted_for_ten_frames() -> None:
-    """Waiting for its former time would hide a gap of 0.3 s, which looks like a fault of the axis."""
+@pytest.mark.parametrize("back_us", [8_000, 60_000, 300_000, 480_000])
+def test_where_the_clock_is_set_back_a_little_the_cycles_are_counted_on(back_us: int, seed: int) -> None:
+    """Waiting for its former time would hide the motion of that long, which looks like a fault of the axis."""
+    rng, clock = random.Random(seed), CyclicClock[int](0.005)
+    late = lambda: rng.uniform(0, 300)  # noqa: E731
+    before = readings(clock, sending(range(3000), late), last=False)
+    found = readings(clock, sending(range(3000, 9000), late, start_us=START_US - back_us))
+    assert [reading.time for reading in found if reading.cycle == 3000] == ["out_of_order"]
+    assert [reading.cycle for reading in rejected(found)] == [3000]
+    assert clock.reanchored == 1
+    given_us = list(times([*before[-1000:], *found]).items())
+    steps = [(t - before_us) / (c - at) for (at, before_us), (c, t) in itertools.pairwise(given_us)]
+    assert steps == pytest.approx([CYCLE_US] * len(steps), abs=1 + 2 * SLEW * CYCLE_US)
+    ahead_us = given_us[-1][1] - (START_US - back_us + 8999 * CYCLE_US)
+    assert ahead_us == pytest.approx(max(0, back_us - SLEW * 6000 * CYCLE_US), abs=400)
+
+
+def test_where_the_clock_is_set_back_while_frames_are_held_they_keep_their_times() -> None:
     clock = CyclicClock[int](0.005)
     readings(clock, sending(range(300), on_time), last=False)
-    found = readings(clock, sending(range(300, 500), on_time, start_us=START_US - 300_000))
-    assert [reading.time for reading in found[:10]] == ["out_of_order"] * 10
-    assert found[10:] == [Reading(c, START_US - 300_000 + c * CYCLE_US) for c in range(310, 500)]
+    assert readings(clock, sending([302], on_time), last=False) == []
+    found = readings(clock, sending(range(303, 400), on_time, start_us=START_US - 60_000))
+    assert [reading.cycle for reading in rejected(found)] == [303]
+    given_us = times(found)
+    assert given_us[302] == START_US + 302 * CYCLE_US
+    assert given_us[304] == pytest.approx(START_US + 304 * CYCLE_US, abs=2)
+
+
+@pytest.mark.parametrize("back_s", [0.6, 1.4])
+def test_untimed_frames_are_not_counted_so_after_them_the_line_restarts(back_s: float) -> None:
+    clock = CyclicClock[int](0.005)
+    readings(clock, sending(range(300), on_time), last=False)
+    frames = sending(range(300, 800), on_time, start_us=START_US - back_s * 1e6)
+    found = readings(clock, frames)
+    doubted = round((back_s - 0.5) / 0.005)
+    assert {reading.time for reading in found[: doubted - 1]} == {"untimed"}
+    assert found[doubted + 2 :] == [Reading(f.cycle, f.received_us) for f in frames[doubted + 2 :]]
     assert clock.reanchored == 1
+
+
+def test_no_jitter_looks_like_a_clock_that_is_set_back(seed: int) -> None:
+    rng, clock = random.Random(seed), CyclicClock[int](0.005)
+    late = lambda: rng.expovariate(1 / 10_000)  # noqa: E731
+    readings(clock, sending((n for n in range(12_000) if rng.random() > 0.05), late))
+    assert clock.reanchored == 0
 
 
 @pytest.mark.parametrize("phase_us", [0, 1000, 2500, 4900])

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from structlog.testing import capture_logs
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
@@ -135,6 +136,23 @@ def test_what_a_person_acknowledges_before_the_disk_takes_it_is_written_with_it(
     ]  # fmt: skip
     assert (found[3].state, found[4].state) == ("normal", "unacknowledged")
     assert alarms.snapshot(81).unrecorded == ()
+
+
+def test_at_the_end_what_waits_is_written_at_once_or_logged_as_lost(path: Path, journal: Journal) -> None:
+    """The disk may have been made free a moment before the daemon is restarted."""
+    alarms = Alarms(journal, QUANTITIES, Clock())
+    with locked(path):
+        alarms.record([AxisAlarm(AXIS, episode())])
+        alarms.acknowledge(1, Note(60, "anna", "heard it"))
+        with capture_logs() as logs:
+            alarms.finish()
+    (entry,) = [entry for entry in logs if entry["event"].startswith("alarm lost")]
+    assert (entry["axis"], entry["parameter"], entry["acknowledged"]["who"]) == (AXIS, "fm", "anna")
+    assert "locked" in entry["reason"]
+    with capture_logs() as logs:
+        alarms.finish()
+    assert [entry["event"] for entry in logs] == ["alarm raised"]
+    assert [a.state for a in journal.standing()] == ["acknowledged"]
 
 
 def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_clock(journal: Journal) -> None:

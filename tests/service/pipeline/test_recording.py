@@ -164,6 +164,17 @@ def test_a_folder_that_cannot_be_written_is_reported_and_monitoring_goes_on(tmp_
     assert "cannot write" in recording.problems[0]
 
 
+def test_a_state_directory_that_was_moved_away_is_not_made_anew(tmp_path: Path) -> None:
+    """Then it could not be moved back."""
+    found = extracts(tmp_path / "state" / "recordings")
+    feed(found, 0, 1)
+    found.alarm(START_US + S)
+    with capture_logs():
+        found.close()
+    assert "No such file or directory" in str(found.problem)
+    assert not (tmp_path / "state").exists()
+
+
 def test_frames_wait_for_space_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording_module, "RETRY_S", 0.05)
     folder = tmp_path / "recordings"

@@ -168,8 +168,10 @@ def test_a_refused_file_is_a_message_until_one_is_applied(core: RunningCore, rel
     with pytest.raises(ReloadError):
         reloading.reload(changed(core.config, "axis1", estimator={"torque_noise": None}))
     assert shown() == [words]
+    assert core.worker.snapshot.configuration_refused
     reloading.reload(core.config)
     wait_for(lambda: not shown())
+    assert not core.worker.snapshot.configuration_refused
 
 
 def test_another_drawing_in_the_same_file_is_another_drive(

@@ -1,6 +1,6 @@
 """The worker with real monitors, a real journal and real checkpoints; only the frames are there from the start."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +20,7 @@ from service.pipeline.publishing import BOUNDS_S, READ_S, UNREAD_S, ProcessingTi
 from service.pipeline.snapshot import Histogram, Snapshot
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, next_block_s
 from service.simulation.robot import Fault
+from service.store.alarm_entries import Entry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint
@@ -311,6 +312,29 @@ def test_estimates_do_not_wait_for_the_multi_model_detector_which_gets_all_sampl
     assert [(alarm.axis, alarm.parameter) for alarm in seen(late).alarms] == [("demo.axis1", "fm")]
     at_once.close()
     late.close()
+
+
+def test_stopping_writes_the_alarms_that_the_disk_has_refused(
+    bench: StandingCore, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record, refused = bench.journal.record, list[str]()
+
+    def refuse_once(entries: Iterable[Entry]) -> list[int]:
+        found = list(entries)
+        if found and not refused:
+            refused.append(found[0].axis)
+            raise StoreError("database or disk is full")
+        return record(found)
+
+    # The next try would come long after the frames are processed.
+    monkeypatch.setattr("service.pipeline.alarm_recording.RETRY_S", 3600.0)
+    monkeypatch.setattr(bench.journal, "record", refuse_once)
+    last = bench.run().snapshot
+    assert refused == ["demo.axis1"]
+    assert last.alarms.waiting == 0
+    assert [alarm.parameter for alarm in bench.journal.standing()] == [
+        alarm.parameter for alarm in last.axes[0].open_alarms
+    ]
 
 
 def test_samples_that_the_multi_model_detector_never_gets_are_reported(bench: StandingCore) -> None:

@@ -279,6 +279,30 @@ def test_a_damaged_log_goes_with_its_file(tmp_path: Path, seed: int) -> None:
     assert len(quarantined.read_bytes()) == 100
 
 
+def test_nothing_is_written_to_a_file_that_has_been_moved_or_replaced(
+    journal: Journal, tmp_path: Path
+) -> None:
+    """A deleted file would take it without an error, and it would be lost."""
+    folder, away = tmp_path / "state", tmp_path / "away"
+    raised(journal, episode())
+    folder.rename(away)
+    for use in (lambda: raised(journal, episode("kT")), journal.standing):
+        with pytest.raises(StoreError, match=r"alarms\.sqlite is no longer there: put it back, or restart"):
+            use()
+    folder.mkdir()
+    with pytest.raises(StoreError, match="is no longer there"):
+        journal.standing()
+    (folder / "alarms.sqlite").touch()
+    for use in (lambda: raised(journal, episode("kT")), journal.standing):
+        with pytest.raises(StoreError, match=r"alarms\.sqlite has been replaced by another file"):
+            use()
+    (folder / "alarms.sqlite").unlink()
+    folder.rmdir()
+    away.rename(folder)
+    raised(journal, episode("kT"))
+    assert [alarm.parameter for alarm in journal.standing()] == ["fm", "kT"]
+
+
 def test_files_that_are_empty_closed_or_cannot_be(tmp_path: Path) -> None:
     path = tmp_path / "alarms.sqlite"
     path.touch()

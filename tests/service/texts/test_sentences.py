@@ -13,6 +13,7 @@ from monitor_core.wording import Sentence, joined, sentence
 from service.can.bus_reader import READER_REASONS
 from service.can.decoder import FRAME_REASONS
 from service.pipeline.snapshot import GIVE_UP_REASONS
+from service.store.archive import SCHEMAS
 from service.web.app import STATIC
 from service.web.models import sentences
 
@@ -60,6 +61,12 @@ def test_each_reason_of_a_count_has_its_german() -> None:
         "projected",
     }
     assert reasons <= {*re.findall(r"(\w+): \"", table)}
+
+
+def test_each_file_of_the_state_directory_is_described_in_each_language() -> None:
+    for file in (GERMAN, GERMAN.with_name("en.ts")):
+        table = file.read_text(encoding="utf-8").partition("\n    holds: {")[2].partition("\n    }")[0]
+        assert {*re.findall(r'"([\w.]+)": "', table)} == {*SCHEMAS}
 
 
 def test_a_sentence_is_its_english_text_and_keeps_its_values() -> None:

@@ -213,16 +213,19 @@ const SENTENCES: Record<string, string> = {
   "not opened": "gestört: noch nicht geöffnet",
   down: "gestört: {why}",
   closed: "geschlossen",
+  "adapter down": "gestört: die Schnittstelle ist ausgeschaltet; einschalten mit der Bitrate des Busses, bei 500 kbit/s:"
+    + " `ip link set {channel} up type can bitrate 500000`",
   "interface down": `gestört: die Schnittstelle ist ausgeschaltet; ${BUS_UP}`,
   "interface gone": "gestört: die Schnittstelle ist weg; wird wieder geöffnet, sobald das geht",
   "bus fault": "gestört: {why}; wird wieder geöffnet, sobald das geht",
   "only errors": "gestört: seit den letzten Daten nur Fehlerframes; stimmen Bitrate, Kabel und Abschluss?",
   "reader stopped": "gestört: der Leser hat aufgehört, was ein Fehler des Programms ist",
-  "no interface": "Bus {bus}: die Schnittstelle {interface} geht hier nicht: {why}",
-  "no device": "Bus {bus}: es gibt keine Netzwerkschnittstelle {channel}: den Adapter anschließen, oder für eine virtuelle"
+  "of bus": "Bus {bus}: {why}",
+  "no interface": "die Schnittstelle {interface} geht hier nicht: {why}",
+  "no device": "es gibt keine Netzwerkschnittstelle {channel}: den Adapter anschließen, oder für eine virtuelle"
     + " `ip link add dev {channel} type vcan && ip link set {channel} up`",
   "no CAN": "dieser Kernel hat kein CAN (modprobe can-raw)",
-  "cannot open": "Bus {bus}: {where} lässt sich nicht öffnen: {why}",
+  "cannot open": "{where} lässt sich nicht öffnen: {why}",
 
   compiling: "Der numerische Kern wird übersetzt; Frames warten, bis er fertig ist",
   "compiling multimodel": "Der Kern des Multimodell-Detektors wird übersetzt; dessen Messwerte warten, bis er fertig ist",
@@ -258,10 +261,12 @@ const SENTENCES: Record<string, string> = {
   damaged: "er ist beschädigt (falsche Prüfsumme)",
   version: "er passt nicht zu dieser Version ({why})",
   unreadable: "er ist nicht lesbar ({why})",
-  "other settings": "er gehört zu einem anderen Modell, anderen Parametern oder anderen Einstellungen",
+  "other settings": "er gehört zu einem anderen Modell, anderen Parametern, anderen Einstellungen oder einer anderen Version",
   "other epoch": "er gehört zu {before}, nicht zu {now}",
   epoch: "Epoche {number}",
   "the configuration": "der Konfiguration",
+  "file gone": "{path} ist nicht mehr da: wieder hinlegen, oder axiswatch neu starten, das dann eine neue Datei beginnt",
+  "file replaced": "{path} wurde durch eine andere Datei ersetzt: die frühere wieder hinlegen, oder axiswatch neu starten",
   "file damaged": "{path} ist beschädigt ({why}); die Datei heißt jetzt {name}, und eine neue wurde begonnen",
   "configuration changed": "{axis}: die Konfiguration wurde geändert, seit Epoche {before} begann: sie gilt, als Epoche {epoch};"
     + " `axiswatch baseline restore {axis} {before}` nimmt das zurück",
@@ -737,7 +742,7 @@ export const de: Texts = {
     title: "Dateien", written: "Zuletzt geschrieben", fine: "in Ordnung", damaged: "Beschädigte Dateien, die beiseitegelegt wurden:",
     holds: {
       "alarms.sqlite": "Alarme, Epochen, wer was geändert hat", "checkpoints.sqlite": "Zustand der Überwachung",
-      "history.sqlite": "Geschichte der Schätzwerte", "outbox.sqlite": "wie weit die Anlagenverbindungen sind",
+      "history.sqlite": "Geschichte der Schätzwerte", "links.sqlite": "wie weit die Anlagenverbindungen sind",
     },
   },
   commissioning: {

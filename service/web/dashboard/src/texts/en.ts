@@ -341,7 +341,7 @@ export const en = {
     title: "Files", written: "Last written", fine: "in order", damaged: "Damaged files that were put aside:",
     holds: {
       "alarms.sqlite": "alarms, epochs, who has changed what", "checkpoints.sqlite": "state of the monitors",
-      "history.sqlite": "history of the estimates", "outbox.sqlite": "how far the plant links are",
+      "history.sqlite": "history of the estimates", "links.sqlite": "how far the plant links are",
     } as Record<string, string>,
   },
   commissioning: {
