@@ -11,7 +11,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock, concatenate
 from service.config.schema import AxisConfig, FurtherSignalConfig
-from service.ingest.motion_derivatives import DERIVATIVE_LATE, MAX_ERROR
+from service.ingest.motion_derivatives import MAX_ERROR, derivative_late
 
 _TIME_TOLERANCE = 0.5
 """Tolerance of the time difference in intervals; outside it, samples in between are missing."""
@@ -26,8 +26,9 @@ class LateValues:
 
     def __init__(self, config: AxisConfig, signals: Sequence[FurtherSignalConfig] = ()) -> None:
         self._late, self._interval_us = config.torque.late_samples, 1e6 * config.sample_interval_s
+        self._derivative_late = derivative_late(config.sample_interval_s)
         self._derivatives = [place for place, source in enumerate(signals) if source.is_derivative]
-        self._waits = max(self._late, DERIVATIVE_LATE if self._derivatives else 0)
+        self._waits = max(self._late, self._derivative_late if self._derivatives else 0)
         self._waiting: list[SampleBlock] = []
         self.unpaired = 0
         """Number of samples whose torque is missing"""
@@ -48,8 +49,8 @@ class LateValues:
         """The signals of the first samples (count, S), with the derivatives at their time."""
         if known.signals is None or not self._derivatives:
             return None if known.signals is None else known.signals[:count]
-        later = slice(DERIVATIVE_LATE, DERIVATIVE_LATE + count)
-        lost = self._behind(known.t_us[:count], known.t_us[later]) - DERIVATIVE_LATE
+        later = slice(self._derivative_late, self._derivative_late + count)
+        lost = self._behind(known.t_us[:count], known.t_us[later]) - self._derivative_late
         signals = known.signals[:count].copy()
         for place in self._derivatives:
             signals[:, place] = np.where(lost < MAX_ERROR, known.signals[later, place], np.nan)

@@ -1,8 +1,9 @@
 """Speed and acceleration of an axis as signals, from its angle.
 
-They are the derivatives of the parabola that fits five values of the angle best (Savitzky and Golay, Analytical
-Chemistry 36, 1964).  They belong to the middle of the five, so they are known some intervals later; ``late_values``
-assigns them to the sample of their time.
+They are the derivatives of the parabola that fits the values of the angle around a time best (Savitzky and Golay,
+Analytical Chemistry 36, 1964): those within 8 ms on either side, two at least.  With fewer at a short interval, the
+steps of an encoder would be a large acceleration.  They belong to the middle, so they are known some intervals later;
+``late_values`` assigns them to the sample of their time.
 """
 
 from typing import Literal
@@ -12,22 +13,31 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from service.config.schema import FurtherSignalConfig
 
-_WEIGHTS = {
-    1: tuple(weight / 10 for weight in (-2, -1, 0, 1, 2)),
-    2: tuple(weight / 7 for weight in (2, -1, -2, -1, 2)),
-}
-"""Weights of five values for the first and second difference in their middle, by least squares."""
-_SPAN = len(_WEIGHTS[1]) - 1
-_MIDDLE = _SPAN // 2
-DERIVATIVE_LATE = _MIDDLE + 1
-"""Intervals until a derivative is known: two for the later values, one as the other axis may send after this one."""
+_HALF_S, _LEAST_HALF = 0.008, 2
+"""Half of the time over which a derivative is taken, and its least length in intervals"""
 MAX_ERROR = 4.5
 """Largest difference, in intervals, between the times of a derivative and of the sample: one lost sample, and the
 scatter of the times."""
 _MAX_STRETCH = 0.5
-"""If the five values take more intervals than this longer than usual, a value was lost."""
+"""If the values take more intervals than this longer than usual, a value was lost."""
 _KEPT = 8
 """Number of derivatives among which the one nearest in time is chosen."""
+
+
+def derivative_late(interval_s: float) -> int:
+    """Intervals until a derivative is known: for the later values, and one as another axis may send after this one."""
+    return _half(interval_s) + 1
+
+
+def _half(interval_s: float) -> int:
+    return max(_LEAST_HALF, round(_HALF_S / interval_s))
+
+
+def _weights(order: Literal[1, 2], half: int) -> list[float]:
+    """Weights of 2 half + 1 values for the first or second difference in their middle, by least squares."""
+    k = np.arange(-half, half + 1.0)
+    powers = k**order - np.mean(k**order)
+    return [float(weight) for weight in order * powers / (powers @ k**order)]
 
 
 class MotionDerivative:
@@ -37,13 +47,15 @@ class MotionDerivative:
     """
 
     def __init__(self, order: Literal[1, 2], interval_s: float) -> None:
-        self._weights, self._unit = _WEIGHTS[order], interval_s**order
-        self._values, self._t_us = np.full(_SPAN, np.nan), np.full(_SPAN, np.nan)
+        half = _half(interval_s)
+        self._weights, self._unit = _weights(order, half), interval_s**order
+        self._half, self._late = half, derivative_late(interval_s)
+        self._values, self._t_us = np.full(2 * half, np.nan), np.full(2 * half, np.nan)
         self._found, self._found_us = np.full(_KEPT, np.nan), np.full(_KEPT, np.nan)
         self._interval_s = interval_s
 
     def take(self, values: Floats, t_us: Floats | Ints, received: Ints, at_us: Floats | Ints) -> Floats:
-        """The derivatives DERIVATIVE_LATE intervals before samples (M,); NaN: unknown.
+        """The derivatives ``derivative_late`` intervals before samples (M,); NaN: unknown.
 
         Args:
             values: new values of the signal (N,).
@@ -57,13 +69,14 @@ class MotionDerivative:
         for place, weight in enumerate(self._weights):
             # Summed one by one: the last bit does not depend on the length of the block.
             difference += weight * y[place : place + N]
-        span_s = 1e-6 * (t[_SPAN:] - t[:N])
-        known = (span_s >= 0) & (span_s < (_SPAN + _MAX_STRETCH) * self._interval_s)
+        span = 2 * self._half
+        span_s = 1e-6 * (t[span:] - t[:N])
+        known = (span_s >= 0) & (span_s < (span + _MAX_STRETCH) * self._interval_s)
         found = np.concatenate([self._found, np.where(known, difference / self._unit, np.nan)])
-        found_us = np.concatenate([self._found_us, t[_MIDDLE : _MIDDLE + N]])
+        found_us = np.concatenate([self._found_us, t[self._half : self._half + N]])
         self._values, self._t_us, self._found, self._found_us = y[N:], t[N:], found[N:], found_us[N:]
         latest = received[:, np.newaxis] + np.arange(_KEPT)
-        wanted_us = at_us - 1e6 * DERIVATIVE_LATE * self._interval_s
+        wanted_us = at_us - 1e6 * self._late * self._interval_s
         off_us = np.abs(found_us[latest] - wanted_us[:, np.newaxis])
         off_us[~np.isfinite(found[latest])] = np.inf
         nearest, rows = off_us.argmin(axis=1), np.arange(len(received))

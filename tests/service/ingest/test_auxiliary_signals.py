@@ -4,7 +4,7 @@ import math
 import struct
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Ingest
 from service.ingest.csv_tables import Rows
 from service.ingest.encode import FrameEncoder, Values
+from service.ingest.motion_derivatives import MotionDerivative, derivative_late
 from service.ingest.quantities import HeldColumns
 from service.ingest.records import read_record
 from tests.service.ingest import plant
@@ -147,6 +148,28 @@ def test_the_speed_of_the_axis_itself(tmp_path: Path) -> None:
     assert len(found) == count - 3  # a sample waits for three more
     step = 2.0 * 2.0**-16 / h  # by the steps in which the bus sends the angle
     np.testing.assert_allclose(found[2:], 2.0 * 60.0 * h * np.arange(count - 3)[2:], atol=step)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize(
+    ("interval_s", "late"), [(0.01, 3), (0.004, 3), (0.002, 5), (0.001, 9), (0.000125, 65)]
+)
+def test_a_derivative_of_a_parabola_is_exact(
+    order: Literal[1, 2], interval_s: float, late: int, seed: int
+) -> None:
+    """At any interval; the noise of the angle adds little, as it is taken over 16 ms at least."""
+    rng = np.random.default_rng(seed)
+    assert derivative_late(interval_s) == late
+    count = 2 * late + 2000
+    t = interval_s * np.arange(count)
+    taken = MotionDerivative(order, interval_s)
+    sent, noise = 1e6 * t, rng.normal(size=count)
+    found = taken.take(0.5 + 2.0 * t + 15.0 * t**2, sent, np.arange(1, count + 1), sent)
+    assert np.isnan(found[: 2 * late - 2]).all()
+    wanted = 2.0 + 30.0 * t if order == 1 else np.full(count, 30.0)
+    np.testing.assert_allclose(found[2 * late :], wanted[late:-late], rtol=1e-5)
+    scatter = MotionDerivative(order, interval_s).take(noise, sent, np.arange(1, count + 1), sent)
+    assert np.nanstd(scatter) < 1.2 * (80 if order == 1 else 34_000)  # those at 4 ms
 
 
 def test_a_value_in_the_very_frame_of_the_sample_counts(tmp_path: Path) -> None:
