@@ -161,9 +161,10 @@ def test_a_derivative_of_a_parabola_is_exact(
     rng = np.random.default_rng(seed)
     assert derivative_late(interval_s) == late
     count = 2 * late + 2000
-    t = interval_s * np.arange(count)
+    t: Floats = interval_s * np.arange(count, dtype=float)
     taken = MotionDerivative(order, interval_s)
-    sent, noise = 1e6 * t, rng.normal(size=count)
+    sent: Floats = 1e6 * t
+    noise = rng.normal(size=count)
     found = taken.take(0.5 + 2.0 * t + 15.0 * t**2, sent, np.arange(1, count + 1), sent)
     assert np.isnan(found[: 2 * late - 2]).all()
     wanted = 2.0 + 30.0 * t if order == 1 else np.full(count, 30.0)
