@@ -139,15 +139,18 @@ def test_the_acceleration_of_another_axis(first: str, tmp_path: Path) -> None:
     assert (off[beside][:-1] < step + 5.0 * abs(wanted[1])).all()
 
 
-def test_the_speed_of_the_axis_itself(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("h", "waits"), [(0.005, 3), (0.001, 9)])
+def test_the_speed_of_the_axis_itself(h: float, waits: int, tmp_path: Path) -> None:
     own = {"name": "speed", "axis": "one", "speed": True, "factor": 2.0}
-    config = make_config(tmp_path, axis1(signal=[own], gate=[{"signal": "speed", "above": -1e12}]))
-    h, count = 0.005, 30
-    frames = [f for k in range(count) for f in pair(START_US + 5000 * k, angle=2.0 + 30.0 * (k * h) ** 2)]
+    one = axis1(signal=[own], gate=[{"signal": "speed", "above": -1e12}], sample_interval_s=h)
+    config, count = make_config(tmp_path, one), 40
+    step_us = round(1e6 * h)
+    frames = [f for k in range(count) for f in pair(START_US + step_us * k, angle=2.0 + 30.0 * (k * h) ** 2)]
     found = np.array(fed(config, *frames))[:, 0]
-    assert len(found) == count - 3  # a sample waits for three more
+    assert len(found) == count - waits  # a sample waits for some more
+    wanted = 2.0 * 60.0 * h * np.arange(count - waits)
     step = 2.0 * 2.0**-16 / h  # by the steps in which the bus sends the angle
-    np.testing.assert_allclose(found[2:], 2.0 * 60.0 * h * np.arange(count - 3)[2:], atol=step)
+    np.testing.assert_allclose(found[waits - 1 :], wanted[waits - 1 :], atol=step)
 
 
 @pytest.mark.parametrize("order", [1, 2])
