@@ -36,8 +36,9 @@ _MOST_OF_ANGLE = 2
 """An inertia has the squares and products of two cosines of sums, and so at most twice each angle."""
 _MAX_REMAINING = 0.95
 """A further sum must reduce the squared errors to at most this share, .."""
-_BY_CHANCE = 4.0
-""".. and by more than the best of so many sums does by chance: a chi-square of 2 ln(number), twice that to be sure."""
+_BY_CHANCE = 6.0
+""".. and by more than the best of so many sums does by chance: a chi-square of 2 ln(number), thrice that as errors
+are alike for some windows."""
 _CLEARLY_LESS = 0.95
 """A sum that was chosen before a later one is exchanged if another one leaves at most this share of the errors."""
 _MIN_INCREASE = 1.02
