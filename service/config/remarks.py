@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from functools import cache, partial
 
 from monitor_core.drive import LOAD, AxisModel
-from monitor_core.monitoring import short_memory, unidentifiable_words
+from monitor_core.monitoring import RMS_SPEED, short_memory, unidentifiable_words
 from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed
 from service.can.bus import FD_INTERFACES
@@ -30,6 +30,8 @@ _KnownOn = Callable[[str], MessageSet]
 """Function that returns the messages of a bus by its name"""
 _NEARLY = 1e-3
 _EXACT = 1e-7
+_BUS_SCATTER_S = 1e-5
+"""Times of receipt scatter by more than this, as a frame of CAN alone takes ten times as long [s]"""
 
 
 def remarks(config: Config) -> Iterator[str]:
@@ -62,6 +64,7 @@ def remarks(config: Config) -> Iterator[str]:
         for words in unidentifiable_words(unidentifiable_pairs(axis.config)):
             yield f"{axis.id}: {words}"
         yield from _small_noise(axis, known_on)
+        yield from _exact_times(axis)
         yield from _nearly_a_turn(axis)
         yield from _detector(axis, detectors_of(axis, model, settings))
 
@@ -133,6 +136,25 @@ def _small_noise(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
             f"{axis.id}: output_noise = {given:.3g} is below {least:.3g}, which the resolution of the"
             f" {axis.config.output} makes by itself (a step over the root of 12): the predictor would follow the"
             " steps"
+        )
+
+
+def _exact_times(axis: NamedAxis) -> Iterator[str]:
+    """Prediction errors so small that their record had exact times, which times of receipt are not."""
+    config, model = axis.config, axis.config.model
+    exact = config.time.clock != "receipt" or config.time.counter_signal is not None
+    if exact or config.records_only or config.output != "angle":
+        return
+    if model.nominal_file is None or model.thresholds_file is None:
+        return
+    speed = max((r.high for r in model.thresholds_file.range if r.condition == RMS_SPEED), default=0.0)
+    error = math.sqrt(model.nominal_file.predictor.innovation_variance)
+    if error < _BUS_SCATTER_S * speed:
+        yield (
+            f"{axis.id}: its nominal values predict the angle to {error:.2g} rad, as from a record with times that"
+            f" are exact to {1e6 * error / speed:.2g} us. Times of receipt on a bus scatter more, and would raise"
+            ' alarms: set clock = "cyclic" in [robot.axis.time], name the sample counter, or commission with a record'
+            " of this bus"
         )
 
 
