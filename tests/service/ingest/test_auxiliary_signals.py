@@ -142,8 +142,8 @@ def test_the_acceleration_of_another_axis(first: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("h", "waits"), [(0.005, 3), (0.001, 9)])
 def test_the_speed_of_the_axis_itself(h: float, waits: int, tmp_path: Path) -> None:
     own = {"name": "speed", "axis": "one", "speed": True, "factor": 2.0}
-    one = axis1(signal=[own], gate=[{"signal": "speed", "above": -1e12}], sample_interval_s=h)
-    config, count = make_config(tmp_path, one), 40
+    sender = axis1(signal=[own], gate=[{"signal": "speed", "above": -1e12}], sample_interval_s=h)
+    config, count = make_config(tmp_path, sender), 40
     step_us = round(1e6 * h)
     frames = [f for k in range(count) for f in pair(START_US + step_us * k, angle=2.0 + 30.0 * (k * h) ** 2)]
     found = np.array(fed(config, *frames))[:, 0]
