@@ -51,7 +51,7 @@ class Factor(NamedTuple):
     def value(self, signals: Mapping[str, Floats]) -> Floats:
         """The factor (N,) at values of its signals (N,); NaN where one of them is not finite."""
         total = np.asarray(sum((sign * signals[name] for sign, name in self.addends), np.zeros(())))
-        if self.function not in ("cos", "sin"):
+        if self.function in ("", "square"):
             known = np.where(np.isfinite(total), total, math.nan)
             return known * known if self.function else known
         # Value by value: the last bit of a vectorised cosine may depend on the index in the array.

@@ -80,6 +80,8 @@ def test_functions_are_what_they_are_called() -> None:
     x = np.array([0.3, -2.0, math.nan, math.inf])
     expected = {"cos": np.cos(x[:2]), "sin": np.sin(x[:2]), "square": x[:2] ** 2}
     assert set(FUNCTIONS) == set(expected)
+    with pytest.raises(KeyError, match="tan"):
+        Term.read("tan(x)").value({"x": x})
     for name, values in expected.items():
         found = Term.read(f"{name}(x)").value({"x": x})
         np.testing.assert_allclose(found[:2], values, rtol=1e-15)

@@ -28,7 +28,7 @@ from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart
-from monitor_core.identification.weight.link_energies import MotionSignals, link_energies
+from monitor_core.identification.weight.link_energies import EnergyBalance, MotionSignals, link_energies
 from monitor_core.identification.weight.weight_balance import WeightBalance, moving_parts, slow_parts
 
 _MOST_OTHERS = 2
@@ -127,7 +127,8 @@ def _with_energies(
     if not parts:
         return found
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
-    energies = link_energies(parts, window, speed_scales(records)[1], own, list(moving), values)
+    scale = speed_scales(records)[1]
+    energies = link_energies(EnergyBalance(parts, window, scale, own, list(moving), values))
     if not energies.found:
         return found
     # An acceleration stays, as it may be there for a positive inertia.

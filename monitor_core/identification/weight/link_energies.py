@@ -117,25 +117,8 @@ class LinkEnergies(NamedTuple):
     """indices of the given terms that explain nothing in addition to these energies"""
 
 
-def link_energies(
-    parts: Sequence[GridPart],
-    window: int,
-    scale: float,
-    own: str,
-    angles: Sequence[str],
-    terms: Sequence[Floats],
-) -> LinkEnergies:
-    """The energies of links whose torque acts on an axis.
-
-    Args:
-        parts: pieces of its records with these angles as signals [rad].
-        window: length of the windows, in samples.
-        scale: speed scale of Coulomb friction, rad/s.
-        own: name of the angle of the axis itself.
-        angles: names of all angles, own too, that do not wrap, from the base to the hand.
-        terms: values (N,) of further terms of the torque in all parts, one after the other.
-    """
-    balance = _EnergyBalance(parts, window, scale, own, angles, terms)
+def link_energies(balance: EnergyBalance) -> LinkEnergies:
+    """The energies of links whose torque acts on the axis of this balance."""
     chosen, before = list[int](), balance.error(())
     sums, left = list[int](), before
     while len(sums) < _MOST_SUMS:
@@ -154,7 +137,7 @@ def link_energies(
         if balance.error(fewer) < _MIN_INCREASE * left:
             chosen = fewer
     needless = list[int]()
-    for index in range(len(terms) if chosen else 0):
+    for index in range(balance.given if chosen else 0):
         if balance.error(chosen, (*needless, index)) < _MIN_INCREASE * left:
             needless.append(index)
     return LinkEnergies(
@@ -165,10 +148,18 @@ def link_energies(
     )
 
 
-class _EnergyBalance(WeightBalance):
+class EnergyBalance(WeightBalance):
     """The torque balance with these energies, as normal equations of each half of the windows.
 
     With many candidates, and few of them chosen, these are solved much faster than the windows.
+
+    Args:
+        parts: pieces of the records of an axis with these angles as signals [rad].
+        window: length of the windows, in samples.
+        scale: speed scale of Coulomb friction, rad/s.
+        own: name of the angle of the axis itself.
+        angles: names of all angles, own too, that do not wrap, from the base to the hand.
+        terms: values (N,) of further terms of the torque in all parts, one after the other.
     """
 
     def __init__(
@@ -188,7 +179,9 @@ class _EnergyBalance(WeightBalance):
         rows = np.column_stack([self.rows, *further, *columns])
         size = np.sqrt((rows**2).sum(axis=0))
         rows = rows / np.where(size > 0, size, 1.0)
-        self._usual = self.rows.shape[1] + len(further)
+        self.given = len(further)
+        """Number of further terms"""
+        self._usual = self.rows.shape[1] + self.given
         half = len(self.torque) // 2
         halves = ((rows[part], self.torque[part]) for part in (slice(half), slice(half, None)))
         self._halves = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]

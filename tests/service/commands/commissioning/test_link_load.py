@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning import axis_commissioning
@@ -158,31 +159,53 @@ sample_interval_s = 0.01
 time = { column = "t" }
 model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }
 """
-SCARA = f"""{ONE_MASS}[[robot.axis]]
-name = "inner"
-torque = {{ column = "u1" }}
-angle = {{ column = "y1" }}
-[[robot.axis]]
-name = "2"
-torque = {{ column = "u2" }}
-angle = {{ column = "y2" }}
-"""
+
+
+def two_axes(*names: str) -> str:
+    """The configuration of an arm with two axes."""
+    return ONE_MASS + "".join(
+        f'[[robot.axis]]\nname = "{name}"\ntorque = {{ column = "u{k}" }}\nangle = {{ column = "y{k}" }}\n'
+        for k, name in enumerate(names, 1)
+    )
+
+
+class Swing(NamedTuple):
+    """Angles, speeds and accelerations of two axes (2, N), and their times."""
+
+    t: Floats
+    q: Floats
+    w: Floats
+    a: Floats
+
+    @classmethod
+    def drawn(cls, rng: np.random.Generator, seconds: float, *sizes: float) -> Swing:
+        """Sums of five sines."""
+        step = 0.01
+        t = np.arange(0.0, seconds, step)
+        f, phase = rng.uniform(0.1, 0.6, (2, 5)), rng.uniform(0, 2 * np.pi, (2, 5))
+        sines = np.sin(2 * np.pi * f[..., None] * t + phase[..., None]).mean(axis=1)
+        q = sines * np.array(sizes)[:, np.newaxis]
+        w = np.gradient(q, step, axis=1)
+        return cls(t, q, w, np.gradient(w, step, axis=1))
+
+    def write(self, path: Path, u: Floats) -> None:
+        """A table of the motion with these torques (2, N)."""
+        table = np.column_stack([self.t, u[0], self.q[0], u[1], self.q[1]])
+        np.savetxt(path, table, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2", comments="")
+
+
+SCARA = two_axes("inner", "2")
 
 
 def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -> None:
     """The outer arm of a SCARA, whose coupling depends on its angle; the corrections give it as a signal, once."""
-    rng, step = np.random.default_rng(seed), 0.01
-    t = np.arange(0.0, 120.0, step)
-    f, phase = rng.uniform(0.1, 0.6, (2, 5)), rng.uniform(0, 2 * np.pi, (2, 5))
-    q = np.sin(2 * np.pi * f[..., None] * t + phase[..., None]).mean(axis=1)
-    w = np.gradient(q, step, axis=1)
-    a, coupling = np.gradient(w, step, axis=1), 0.7 + 0.3 * np.cos(q[1])
+    rng = np.random.default_rng(seed)
+    swing = Swing.drawn(rng, 120.0, 1.0, 1.0)
+    _, q, w, a = swing
+    coupling = 0.7 + 0.3 * np.cos(q[1])
     u = np.array([[1.0], [0.5]]) * (a + 0.5 * w) + np.tanh(w / 0.05) + coupling * a[::-1]
     u[0] -= coupling * a[1]  # the first feels nothing of the second
-    table = np.column_stack(
-        [t, u[0] + rng.normal(0, 0.1, t.size), q[0], u[1] + rng.normal(0, 0.1, t.size), q[1]]
-    )
-    np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2", comments="")
+    swing.write(tmp_path / "a.csv", u + rng.normal(0, 0.1, q.shape))
     found = link_load(SCARA, "arm.2", [str(tmp_path / "a.csv")], tmp_path)
     assert found is not None
     assert found.terms == ("inner-acceleration", "inner-acceleration * cos(axis2)")
@@ -200,31 +223,19 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     assert link_load(SCARA, "arm.inner", [str(tmp_path / "a.csv")], tmp_path) is None
 
 
-BASE = f"""{ONE_MASS}[[robot.axis]]
-name = "base"
-torque = {{ column = "u1" }}
-angle = {{ column = "y1" }}
-[[robot.axis]]
-name = "lift"
-torque = {{ column = "u2" }}
-angle = {{ column = "y2" }}
-"""
+BASE = two_axes("base", "lift")
 
 
 def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed: int) -> None:
     """A base that turns an arm which another axis lifts: its signals are the motion of both."""
-    rng, step = np.random.default_rng(seed), 0.01
-    t = np.arange(0.0, 180.0, step)
-    f, phase = rng.uniform(0.1, 0.6, (2, 5)), rng.uniform(0, 2 * np.pi, (2, 5))
-    q = np.sin(2 * np.pi * f[..., None] * t + phase[..., None]).mean(axis=1) * [[2.0], [1.5]]
-    w = np.gradient(q, step, axis=1)
-    a = np.gradient(w, step, axis=1)
+    rng = np.random.default_rng(seed)
+    swing = Swing.drawn(rng, 180.0, 2.0, 1.5)
+    _, q, w, a = swing
     arm = 4 * np.cos(q[1]) ** 2
     base = (2 + arm) * a[0] - 4 * np.sin(2 * q[1]) * w[1] * w[0]
     lift = 4 * a[1] + 2 * np.sin(2 * q[1]) * w[0] ** 2 + 40 * np.cos(q[1])
     u = np.array([base, lift]) + 0.8 * w + np.tanh(w / 0.05) + rng.normal(0, 0.1, q.shape)
-    table = np.column_stack([t, u[0], q[0], u[1], q[1]])
-    np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2", comments="")
+    swing.write(tmp_path / "a.csv", u)
     found = link_load(BASE, "arm.base", [str(tmp_path / "a.csv")], tmp_path)
     assert found is not None
     rate = "base-acceleration * cos(lift + lift) - 2 * base-speed * lift-speed * sin(lift + lift)"
