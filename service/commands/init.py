@@ -146,7 +146,8 @@ def _from_table(record: Path, output: Path) -> None:
     unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
     not_read = (f"not used: {why}" for why in faults.values())
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
-    words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *unused, *not_read]
+    switches = (f"all axes: {column} may tell what the robot carries" for column in found.switches)
+    words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *switches, *unused, *not_read]
     lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 
@@ -154,15 +155,18 @@ def _from_table(record: Path, output: Path) -> None:
 def _from_description(description: Path, output: Path) -> None:
     """Write a configuration for the bus that a file describes."""
     from service.commands.proposed_configuration import bus_lines
-    from service.ingest.signal_roles import axes_in, summary
+    from service.ingest.signal_roles import axes_in, loads_in, summary
 
-    axes = axes_in(read_messages(description).messages)
+    known = read_messages(description).messages
+    axes = axes_in(known)
     if not axes:
         raise DescriptionError(
             f"no torque and motion of an axis in {description}, by the names and units of its signals"
         )
-    lines = bus_lines(axes, description, output)
-    propose(output, summary(axes), lines, f"Next: axiswatch commission RECORD.log --config {output}")
+    loads = loads_in(known)
+    lines = bus_lines(axes, description, output, loads=loads)
+    words = [*summary(axes), *_load_words(loads)]
+    propose(output, words, lines, f"Next: axiswatch commission RECORD.log --config {output}")
 
 
 def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -> None:
@@ -172,10 +176,10 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
     where = f"{bus.interface} {bus.channel}"
     known = read_messages(description)  # a mistake in it is reported before anything is waited for
     found = _roles(known, heard_on(bus, seconds), description, where)
+    loads = _loads_in(found, known)
+    lines = bus_lines(found.axes, description, output, bus, loads=loads)
     next_step = f"Next: axiswatch commission --config {output} --minutes 10"
-    propose(
-        output, _bus_words(found, description), bus_lines(found.axes, description, output, bus), next_step
-    )
+    propose(output, [*_bus_words(found, description), *_load_words(loads)], lines, next_step)
 
 
 def _from_log(description: Path, log: Path, output: Path) -> None:
@@ -186,9 +190,21 @@ def _from_log(description: Path, log: Path, output: Path) -> None:
     known, buses = read_messages(description), logged(log)
     name = max(buses, key=lambda bus: len(roles_on_bus(known, buses[bus]).received))
     found = _roles(known, buses[name], description, f"{log}, {name}")
-    lines = bus_lines(found.axes, description, output, channel=name)
+    loads = _loads_in(found, known)
+    lines = bus_lines(found.axes, description, output, channel=name, loads=loads)
     next_step = f"Next: axiswatch commission {log} --config {output}"
-    propose(output, _bus_words(found, description), lines, next_step)
+    propose(output, [*_bus_words(found, description), *_load_words(loads)], lines, next_step)
+
+
+def _loads_in(found: BusRoles, known: MessageSet) -> list[tuple[str, str]]:
+    """Message and signal of what may tell what the robot carries, of the received messages."""
+    from service.ingest.signal_roles import loads_in
+
+    return loads_in([message for message in known.messages if message.name in found.received])
+
+
+def _load_words(loads: Iterable[tuple[str, str]]) -> Iterator[str]:
+    return (f"all axes: {message}.{signal} may tell what the robot carries" for message, signal in loads)
 
 
 def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str) -> BusRoles:

@@ -30,15 +30,27 @@ def table_lines(found: TableRoles, record: str) -> Iterator[str]:
     yield "# factor converts: 0.0174533 from degrees, -1 turns the sign."
     unit = "" if found.unit_s == 1 else f", factor = {found.unit_s:g}"
     time = [] if found.time is None else [f"time = {{ column = {toml_value(found.time)}{unit} }}"]
-    loads = {axis.name: found.loads.get(axis.name, found.loads.get("")) for axis in found.axes}
-    axes = {axis.name: [*_axis_lines(axis, time), *_load_lines(loads[axis.name])] for axis in found.axes}
+    switches = {_signal_name(column): f"column = {toml_value(column)}" for column in found.switches}
+    axes = dict[str, list[str]]()
+    for axis in found.axes:
+        load = found.loads.get(axis.name, found.loads.get(""))
+        measured = {} if load is None else {"payload": f"column = {toml_value(load)}"}
+        axes[axis.name] = [*_axis_lines(axis, time), *_load_lines({**measured, **switches})]
     yield from _robot_lines(axes)
 
 
-def _load_lines(column: str | None) -> Iterator[str]:
-    if column is not None:
-        signal = f'signal = [{{ name = "payload", column = {toml_value(column)} }}]'
-        yield f"{signal}  # a load by its name: `commission` lets the torque follow it, if it does"
+def _load_lines(sources: Mapping[str, str]) -> Iterator[str]:
+    """The key for signals that may tell what the robot carries; ``sources``: where they are, by their names."""
+    if sources:
+        signals = (f"{{ name = {toml_value(name)}, {source} }}" for name, source in sources.items())
+        why = "may tell what the robot carries: `commission` lets the torque follow it, if it does"
+        yield f"signal = [{', '.join(signals)}]  # {why}"
+
+
+def _signal_name(column: str) -> str:
+    """The name of a column in the letters that the name of a signal may have."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", column).strip("-")
+    return name if any(c.isalpha() for c in name) else f"signal{name}"
 
 
 def bus_lines(
@@ -47,10 +59,12 @@ def bus_lines(
     output: Path,
     bus: BusConfig | None = None,
     channel: str = _BUS,
+    loads: Sequence[tuple[str, str]] = (),
 ) -> Iterator[str]:
     """The file ``output`` for the axes of a bus that ``messages`` describes.
 
-    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.
+    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.  ``loads``: message and signal of
+    what may tell what the robot carries.
     """
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
@@ -58,7 +72,12 @@ def bus_lines(
     yield from _bus_lines(bus, channel)
     yield f"messages = {toml_value(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
-    yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis))] for axis in axes})
+    carried = {
+        _signal_name(signal): f"message = {toml_value(message)}, signal = {toml_value(signal)}"
+        for message, signal in loads
+    }
+    loaded = [*_load_lines(carried)]
+    yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis)), *loaded] for axis in axes})
 
 
 def drive_lines(

@@ -17,6 +17,7 @@ from service.ingest.roles_by_name import (
     axis_name,
     axis_number,
     commanded_role,
+    is_gripper,
     is_load,
     own_word,
     owners,
@@ -28,6 +29,9 @@ from service.ingest.roles_by_values import MOST, Named, Pair, axes_by_values, ch
 from service.ingest.signal_roles import AxisRoles, Confidence, SignalRole
 
 _MOST_ROWS = 20_000
+_MOST_SWITCHES = 3
+"""More columns of two values are inputs and outputs of any kind."""
+_LEAST_CHANGES = 4
 _MAX_VALUE = 1e30
 """No quantity of a robot is as large in any unit."""
 _MAX_RANGES = 100.0
@@ -44,6 +48,8 @@ class TableRoles(NamedTuple):
     axes: tuple[AxisRoles, ...]
     loads: Mapping[str, str]
     """Columns of measured loads that the torque may depend on, by the name of their axis; "": no axis named"""
+    switches: tuple[str, ...]
+    """Columns of two values that may tell when the robot carries something"""
     unused: tuple[str, ...]
 
 
@@ -76,9 +82,24 @@ def roles(
     used = {time, *(pair.torque for pair in pairs), *(pair.motion for pair in pairs)}
     loaded = [name for name in moving if name not in used and is_load(name, unit_names[name])]
     loads = {_axis_of(name, [pair.name for pair in pairs]): name for name in loaded}
-    unused = tuple(name for name in columns if name not in used and name not in loads.values())
+    switches = _switches({name: v for name, v in moving.items() if name not in {*used, *loaded}})
+    unused = tuple(name for name in columns if name not in {*used, *loads.values(), *switches})
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
-    return TableRoles(time, unit_s, tuple(axes), loads, unused)
+    return TableRoles(time, unit_s, tuple(axes), loads, switches, unused)
+
+
+def _switches(columns: Mapping[str, Floats]) -> tuple[str, ...]:
+    """Columns (N,) of two values, each of which comes several times: those of a gripper by name, or the only few."""
+    finite = {name: v[np.isfinite(v)] for name, v in columns.items()}
+    found = [name for name, v in finite.items() if _is_switch(v)]
+    grippers = tuple(name for name in found if is_gripper(name))
+    return grippers or (tuple(found) if len(found) <= _MOST_SWITCHES else ())
+
+
+def _is_switch(values: Floats) -> bool:
+    low, high = values.min(), values.max()
+    both = np.all((values == low) | (values == high))
+    return bool(both and np.count_nonzero(np.diff(values)) >= _LEAST_CHANGES)
 
 
 def _axis_of(column: str, axes: Sequence[str]) -> str:

@@ -92,6 +92,25 @@ def is_load(name: str, unit: str) -> bool:
     return bool(words) and (unit.lower() in _LOAD_UNITS or (not unit and "payload" in words))
 
 
+_GRIPPERS = {
+    "gripper",
+    "grip",
+    "gripped",
+    "greifer",
+    "vacuum",
+    "vakuum",
+    "suction",
+    "sauger",
+    "clamp",
+    "clamped",
+}
+
+
+def is_gripper(name: str) -> bool:
+    """Whether a column or signal says, by its name, whether something is gripped."""
+    return bool({*words_in(without_unit(name))} & _GRIPPERS)
+
+
 def own_word(name: str) -> str:
     """The first word of a name that may name the axis, as it describes no quantity or kind of value; empty: none."""
     known = _ANY | MEASURED | NOT_MEASURED | NO_MOTION

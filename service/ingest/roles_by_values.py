@@ -3,7 +3,7 @@
 A speed is the slope of an angle; the torque of an axis follows from its motion as that of a rigid mass with friction.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -103,7 +103,9 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
             continue
         best = _measured(pair, pairs, values, named, step)
         taken |= {best.torque, best.motion, *best.rivals}
-        axes.append(best._replace(better=_better(best, pairs), exchanged=_exchanged(best, named)))
+        axes.append(best._replace(exchanged=_exchanged(best, named)))
+    sure = {pair.motion for pair in axes if pair.explained >= SURE}
+    axes = [pair._replace(better=_better(pair, pairs, sure)) for pair in axes]
     order = list(values)
     axes.sort(key=lambda pair: order.index(pair.motion))
     if len({pair.name for pair in axes}) < len(axes):
@@ -111,9 +113,14 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
     return axes
 
 
-def _better(pair: Pair, pairs: Sequence[Pair]) -> tuple[str, float] | None:
-    """The motion of another axis that surely explains this torque, where its own does not, and the explained share."""
-    others = [(p.motion, p.explained) for p in pairs if p.torque == pair.torque and p.motion != pair.motion]
+def _better(pair: Pair, pairs: Sequence[Pair], sure: Collection[str]) -> tuple[str, float] | None:
+    """The motion of another axis that surely explains this torque, where its own does not, and the explained share.
+
+    ``sure``: motions that surely explain the torque of their own axis: they are where they belong, although in a
+    program, in which all axes move together, they may explain other torques, too.
+    """
+    beside = {pair.motion, *sure}
+    others = [(p.motion, p.explained) for p in pairs if p.torque == pair.torque and p.motion not in beside]
     best = max(others, key=lambda other: other[1], default=("", 0.0))
     return best if best[1] >= max(SURE, pair.explained + _EXCHANGED) else None
 

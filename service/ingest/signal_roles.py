@@ -15,6 +15,8 @@ from service.ingest.roles_by_name import (
     NO_MOTION,
     NOT_MEASURED,
     axis_name,
+    is_gripper,
+    is_load,
     own_word,
     owners,
     role_of,
@@ -103,6 +105,12 @@ def axes_in(messages: Sequence[Message]) -> list[AxisRoles]:
     # Sorted, as the pages of a multiplexed message come in any order.
     numbers = sorted(by_axis, key=lambda n: (not n.isdigit(), int(n) if n.isdigit() else 0))
     return [axis for n in numbers if (axis := _axis(n, by_axis[n], by_name)) is not None]
+
+
+def loads_in(messages: Sequence[Message]) -> list[tuple[str, str]]:
+    """Message and signal of each measured load, and of each gripper, by their names and units."""
+    found = ((m, s) for m in messages for s in m.signals if not counts(s))
+    return [(m.name, s.name) for m, s in found if is_load(s.name, s.unit or "") or is_gripper(s.name)]
 
 
 def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:

@@ -17,6 +17,7 @@ half, and vice versa.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import combinations, product
 from types import MappingProxyType
 from typing import NamedTuple
@@ -98,7 +99,7 @@ def link_weights(
             chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
-        return _complete(LinkWeights((), before, before), records, own, moving)
+        return _complete(LinkWeights((), before, before), records, own, moving, loads)
     needed, left = chosen, balance.error(chosen)
     for term in chosen:
         fewer = [w for w in needed if w != term]
@@ -106,33 +107,48 @@ def link_weights(
             needed = fewer
     balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
     found = LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
-    return _complete(found, records, own, moving)
+    return _complete(found, records, own, moving, loads)
 
 
 def _complete(
-    found: LinkWeights, records: Sequence[Record], own: str, moving: Mapping[str, MotionSignals]
+    found: LinkWeights,
+    records: Sequence[Record],
+    own: str,
+    moving: Mapping[str, MotionSignals],
+    loads: Sequence[str],
 ) -> LinkWeights | None:
     """The same with the energies of links that reduce the error; None: all terms do not explain enough."""
     if own in moving and len(moving) > 1:
-        found = _with_energies(found, records, own, moving)
+        found = _with_energies(found, records, own, moving, loads)
     enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
     return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
 
 
 def _with_energies(
-    found: LinkWeights, records: Sequence[Record], own: str, moving: Mapping[str, MotionSignals]
+    found: LinkWeights,
+    records: Sequence[Record],
+    own: str,
+    moving: Mapping[str, MotionSignals],
+    loads: Sequence[str],
 ) -> LinkWeights:
     terms = [Term.read(text) for text in found.terms]
-    parts, window = moving_parts(records, [*moving, *(name for term in terms for name in term.signals)])
+    parts, window = moving_parts(
+        records, [*moving, *loads, *(name for term in terms for name in term.signals)]
+    )
     if not parts:
         return found
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
-    scale = speed_scales(records)[1]
-    energies = link_energies(EnergyBalance(parts, window, scale, own, list(moving), values))
+    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, list(moving))
+    best, energies = terms, link_energies(balance(values))
+    for load in loads:
+        # Terms that were found without its energies stand for them, so the search begins anew.
+        carrying = link_energies(balance([], load))
+        if (1 - carrying.explained) ** 2 < _CLEARLY_LESS * (1 - energies.explained) ** 2:
+            best, energies = [], carrying
     if not energies.found:
         return found
     # An acceleration stays, as it may be there for a positive inertia.
-    needed = [term for k, term in enumerate(terms) if k not in energies.needless or not term.turns]
+    needed = [term for k, term in enumerate(best) if k not in energies.needless or not term.turns]
     torques = [energy.torque(own, moving) for energy in energies.found]
     return LinkWeights(
         tuple(dict.fromkeys(map(str, (*needed, *torques)))),

@@ -12,6 +12,11 @@ for that: the equations are integrated by parts (torque_windows.py).
 
 Weights are candidates, too: where links move fast, only these torques together show them.
 
+A load that is carried for a part of the time, as by a gripper, adds the same energies times its measured mass m(t), or
+times a signal that is 0 or 1.  It changes where the arm stands, so the same equations hold:
+
+    d/dt (m dE / dv_i) - m dE / dq_i
+
 Terms are chosen one by one by cross-validation: the values are fitted to one half of the data, and the error is that of
 the other half, and vice versa.
 """
@@ -30,6 +35,7 @@ from monitor_core.identification.torque_balance.torque_windows import WINDOWS, G
 from monitor_core.identification.weight.weight_balance import WeightBalance
 
 _MOST_SUMS = 8
+"""Most sums without a carried load; with one there are twice as many."""
 _MOST_OTHERS = 2
 """Other angles in the sum of a weight."""
 _MOST_OF_ANGLE = 2
@@ -60,31 +66,34 @@ class MotionSignals(NamedTuple):
 class Energy(NamedTuple):
     """The energy f(s) v_j v_k of joints ``axes`` = (j, k); f is ``function``, s is ``angles``.
 
-    Without ``axes``: the weight f(s), which is the derivative of a potential energy.
+    Without ``axes``: the weight f(s), which is the derivative of a potential energy.  ``load``: the name of the signal
+    of a carried load that it is multiplied by; "": none.
     """
 
     axes: tuple[str, ...]
     function: str
     angles: Sum
+    load: str = ""
 
     def torque(self, own: str, signals: Mapping[str, MotionSignals]) -> Term:
         """Its torque on the axis with the angle ``own``, in terms of signals, but for a factor."""
+        load = (_signal(self.load),) if self.load else ()
         f = Factor(self.function, tuple((int(np.sign(n)), a) for n, a in self.angles for _ in range(abs(n))))
         slope = Factor("sin" if self.function == "cos" else "cos", f.addends)
         sign = -1 if self.function == "cos" else 1
         if not self.axes:
-            return Term.product(f)
+            return Term.product(*load, f)
         j, k = self.axes
         if own not in self.axes:
             number = -sign * float(np.sign(self.times(own)))
             speeds = (Factor("square", ((1, signals[j].speed),)),) if j == k else _plain(signals, j, k)
-            return Term((Product((*speeds, slope), number),))
+            return Term((Product((*load, *speeds, slope), number),))
         other = k if j == own else j
-        factors = (_signal(signals[other].acceleration), *((f,) if self.angles else ()))
+        factors = (*load, _signal(signals[other].acceleration), *((f,) if self.angles else ()))
         parts = [Product(factors)]
         for n, angle in self.angles:
             if angle != own:  # its part of the rate cancels with dE / dq
-                parts.append(Product((*_plain(signals, other, angle), slope), float(sign * n)))
+                parts.append(Product((*load, *_plain(signals, other, angle), slope), float(sign * n)))
         return Term(tuple(parts))
 
     def function_values(self, part: GridPart) -> tuple[Floats, Floats]:
@@ -121,7 +130,7 @@ def link_energies(balance: EnergyBalance) -> LinkEnergies:
     """The energies of links whose torque acts on the axis of this balance."""
     chosen, before = list[int](), balance.error(())
     sums, left = list[int](), before
-    while len(sums) < _MOST_SUMS:
+    while len(sums) < balance.most_sums:
         best, least = balance.best(sums)
         if not least < balance.max_remaining * left:
             break
@@ -160,6 +169,7 @@ class EnergyBalance(WeightBalance):
         own: name of the angle of the axis itself.
         angles: names of all angles, own too, that do not wrap, from the base to the hand.
         terms: values (N,) of further terms of the torque in all parts, one after the other.
+        load: name of the signal of a carried load, by which each energy may be multiplied; "": none.
     """
 
     def __init__(
@@ -170,11 +180,16 @@ class EnergyBalance(WeightBalance):
         own: str,
         angles: Sequence[str],
         terms: Sequence[Floats],
+        load: str = "",
     ) -> None:
         super().__init__(parts, window, scale)
         ends = np.cumsum([len(part.u) for part in parts])[:-1]
         further = [self.column(np.split(values, ends)) for values in terms]
         self.energies = tuple(_candidates(own, angles))
+        self.most_sums = 2 * _MOST_SUMS if load else _MOST_SUMS
+        if load:
+            every = (Energy((own, own), "cos", ()), *self.energies)
+            self.energies += tuple(energy._replace(load=load) for energy in every)
         columns = [self._energy_column(energy, own) for energy in self.energies]
         rows = np.column_stack([self.rows, *further, *columns])
         size = np.sqrt((rows**2).sum(axis=0))
@@ -186,14 +201,14 @@ class EnergyBalance(WeightBalance):
         halves = ((rows[part], self.torque[part]) for part in (slice(half), slice(half, None)))
         self._halves = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
         self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
-        numbers = dict[tuple[tuple[str, ...], Sum], list[int]]()
+        numbers = dict[tuple[tuple[str, ...], Sum, str], list[int]]()
         for index, energy in enumerate(self.energies):
-            numbers.setdefault((energy.axes, energy.angles), []).append(index)
+            numbers.setdefault((energy.axes, energy.angles, energy.load), []).append(index)
         self.same_sum = list(numbers.values())
         independent = max(len(self.torque) / WINDOWS, 1.0)
         self.max_remaining = min(_MAX_REMAINING, 1 - _BY_CHANCE * np.log(len(numbers)) / independent)
         """A further sum must reduce the squared errors to at most this share"""
-        lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles in numbers])
+        lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles, _ in numbers])
         self._by_length = [np.flatnonzero(lengths == length).tolist() for length in np.unique(lengths)]
         """Indices of the energies of the same joints, with cosine and with sine of the same sum"""
 
@@ -233,17 +248,21 @@ class EnergyBalance(WeightBalance):
 
     def _energy_column(self, energy: Energy, own: str) -> Floats:
         """The integrals (M,) of the torque of this energy."""
+        carried = [part.signals[energy.load] if energy.load else np.ones(len(part.u)) for part in self._parts]
         if not energy.axes:
-            return self.column(energy.function_values(part)[0] for part in self._parts)
+            return self.column(
+                mass * energy.function_values(part)[0]
+                for mass, part in zip(carried, self._parts, strict=True)
+            )
         j, k = energy.axes
         n = energy.times(own)
         rates, torques = list[Floats](), list[Floats]()
-        for part in self._parts:
+        for mass, part in zip(carried, self._parts, strict=True):
             v = {angle: np.gradient(part.signals[angle], part.h) for angle in (j, k)}
             f, slope = energy.function_values(part)
             momentum = f * v[k if j == own else j] if own in energy.axes else np.zeros(len(part.u))
-            rates.append(momentum)
-            torques.append(-n * slope * v[j] * v[k])
+            rates.append(mass * momentum)
+            torques.append(-n * mass * slope * v[j] * v[k])
         return self.rate(rates) + self.column(torques)
 
 

@@ -67,11 +67,23 @@ def test_the_torque_is_that_of_lagranges_equation(
         own_times = abs({name: n for n, name in angles}.get(own, 0))
         scale = 2.0 if axes == (own, own) else 1.0 if own in axes else float(own_times)
         assert scale * found == pytest.approx(expected, rel=1e-9, abs=1e-12)
+        carried = Energy(axes, function, angles, "load").torque(own, SIGNALS)
+        assert Term.read(str(carried)).value({**signals, "load": np.array([3.0])})[0] == pytest.approx(
+            3 * found
+        )
 
 
-def motion(rng: Generator, seconds: float, axes: int = 3) -> tuple[Floats, Floats, Floats]:
-    """Angles, speeds and accelerations of all axes (axes, N)."""
+def motion(
+    rng: Generator, seconds: float, axes: int = 3, stops_s: float | None = None
+) -> tuple[Floats, Floats, Floats]:
+    """Angles, speeds and accelerations of all axes (axes, N), which stop for a moment at multiples of ``stops_s``."""
     t = np.arange(0.0, seconds, H)
+    if stops_s is not None:
+        each = 2 * np.pi / stops_s
+        q, v, a = motion(rng, seconds, axes)
+        along, rate, change = t - np.sin(each * t) / each, 1 - np.cos(each * t), each * np.sin(each * t)
+        q, v, a = (np.array([np.interp(along, t, row) for row in rows]) for rows in (q, v, a))
+        return q, v * rate, a * rate**2 + v * change
     f, phase = rng.uniform(0.05, 0.5, (2, axes, 6))
     w, at = (
         2 * np.pi * f[..., np.newaxis],
@@ -118,6 +130,25 @@ def test_centrifugal_torque_of_the_base_at_the_shoulder(rng: Generator) -> None:
     assert found is not None
     assert "cos(q2)" in found.terms
     assert "square(q1-speed) * sin(q2 + q2 + q3)" in found.terms
+
+
+def test_a_load_that_is_picked_and_placed_adds_its_own_energies(rng: Generator) -> None:
+    """A gripper that carries 10 kg for half of the time doubles the inertia of the base; no weight acts on that."""
+    q, v, a = motion(rng, 300.0, stops_s=4.0)
+    gripper = np.repeat(rng.permutation(np.arange(75) % 2), 400).astype(float)
+    reach, by2 = np.cos(q[1]) ** 2, -2 * np.cos(q[1]) * np.sin(q[1])
+    mass = 2 + 6 * gripper
+    base = record(rng, 0, (4 + mass * reach) * a[0] + mass * by2 * v[1] * v[0], q, v)
+    base = replace(base, signals={**base.signals, "gripper": gripper})
+    found = link_weights([base], "q1", ANGLES, ("gripper",), moving=SIGNALS)
+    assert found is not None
+    assert found.before < 0.7
+    assert found.explained > 0.93
+    loaded = {term for term in found.terms if "gripper" in term}
+    assert loaded == {
+        "gripper * q1-acceleration",
+        "gripper * q1-acceleration * cos(q2 + q2) - 2 * gripper * q1-speed * q2-speed * sin(q2 + q2)",
+    }
 
 
 @pytest.mark.parametrize("own", [0, 1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,18 @@ def test_exchanged_columns_are_noticed(record: Path) -> None:
     assert second.endswith("% of it: are two columns exchanged?")
 
 
+def test_axes_that_move_together_are_not_exchanged(record: Path) -> None:
+    """The motion of the first axis explains both torques, its own one, too: it is where it belongs."""
+    names, *rows = record.read_text(encoding="utf-8").splitlines()
+    values = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    values[:, 3] = values[:, 1] + 0.2 * values[:, 3]
+    np.savetxt(record, values, delimiter=",", header=names, comments="", fmt="%.9g")
+    first, second = (line for line in shown("init", record).splitlines() if line[:4] == "axis")
+    assert "sure" in first
+    assert "sure" not in second
+    assert "exchanged" not in first + second
+
+
 def test_torque_and_angle_of_one_axis_that_are_exchanged_are_noticed(record: Path) -> None:
     rename_columns(record, "Time,A1_Pos,A1_Trq,A2_Trq,A2_Pos")
     first, second = (line for line in shown("init", record, "--force").splitlines() if line[:4] == "axis")
@@ -83,6 +96,31 @@ def test_a_measured_load_is_a_signal(record: Path, column: str, axes: list[str])
     assert [axis.config.name for axis in found] == ["band", "hub"]
     assert [a.config.name for a in found if [s.column for s in a.config.signal] == [column]] == axes
     assert (f"not used: {column}" in text) == (not axes)
+
+
+@pytest.mark.parametrize(
+    ("columns", "signals"),
+    [
+        ({"Greifer": 500}, ["Greifer"]),
+        ({"DO 1": 500, "DO 2": 700, "Gripper.closed": 900}, ["Gripper-closed"]),
+        ({"DO 1": 500, "1": 700}, ["DO-1", "signal1"]),
+        ({f"DO {k}": 500 + k for k in range(1, 5)}, []),
+        ({"Gripper": 2500}, []),
+    ],
+)
+def test_a_column_of_two_values_may_tell_what_is_carried(
+    record: Path, columns: dict[str, int], signals: list[str]
+) -> None:
+    """The one of a gripper by its name, or the only few; not if it hardly changes. Values: rows between changes."""
+    names, *rows = record.read_text(encoding="utf-8").splitlines()
+    added = [",".join([row, *(str(k // n % 2) for n in columns.values())]) for k, row in enumerate(rows)]
+    record.write_text("\n".join([",".join([names, *columns]), *added]), encoding="utf-8")
+    text = shown("init", record)
+    for axis in load(Path("axis.toml")).axes:
+        assert [signal.name for signal in axis.config.signal] == signals
+    assert text.count(" may tell what the robot carries") == len(signals)
+    unused = [name for name in columns if re.sub(r"[ .]", "-", name) not in signals and name != "1"]
+    assert not unused or f"not used: {', '.join(unused)}" in text
 
 
 @pytest.mark.parametrize(

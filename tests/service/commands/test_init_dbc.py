@@ -72,6 +72,16 @@ def test_shipped_files(name: str, count: int) -> None:
     ]
 
 
+def test_a_gripper_and_a_payload(folder: Path) -> None:
+    inputs = 'BO_ 703 Outputs: 8 Controller\n SG_ DO_Gripper : 0|1@1+ (1,0) [0|1] "" Monitor\n'
+    inputs += ' SG_ Payload : 8|16@1+ (0.1,0) [0|100] "kg" Monitor\n SG_ GripperCounter : 24|8@1+ (1,0) [0|255] "" M\n'
+    text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", inputs))
+    assert "all axes: Outputs.DO_Gripper may tell what the robot carries" in text
+    for axis in axes:
+        named = [(signal.name, signal.message, signal.signal) for signal in axis.config.signal]
+        assert named == [("DO_Gripper", "Outputs", "DO_Gripper"), ("Payload", "Outputs", "Payload")]
+
+
 def test_a_real_one(records_dir: Path) -> None:
     """Drives that send currents and revolutions; what they are sent is no measurement."""
     _, axes = proposed(records_dir / "can" / "odrive-cansimple.dbc")
