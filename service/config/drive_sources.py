@@ -75,17 +75,12 @@ def _model_of_text(name: str, text: str, model: str | None, output: Output | Non
 
 
 def _text(path: Path) -> str:
-    origin = Origin(file=str(path))
     try:
         data = path.read_bytes()
         return data.decode("utf-8-sig")
     except OSError as error:
-        raise ModelError(f"cannot read the drawing: {error.strerror}", origin) from None
-    except ValueError as error:
-        if not isinstance(error, UnicodeDecodeError):
-            raise ModelError(
-                "cannot read the drawing: the name of the file holds a zero byte", origin
-            ) from None
+        raise ModelError(f"cannot read the drawing: {error.strerror}", Origin(file=str(path))) from None
+    except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
         raise ModelError(
             "the file must be UTF-8 text; this line holds other bytes", Origin("", str(path), line)
