@@ -242,9 +242,9 @@ def test_a_refused_request_differs_from_a_daemon_in_trouble(stage: Stage, url: s
     with Client(url) as client:
         assert client.act(number, "acknowledge", Remark("seen"))["transitions"][-1]["comment"] == "seen"
         with pytest.raises(ClientError, match="the alarm is acknowledged") as conflict:
-            client.act(number, "acknowledge")
+            client.act(number, "acknowledge", Remark())
         stage.journal.close()
         with pytest.raises(ClientError, match="cannot be read or written") as trouble:
-            client.act(number, "acknowledge")
+            client.act(number, "acknowledge", Remark())
     assert (conflict.value.status, conflict.value.refused) == (409, True)
     assert (trouble.value.status, trouble.value.refused) == (503, False)
