@@ -198,29 +198,6 @@ def test_check_shows_the_conditions_and_what_it_assumes(folder: Path) -> None:
     assert "demo: second: monitored as if the other axes stood still" in output
 
 
-@pytest.mark.parametrize(
-    ("content", "names"),
-    [
-        (BASE, "first, second"),
-        (
-            BASE.replace(
-                'monitor = ["kT", "fm"]', 'monitor = ["kT", "fm"]\nconditions = "others stand still"'
-            ),
-            "second",
-        ),
-        (with_conditions(schedules=""), "second"),
-        (with_conditions(gates=""), "second"),
-    ],
-)
-def test_an_axis_without_conditions_is_noted(folder: Path, content: str, names: str) -> None:
-    assert f"Note: demo: {names}: monitored as if" in check(folder, content)
-
-
-def test_a_robot_of_one_axis_is_not_noted(folder: Path) -> None:
-    alone = BASE[: BASE.index('[[robot.axis]]\nname = "second"')]
-    assert "monitored as if" not in check(folder, alone)
-
-
 # --- limits, on the right side ------------------------------------------------------------------------------
 
 

@@ -34,7 +34,7 @@ def write(text: str, changes: list[str], folder: Path) -> Path:
     (folder / "a.toml").write_text(text, encoding="utf-8")
     for change in (change for change in changes if change != "as it is"):
         place, _, rest = change.partition(": ")
-        name, edit = (place, rest) if place.endswith(".toml") else ("a.toml", change)
+        name, edit = (place, rest) if place.endswith((".toml", ".dbc")) else ("a.toml", change)
         old, _, new = edit.replace("\\n", "\n").partition(" =>")
         content = (folder / name).read_text(encoding="utf-8")
         assert content.count(old) == 1, change
