@@ -35,9 +35,7 @@ class Look(NamedTuple):
     axes: tuple[AxisLook, ...]
 
 
-def look_at(
-    config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show = lambda *_: None
-) -> Look:
+def look_at(config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show) -> Look:
     """Listen for this time, or until ``stop``, and report what was received.
 
     ``text``: the configuration, valid in ``folder``, where the short record is written.
