@@ -174,6 +174,6 @@ def _numbered(extracts: Extracts | None, new: Config) -> Iterator[None]:
 
 def _shown(host: str) -> str:
     """A host name under which a browser on this machine reaches the page."""
-    if host in ("0.0.0.0", "::", ""):
+    if host in ("0.0.0.0", "::"):
         return "localhost"
     return f"[{host}]" if ":" in host else host
