@@ -79,7 +79,11 @@ def run_daemon(
         )
         web = partial(_web, access, certificate)
         reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.replaced))
-        systemd = _service_manager(parts)
+        systemd = ServiceManager(
+            os.environ,
+            lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
+            lambda: status_line(parts.worker.snapshot),
+        )
         stack.callback(systemd.close)
         state = _app_state(parts, access, stop, reloading, file)
         if state.replays is not None:
@@ -101,14 +105,6 @@ def run_daemon(
         raise DaemonFailedError("a fault in the worker has stopped the daemon; the log says what") from fault
     saved_us = parts.worker.snapshot.checkpoint_us
     log.info("stopped", checkpoint=None if saved_us is None else iso(saved_us))
-
-
-def _service_manager(parts: DaemonParts) -> ServiceManager:
-    return ServiceManager(
-        os.environ,
-        lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
-        lambda: status_line(parts.worker.snapshot),
-    )
 
 
 def _app_state(

@@ -217,12 +217,8 @@ def _unit_of_time(checked: Checked) -> Iterator[Correction]:
 def _interval(checked: Checked) -> Iterator[Correction]:
     configured_s, (measured_s, off) = checked.axis.config.sample_interval_s, _interval_s(checked)
     if not math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL + off):
-        reason = sentence(
-            "samples apart",
-            "the samples of the records are {found} s apart, not {configured} s",
-            found=f"{measured_s:.6g}",
-            configured=f"{configured_s:g}",
-        )
+        words = "the samples of the records are {found} s apart, not {configured} s"
+        reason = sentence("samples apart", words, found=f"{measured_s:.6g}", configured=f"{configured_s:g}")
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 
 
@@ -345,14 +341,10 @@ def _wrap(checked: Checked) -> Iterator[Correction]:
             reason = sentence("wraps", "the angle starts again after {period}", period=f"{period:.6g}")
             yield Correction(("angle", "wrap_period"), period, reason)
         return
-    for period, words in _TURNS.items():
+    for period, unit in _TURNS.items():
         if math.isclose(angle.wrap_period, period) and abs(angle.factor) == 1:
-            reason = sentence(
-                "unit of turn",
-                "an angle that starts again after {period} is {unit}",
-                period=f"{period:g}",
-                unit=f"in {words}",
-            )
+            words = "an angle that starts again after {period} is {unit}"
+            reason = sentence("unit of turn", words, period=f"{period:g}", unit=f"in {unit}")
             yield Correction(("angle", "factor"), angle.factor * 2 * math.pi / period, reason)
 
 
