@@ -46,7 +46,6 @@ class Remark(NamedTuple):
     work_order: str = ""
 
 
-NOTHING = Remark()
 AlarmAction = Literal["acknowledge", "shelve", "unshelve", "comment"]
 
 
@@ -101,7 +100,7 @@ class Client:
         """The alarm load of an operator in a span of time; by default that of the API, seven days."""
         return self._ask("GET", "alarms/statistics", {"since": since, "until": until})
 
-    def act(self, alarm_id: int, action: AlarmAction, remark: Remark = NOTHING, **end: Value) -> Json:
+    def act(self, alarm_id: int, action: AlarmAction, remark: Remark, **end: Value) -> Json:
         """Apply an action to an alarm; end of shelving: ``duration_s``, or ``until`` (ISO 8601 with time zone)."""
         return self._ask("POST", f"alarms/{alarm_id}/{action}", body={**remark._asdict(), **end})
 

@@ -19,7 +19,7 @@ from service.config.remarks import remarks
 from service.config.schema import SignalConfig
 
 LOCAL_HOST = "127.0.0.1"
-"""Default output format, which needs no further library"""
+"""Default host of [web]: no other machine reaches it, so that it needs neither tokens nor TLS"""
 
 
 def check(config: ConfigPath) -> None:

@@ -159,9 +159,8 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
         for words in (*looked.doubts, *(() if ask else looked.faults)):
             console.print(f"{axis_id}: {words}.", markup=False)
     if proposed and not ask:
-        console.print(
-            f"Accept all with: {command} --yes", markup=False
-        )  # the box of an error would break the line
+        # The box of an error would break the line.
+        console.print(f"Accept all with: {command} --yes", markup=False)
         raise typer.BadParameter(
             f"{len(proposed)} proposed {'changes' if len(proposed) > 1 else 'change'}, to be confirmed in a terminal:"
             f" {'; '.join(proposed)}",

@@ -34,10 +34,10 @@ log = structlog.get_logger(__name__)
 
 def run_daemon(
     config: Config,
+    file: Path,
     record: Path | None = None,
     ready: Callable[[str], None] = lambda _url: None,
     stop: threading.Event | None = None,
-    file: Path | None = None,
     complete: Callable[[], None] = lambda: None,
     insecure: bool = False,
     reloadable: Callable[[Reloading], None] = lambda _reloading: None,
@@ -46,10 +46,10 @@ def run_daemon(
 
     Args:
         config: the whole configuration.
+        file: its path; a report of ``commission`` lies beside it.
         record: frames are also written here, as received.
         ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
-        file: path of the configuration; a report of ``commission`` lies beside it.
         complete: called once everything is compiled and all detectors run, from another thread.
         insecure: allow access from other machines without tokens or TLS.
         reloadable: called with the object that applies another configuration.
@@ -79,9 +79,15 @@ def run_daemon(
         )
         web = partial(_web, access, certificate)
         reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.replaced))
-        systemd = _service_manager(parts)
+        systemd = ServiceManager(
+            os.environ,
+            lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
+            lambda: status_line(parts.worker.snapshot),
+        )
         stack.callback(systemd.close)
-        state = _app_state(parts, access, stop, reloading, file, stack)
+        state = _app_state(parts, access, stop, reloading, file)
+        if state.replays is not None:
+            stack.callback(state.replays.stop)
         parts.worker.publisher.prepare = state.prepare
 
         def begin(port: int) -> None:
@@ -101,43 +107,20 @@ def run_daemon(
     log.info("stopped", checkpoint=None if saved_us is None else iso(saved_us))
 
 
-def _service_manager(parts: DaemonParts) -> ServiceManager:
-    return ServiceManager(
-        os.environ,
-        lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
-        lambda: status_line(parts.worker.snapshot),
-    )
-
-
 def _app_state(
-    parts: DaemonParts,
-    access: Access,
-    stop: threading.Event,
-    reloading: Reloading,
-    file: Path | None,
-    stack: ExitStack,
+    parts: DaemonParts, access: Access, stop: threading.Event, reloading: Reloading, file: Path
 ) -> AppState:
     """Data for the web server: the parts, recorded frames, and the configuration file."""
-    worker, baselines, extracts, journal = (
-        parts.worker,
-        parts.baselines,
-        parts.extracts,
-        parts.state.journal,
-    )
-    replays = reports = setup = None
+    worker, baselines, extracts, journal = parts.worker, parts.baselines, parts.extracts, parts.state.journal
+    replays = None
     if extracts is not None:
-        named = "" if file is None else str(file)
-        replays = ReplayReports(extracts.folder, lambda: reloading.config, named, journal.epochs)
-        stack.callback(replays.stop)
-    if file is not None:
-        reports = ReportPages(file.parent, [axis.id for axis in parts.config.axes])
-        look = SignalLook(lambda: reloading.config, extracts, now_us)
-        setup = RobotSetup(lambda: reloading.config, file, look, parts.problems)
+        replays = ReplayReports(extracts.folder, lambda: reloading.config, str(file), journal.epochs)
+    look = SignalLook(lambda: reloading.config, extracts, now_us)
     return AppState(
         lambda: worker.snapshot,
         journal,
         access,
-        reports=reports,
+        reports=ReportPages(file.parent, [axis.id for axis in parts.config.axes]),
         extracts=extracts,
         history=parts.state.history,
         links=parts.links.snapshots,
@@ -147,7 +130,7 @@ def _app_state(
         baselines=baselines,
         stopping=stop.is_set,
         live=parts.pipeline.live,
-        setup=setup,
+        setup=RobotSetup(lambda: reloading.config, file, look, parts.problems),
         replays=replays,
     )
 
@@ -187,6 +170,6 @@ def _numbered(extracts: Extracts | None, new: Config) -> Iterator[None]:
 
 def _shown(host: str) -> str:
     """A host name under which a browser on this machine reaches the page."""
-    if host in ("0.0.0.0", "::", ""):
+    if host in ("0.0.0.0", "::"):
         return "localhost"
     return f"[{host}]" if ":" in host else host

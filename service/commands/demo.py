@@ -144,7 +144,7 @@ def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
             ready.set()
 
         try:
-            run_daemon(config, ready=served, stop=stop, file=file, complete=detecting.set)
+            run_daemon(config, file, ready=served, stop=stop, complete=detecting.set)
         finally:
             stop.set()
             ready.set()

@@ -119,7 +119,7 @@ class MotionRequest(NamedTuple):
 
     @property
     def options(self) -> tuple[str, ...]:
-        """The defaults of ``excite`` for commissioning."""
+        """The options of ``excite`` for this motion, as far as they are no defaults."""
         found = list[str]()
         if self.find:
             found += ["--find", ",".join(self.find)]

@@ -69,16 +69,10 @@ def _code(error: Exception, mistakes: tuple[type[Exception], ...]) -> int | None
         return MISTAKE if error.refused else UNAVAILABLE
     if isinstance(error, BusError):
         return NO_BUS
-    own = (
-        IngestError,
-        DescriptionError,
-        AxisError,
-        FaultError,
-        ModelError,
-        IdentificationError,
-        CalibrationError,
-    )
-    if isinstance(error, (*own, UnprotectedError, CertificateError, LinkSecretError, *mistakes)):
+    given = (IngestError, DescriptionError, AxisError, FaultError)
+    found = (ModelError, IdentificationError, CalibrationError)
+    access = (UnprotectedError, CertificateError, LinkSecretError)
+    if isinstance(error, (*given, *found, *access, *mistakes)):
         return MISTAKE
     if isinstance(error, StoreError | CannotListenError):
         return UNAVAILABLE

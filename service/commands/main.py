@@ -62,14 +62,12 @@ class _LazyGroup(TyperGroup):
         try:
             return super().invoke(ctx)
         except typer.BadParameter as error:
-            missing = (
-                type(error) is not typer.BadParameter
-            )  # one of its subclasses, which typer does not export
+            # A missing option is a subclass, which typer does not export.
+            missing = type(error) is not typer.BadParameter
             if missing and error.param is not None and error.param.name == "config":
                 error.message = NO_CONFIG
-            error.message = error.message.removeprefix(
-                "Value error, "
-            )  # of pydantic, by which typer checks choices
+            # Of pydantic, by which typer checks choices.
+            error.message = error.message.removeprefix("Value error, ")
             raise
 
     def _command(self, cmd_name: str) -> Any:

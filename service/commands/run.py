@@ -69,7 +69,7 @@ def run(
         read = configuration(config)
         from service.commands.daemon import run_daemon
 
-        run_daemon(with_port(read, port), record, file=config, insecure=insecure, reloadable=hangup.start)
+        run_daemon(with_port(read, port), config, record, insecure=insecure, reloadable=hangup.start)
 
 
 class Hangup:

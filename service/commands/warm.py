@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 from service.pipeline.warming import compile_all
 
 if TYPE_CHECKING:
+    from monitor_core.arrays import Floats
     from monitor_core.drive import Output
-    from monitor_core.excitation import PlannedExperiment
 
 _INTERVAL_S = 0.005
-_OUTPUTS: tuple[Output, ...] = ("speed", "angle")
 
 
 def warm() -> None:
@@ -30,40 +29,23 @@ def warm() -> None:
 
 def compile_offline() -> None:
     """Compile the code of ``excite`` and ``identify``: a small experiment is planned, simulated and identified."""
-    experiment = _plan_experiment()
-    for output in _OUTPUTS:
-        _identify(experiment, output)
-
-
-def _plan_experiment() -> PlannedExperiment:
     import numpy as np
 
     from monitor_core.excitation import Estimation, Limits, Plant, Task, plan
+    from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx
     from monitor_core.modeling import EXAMPLE_VALUES, two_mass
 
     drive, values = two_mass("angle"), EXAMPLE_VALUES["two-mass"]
     plant = Plant(drive, values, _INTERVAL_S)
     estimation = Estimation(drive, values, _INTERVAL_S, lam0=1e-6)
     task = Task(plant, estimation, Limits(torque=2.0), period=200, periods=1, command="angle")
-    return plan(task, np.random.default_rng(0))
-
-
-def _identify(experiment: PlannedExperiment, output: Output) -> None:
-    import numpy as np
-
-    from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx
-    from monitor_core.modeling import EXAMPLE_VALUES, two_mass
-
-    motion, rng = experiment.motion, np.random.default_rng(0)
-    y = motion.speed if output == "speed" else motion.angle
-    t = _INTERVAL_S * np.arange(len(y), dtype=np.float64)
-    record = Record(t, motion.torque, y + 0.01 * y.std() * rng.standard_normal(len(y)), output)
-    problem = Problem(
-        two_mass(output),
-        EXAMPLE_VALUES["two-mass"],
-        ("Jm", "fm"),
-        free_delay=True,
-        disturbance=Disturbance(torque=0.1, slow=0.1),
-    )
-    fit(problem, [record], most_iterations=2)
-    fit_arx([record], 5)
+    rng = np.random.default_rng(0)
+    motion = plan(task, rng).motion
+    t = _INTERVAL_S * np.arange(len(motion.torque), dtype=np.float64)
+    outputs: dict[Output, Floats] = {"speed": motion.speed, "angle": motion.angle}
+    for output, y in outputs.items():
+        record = Record(t, motion.torque, y + 0.01 * y.std() * rng.standard_normal(len(y)), output)
+        disturbance = Disturbance(torque=0.1, slow=0.1)
+        problem = Problem(two_mass(output), values, ("Jm", "fm"), free_delay=True, disturbance=disturbance)
+        fit(problem, [record], most_iterations=2)
+        fit_arx([record], 5)

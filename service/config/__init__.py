@@ -7,21 +7,3 @@ from service.config.loading import load
 from service.config.problems import ConfigErrors, Problem
 from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.schema_model import ModelConfig
-
-__all__ = [
-    "AxisConfig",
-    "Config",
-    "ConfigErrors",
-    "ModelConfig",
-    "NamedAxis",
-    "Problem",
-    "conditions_of",
-    "drive_of",
-    "given_values",
-    "in_words",
-    "limits_of",
-    "load",
-    "needed",
-    "predictor_of",
-    "scales_of",
-]

@@ -25,6 +25,7 @@ from monitor_core.modeling import (
 )
 from monitor_core.wording import did_you_mean
 from service.config.base_table import SUFFIX
+from service.config.problems import NOT_UTF8, line_of
 
 if TYPE_CHECKING:
     from service.config.schema import AxisConfig
@@ -75,21 +76,12 @@ def _model_of_text(name: str, text: str, model: str | None, output: Output | Non
 
 
 def _text(path: Path) -> str:
-    origin = Origin(file=str(path))
     try:
-        data = path.read_bytes()
-        return data.decode("utf-8-sig")
+        return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        raise ModelError(f"cannot read the drawing: {error.strerror}", origin) from None
-    except ValueError as error:
-        if not isinstance(error, UnicodeDecodeError):
-            raise ModelError(
-                "cannot read the drawing: the name of the file holds a zero byte", origin
-            ) from None
-        line = data[: error.start].count(b"\n") + 1
-        raise ModelError(
-            "the file must be UTF-8 text; this line holds other bytes", Origin("", str(path), line)
-        ) from None
+        raise ModelError(f"cannot read the drawing: {error.strerror}", Origin(file=str(path))) from None
+    except UnicodeDecodeError as error:
+        raise ModelError(NOT_UTF8, Origin("", str(path), line_of(error))) from None
 
 
 _known: dict[tuple[object, Output | None], Modelled | ModelError] = {}

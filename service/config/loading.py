@@ -25,7 +25,7 @@ from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
-from service.config.problems import ConfigErrors, Finding, Problem, dotted, shown
+from service.config.problems import NOT_UTF8, ConfigErrors, Finding, Problem, dotted, line_of, shown
 from service.config.robot_defaults import origin
 from service.config.schema import AxisConfig, Config
 from service.config.schema_links import LINK_RULES, certificate_and_key, concealed
@@ -68,15 +68,12 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
 
 def _text(path: Path) -> str:
     try:
-        data = path.read_bytes()
-        return data.decode("utf-8-sig")
+        return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         reason = f"cannot read the configuration: {error.strerror}"
         raise ConfigErrors([Problem(path, None, "", None, reason)]) from None
     except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        reason = "the file must be UTF-8 text; this line holds other bytes"
-        raise ConfigErrors([Problem(path, line, "", None, reason)]) from None
+        raise ConfigErrors([Problem(path, line_of(error), "", None, NOT_UTF8)]) from None
 
 
 def _values(path: Path, text: str) -> dict[str, Any]:

@@ -48,10 +48,8 @@ def usable_drive(axis: AxisConfig) -> Drive:
 
 
 def _measured(axis: AxisConfig) -> Output | None:
-    """The output to model; "angle" if the configuration states it wrongly, so that other checks still have a drive."""
-    with suppress(Undecidable):
-        return None if axis.output else "angle"
-    return "angle"
+    """The output to model; "angle" if the configuration states none, so that other checks still have a drive."""
+    return None if axis.angle or axis.speed else "angle"
 
 
 def _model_error(

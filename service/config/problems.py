@@ -98,6 +98,14 @@ def _toml(value: object) -> str:
     return str(value)
 
 
+NOT_UTF8 = "the file must be UTF-8 text; this line holds other bytes"
+
+
+def line_of(error: UnicodeDecodeError) -> int:
+    """The line of the bytes that are no text."""
+    return error.object[: error.start].count(b"\n") + 1
+
+
 # --- Validation errors in words ---------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,7 @@ from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed
 from service.can.bus import FD_INTERFACES
 from service.can.frames import CLASSIC_BYTES
-from service.can.messages import MessageSet, find_signal, key_of_message
+from service.can.messages import Message, MessageSet, find_signal, key_of_message
 from service.config.axis_settings import (
     Detectors,
     axis_settings,
@@ -184,9 +184,7 @@ def _by_events(config: Config, known_on: _KnownOn) -> Iterator[str]:
         if axis.config.canopen is None or axis.config.records_only:
             continue
         known = known_on(axis.config.bus)
-        sources = axis.config.torque, axis.config.motion
-        messages = [find_signal(known, source.message, source.signal)[0] for source in sources]
-        late = [message.name for message in messages if key_of_message(message) not in known.sync]
+        late = [m.name for m in _messages(axis.config, known) if key_of_message(m) not in known.sync]
         if late:
             yield (
                 f"{axis.id}: {listed(list(dict.fromkeys(late)))} is sent by events, not after a SYNC: torque and motion"
@@ -201,17 +199,19 @@ def _long_frames(config: Config, known_on: _KnownOn) -> Iterator[str]:
         if bus.interface in FD_INTERFACES or "fd" in bus.options:
             continue
         known = known_on(bus.name)
-        used = [
-            find_signal(known, source.message, source.signal)[0]
-            for axis in config.axes
-            if axis.config.bus == bus.name and not axis.config.records_only
-            for source in (axis.config.torque, axis.config.motion)
-        ]
+        axes = [axis.config for axis in config.axes if axis.config.bus == bus.name]
+        used = [message for axis in axes for message in _messages(axis, known)]
         if long := [message.name for message in used if message.length > CLASSIC_BYTES]:
             yield (
                 f"bus {bus.name}: {listed(list(dict.fromkeys(long)))} needs CAN FD; {bus.interface} gives such frames"
                 " once it is opened for them: options = { fd = true } with the bit rates that python-can asks for"
             )
+
+
+def _messages(axis: AxisConfig, known: MessageSet) -> list[Message]:
+    """The messages of torque and motion."""
+    sources = axis.torque, axis.motion
+    return [find_signal(known, source.message, source.signal)[0] for source in sources]
 
 
 def _least_noise(known_on: _KnownOn, axis: AxisConfig) -> float | None:

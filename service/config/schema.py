@@ -388,10 +388,10 @@ class AxisConfig(Table):
     @property
     def motion(self) -> AngleConfig | SpeedConfig:
         """The signal of the angle, or, if that is not measured, of the speed."""
-        given = [signal for signal in (self.angle, self.speed) if signal is not None]
-        if not given:
+        motion = self.angle or self.speed
+        if motion is None:
             raise Undecidable("angle or speed")
-        return given[0]
+        return motion
 
     def is_sampled_as(self, other: "AxisConfig") -> bool:
         """Whether the samples of both axes come together."""

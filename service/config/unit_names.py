@@ -95,7 +95,7 @@ def unit_as_recorded(text: str, quantity: Quantity, factor: float) -> Unit | Non
     return None if unit is None or unit.factor is not None or abs(factor) != 1 else unit
 
 
-def unit_of(name: str, below: str = "") -> str:
+def unit_of(name: str, below: str) -> str:
     """The unit of a column: ``below`` its name, or in brackets in the name; empty: none."""
     bracketed = _BRACKETED.search(name)
     return below or (bracketed[1] if bracketed else "")

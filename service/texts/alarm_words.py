@@ -110,9 +110,9 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
     if parameter == DELAY:
         return _skew(size, nominal)
     if parameter == LOAD:
-        return _load(size)
-    if parameter == INERTIA:
-        return _inertia(size)
+        return _payload("the axis carries {by} weight", size, "more", "less")
+    if parameter == INERTIA:  # of an axis that bears no weight
+        return _payload("the inertia that the axis moves is {by}", size, "larger", "smaller")
     amount, more = _digits(abs(size)), "less" if size < 0 else "more"
     if parameter in SENSORS:
         if not math.isfinite(size):
@@ -154,21 +154,12 @@ def _skew(size: float, nominal: float) -> str:
     return f"the torque frame is {_ms(size)} {way}: the torque acts {acts} {side} its sample"
 
 
-def _load(size: float) -> str:
+def _payload(words: str, size: float, more: str, less: str) -> str:
     """Message about another payload: a change of the operation, and no fault of the drive."""
-    more = "less" if size < 0 else "more"
-    by = f"{_digits(abs(100 * size))} % {more}" if math.isfinite(size) else more
-    return (
-        f"the axis carries {by} weight than at its commissioning: another payload, and no fault of its drive"
-    )
-
-
-def _inertia(size: float) -> str:
-    """The effect of a payload on an axis that bears no weight."""
-    larger = "smaller" if size < 0 else "larger"
-    by = f"{_digits(abs(100 * size))} % {larger}" if math.isfinite(size) else larger
-    than = f"{by} than at its commissioning"
-    return f"the inertia that the axis moves is {than}: another payload, and no fault of its drive"
+    by = less if size < 0 else more
+    if math.isfinite(size):
+        by = f"{_digits(abs(100 * size))} % {by}"
+    return f"{words.format(by=by)} than at its commissioning: another payload, and no fault of its drive"
 
 
 def _ms(seconds: float) -> str:

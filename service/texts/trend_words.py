@@ -39,10 +39,8 @@ def trend_words(name: str, unit: str, t: Trend | None) -> str:
         return f"{name} {change} at once by {size}, {_when(t)}"
     shares = sorted({"steady": p["steady"], "drift": drift, "step": p["step"]}.items(), key=lambda s: -s[1])
     likely = [(kind, share) for kind, share in shares if share >= 0.05]
-    kinds, parts = (
-        " or ".join(kind for kind, _ in likely),
-        ":".join(f"{100 * share:.0f}" for _, share in likely),
-    )
+    kinds = " or ".join(kind for kind, _ in likely)
+    parts = ":".join(f"{100 * share:.0f}" for _, share in likely)
     return f"{name}: {kinds}, {parts}; {way} by {per_day} in the mean"
 
 

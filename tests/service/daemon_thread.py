@@ -5,11 +5,15 @@ import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from service.commands.daemon import run_daemon
 from service.config import Config
 from tests.end_to_end.processes import PATIENCE_S
+
+NO_FILE = Path("none.toml")
+"""In place of the file of a configuration, which a daemon reads only where somebody asks for it"""
 
 
 def on_any_port(config: Config) -> Config:
@@ -17,11 +21,11 @@ def on_any_port(config: Config) -> Config:
 
 
 @contextmanager
-def daemon_thread(config: Config, **words: Any) -> Iterator[str]:
+def daemon_thread(config: Config, file: Path = NO_FILE, **words: Any) -> Iterator[str]:
     """The address of its page; ``words`` are further arguments of ``run_daemon``.  What has ended it is raised."""
     pages, stop = queue.SimpleQueue[str | None](), threading.Event()
     with ThreadPoolExecutor(1, "daemon") as pool:
-        ended = pool.submit(run_daemon, on_any_port(config), ready=pages.put, stop=stop, **words)
+        ended = pool.submit(run_daemon, on_any_port(config), file, ready=pages.put, stop=stop, **words)
         ended.add_done_callback(lambda _: pages.put(None))
         try:
             page = pages.get(timeout=PATIENCE_S)

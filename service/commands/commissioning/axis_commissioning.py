@@ -38,7 +38,7 @@ from service.commands.commissioning.signal_proposals import Review, configured
 from service.commands.excite import planned, torque_columns
 from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.output_files import replace_text
-from service.config import AxisConfig, ConfigErrors, NamedAxis
+from service.config import AxisConfig, Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of
 from service.config.conditions import needed
@@ -237,12 +237,8 @@ _PHASES = 1
 def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     options, found, step = order.options, None, _within("calibrate", progress)
     for _ in range(_MOST_REMEDIES):
-        assert outcome.found is not None
-        changed = corrected(text, order.axis_id, outcome.corrections)
-        own = commissioned(changed, {order.axis_id: outcome.found})
         try:
-            config, axis = configured(own, order.axis_id, order.folder)
-            config, axis = as_identified(config, axis, order.records)
+            config, axis = as_identified(*_as_found(order, text, outcome), order.records)
             found = calibrate_axis(config, axis, order.records, options, order.provenance, step)
             break
         except CalibrationError as error:
@@ -283,9 +279,7 @@ def _replayed(order: Order, text: str, outcome: Outcome, progress: Progress) -> 
     """Add the parameters that the daemon could not test in these records, as the axis temperature is unknown."""
     from service.pipeline.axis_monitors import AxisMonitors
 
-    assert outcome.found is not None
-    own = commissioned(corrected(text, order.axis_id, outcome.corrections), {order.axis_id: outcome.found})
-    config, axis = configured(own, order.axis_id, order.folder)
+    config, axis = _as_found(order, text, outcome)
     monitors, many = AxisMonitors([axis]), len(order.records)
     for number, record in enumerate(order.records):
         block, _ = samples_in(record, config, axis, needed(axis))
@@ -298,6 +292,14 @@ def _replayed(order: Order, text: str, outcome: Outcome, progress: Progress) -> 
     sentences = not_tested_sentences(not_tested, status, monitors.axes[axis.id].gated_by)
     words = tuple(f"In its own records {sentence}." for sentence in sentences)
     return replace(outcome, untested=untested, notes=(*outcome.notes, *words))
+
+
+def _as_found(order: Order, text: str, outcome: Outcome) -> tuple[Config, NamedAxis]:
+    """The configuration with all that was found until now, and the axis."""
+    assert outcome.found is not None
+    changed = corrected(text, order.axis_id, outcome.corrections)
+    own = commissioned(changed, {order.axis_id: outcome.found})
+    return configured(own, order.axis_id, order.folder)
 
 
 def _within(phase: str, progress: Progress) -> Callable[[str, float, float], None]:

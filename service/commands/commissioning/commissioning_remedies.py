@@ -27,13 +27,14 @@ _WEIGHT = "-weight"
 
 
 class _Drive(NamedTuple):
+    name: str
     monitor: tuple[str, ...]
     values: Mapping[str, float]
     """Values of parameters that no record determines, used if the configuration has none"""
 
 
-_ONE_MASS = "one-mass", _Drive(("kT", "fc", "fm"), {"kT": 1.0})
-_THREE_MASS = "three-mass", _Drive(("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
+_ONE_MASS = _Drive("one-mass", ("kT", "fc", "fm"), {"kT": 1.0})
+_THREE_MASS = _Drive("three-mass", ("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
 _FAST_S = 0.006
 """Longest interval at which records can show the springs of gearbox and arm."""
 _MEMORIES = (1.0, 2.0, 5.0)
@@ -73,9 +74,9 @@ def retry(
     report: IdentificationReport,
     text: str,
     axis: NamedAxis,
-    tried: Collection[str] = (),
-    links: Callable[[], LinkLoad | None] = lambda: None,
-    turn: Callable[[], TurningWeight | None] = lambda: None,
+    tried: Collection[str],
+    links: Callable[[], LinkLoad | None],
+    turn: Callable[[], TurningWeight | None],
 ) -> Retry | None:
     """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
@@ -87,35 +88,13 @@ def retry(
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
     used = axis.config.model.drive
-    one_mass, fair = used == _ONE_MASS[0], report.result.verdict.quality is Quality.FAIR
+    one_mass, fair = used == _ONE_MASS.name, report.result.verdict.quality is Quality.FAIR
     replaceable = unfit and used.removesuffix(_WEIGHT) in _LIBRARY
     weight = links() if (replaceable or one_mass) and not tried else None
     if weight and (unfit or fair or weight.explains_much_more):
         return _with_links(text, axis, weight)
     if unfit:
-        missing = report.result.verdict.missing
-        if missing == (Effect.SLOW,):
-            return None  # another drive has no other friction
-        three = used == _ONE_MASS[0] and axis.config.sample_interval_s <= _FAST_S
-        springs_first = three and missing[:1] == (Effect.FAST,)
-        bears_weight = Effect.POSE in missing and axis.config.output == "angle" and not springs_first
-        other = _other_drive(axis.config, bears_weight, tried)
-        if other is None:
-            return None
-        name, drive = other
-        why = report.rejection or "no parameter could be monitored"
-        changes = [
-            Correction(("model", "drive"), name, f"as {axis.config.model.drive} it was not identified: {why}")
-        ]
-        if (
-            bears_weight
-            and "r" not in axis.config.model.nominal
-            and (ratio := _gear_ratio(turn())) is not None
-        ):
-            reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet has the exact ratio"
-            changes.append(Correction(("model", "nominal", "r"), ratio, reason))
-            drive = drive._replace(values={**drive.values, "r": ratio})
-        return Retry(with_drive(text, axis.id, name, drive.monitor, drive.values), tuple(changes))
+        return _with_other_drive(report, text, axis, tried, turn)
     bases = {split_name(name)[0] for name in watched}
     scheduled, torques = report.result.options.scheduled, report.result.estimate.drive.constant_torques()
     # A coefficient of a weight is an input unless it is monitored.
@@ -127,6 +106,33 @@ def retry(
     return None if fewer == text else Retry(fewer, ())
 
 
+def _with_other_drive(
+    report: IdentificationReport,
+    text: str,
+    axis: NamedAxis,
+    tried: Collection[str],
+    turn: Callable[[], TurningWeight | None],
+) -> Retry | None:
+    """The drive that may explain what this one does not; see ``retry``."""
+    config, missing = axis.config, report.result.verdict.missing
+    if missing == (Effect.SLOW,):
+        return None  # another drive has no other friction
+    three = config.model.drive == _ONE_MASS.name and config.sample_interval_s <= _FAST_S
+    springs_first = three and missing[:1] == (Effect.FAST,)
+    bears_weight = Effect.POSE in missing and config.output == "angle" and not springs_first
+    drive = _other_drive(config, bears_weight, tried)
+    if drive is None:
+        return None
+    why = report.rejection or "no parameter could be monitored"
+    reason = f"as {config.model.drive} it was not identified: {why}"
+    changes = [Correction(("model", "drive"), drive.name, reason)]
+    if bears_weight and "r" not in config.model.nominal and (ratio := _gear_ratio(turn())) is not None:
+        reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet has the exact ratio"
+        changes.append(Correction(("model", "nominal", "r"), ratio, reason))
+        drive = drive._replace(values={**drive.values, "r": ratio})
+    return Retry(with_drive(text, axis.id, *drive), tuple(changes))
+
+
 def _gear_ratio(found: TurningWeight | None) -> float | None:
     """Side of the gear of the angle, from the turn of the weight; None: angle of the arm, or unknown."""
     return None if found is None or found.least < 1 < found.most else float(f"{found.ratio:.3g}")
@@ -134,11 +140,10 @@ def _gear_ratio(found: TurningWeight | None) -> float | None:
 
 def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
     """One mass with a torque offset that follows the pose of the arm."""
-    name, drive = _ONE_MASS
-    text = with_drive(text, axis.id, name, drive.monitor, drive.values)
+    text = with_drive(text, axis.id, *_ONE_MASS)
     changes = list(weight.signals)
-    if name != axis.config.model.drive:
-        changes.insert(0, Correction(("model", "drive"), name, "the torque shows a weight"))
+    if axis.config.model.drive != _ONE_MASS.name:
+        changes.insert(0, Correction(("model", "drive"), _ONE_MASS.name, "the torque shows a weight"))
     motions = {change.key[1] for change in weight.signals if change.key[-1] in ("speed", "acceleration")}
     terms = [Term.read(term) for term in weight.terms]
     weighs = any(term.turns and motions.isdisjoint(term.signals) for term in terms)
@@ -153,22 +158,22 @@ def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
     )
 
 
-def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -> tuple[str, _Drive] | None:
+def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -> _Drive | None:
     """The same with a weight, if the torque shows one; or one mass for several, or three for one at fast samples."""
     before = axis.model.drive.removesuffix(_WEIGHT)
     weight = _WEIGHT if axis.model.drive.endswith(_WEIGHT) else ""
-    if bears_weight and not weight and before in (_ONE_MASS[0], *_SEVERAL_MASSES):
+    if bears_weight and not weight and before in _LIBRARY:
         weight = _WEIGHT
-        name, drive = before, _ONE_MASS[1] if before == _ONE_MASS[0] else _THREE_MASS[1]
+        drive = _ONE_MASS if before == _ONE_MASS.name else _THREE_MASS._replace(name=before)
     elif before in _SEVERAL_MASSES:
-        name, drive = _ONE_MASS
-    elif before == _ONE_MASS[0] and axis.sample_interval_s <= _FAST_S:
-        name, drive = _THREE_MASS
+        drive = _ONE_MASS
+    elif before == _ONE_MASS.name and axis.sample_interval_s <= _FAST_S:
+        drive = _THREE_MASS
     else:
         return None
     if weight:  # where it is, the angle of the arm tells
-        drive = drive._replace(values={"r": 1.0, **drive.values})
-    return None if name + weight in tried else (name + weight, drive)
+        drive = drive._replace(name=f"{drive.name}{weight}", values={"r": 1.0, **drive.values})
+    return None if drive.name in tried else drive
 
 
 def memories_of(axis: AxisConfig) -> tuple[float, ...]:

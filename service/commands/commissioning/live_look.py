@@ -3,7 +3,7 @@
 The frames form a short record, and the same checks are applied as to a long one.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from threading import Event
@@ -35,9 +35,7 @@ class Look(NamedTuple):
     axes: tuple[AxisLook, ...]
 
 
-def look_at(
-    config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show = lambda *_: None
-) -> Look:
+def look_at(config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show) -> Look:
     """Listen for this time, or until ``stop``, and report what was received.
 
     ``text``: the configuration, valid in ``folder``, where the short record is written.
@@ -98,7 +96,7 @@ def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
                 yield f"{where}: {count} frames were lost ({reason}): this machine is too busy"
 
 
-def _ids(keys: Sequence[FrameKey] | Mapping[FrameKey, int]) -> str:
+def _ids(keys: Iterable[FrameKey]) -> str:
     names = [f"0x{key.can_id:x}" for key in sorted(keys)]
     more = f" and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else ""
     return ", ".join(names[:_MAX_NAMED]) + more

@@ -217,12 +217,8 @@ def _unit_of_time(checked: Checked) -> Iterator[Correction]:
 def _interval(checked: Checked) -> Iterator[Correction]:
     configured_s, (measured_s, off) = checked.axis.config.sample_interval_s, _interval_s(checked)
     if not math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL + off):
-        reason = sentence(
-            "samples apart",
-            "the samples of the records are {found} s apart, not {configured} s",
-            found=f"{measured_s:.6g}",
-            configured=f"{configured_s:g}",
-        )
+        words = "the samples of the records are {found} s apart, not {configured} s"
+        reason = sentence("samples apart", words, found=f"{measured_s:.6g}", configured=f"{configured_s:g}")
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 
 
@@ -286,42 +282,26 @@ def _crowded(source: RecordOrigin) -> float:
     return source.dropped.get("repeated", 0) / 2 / source.samples
 
 
-def _bunches(checked: Checked) -> Iterator[Correction]:
-    """Frames whose receive times are not the sample times, as some adapters deliver them."""
-    time = checked.axis.config.time
-    most = max(map(_crowded, checked.sources))
-    if (
-        not checked.in_tables
-        and time.counter_signal is None
-        and time.clock == "receipt"
-        and most > _MIN_BUNCHED_SHARE
-    ):
-        yield Correction(
-            ("time", "clock"),
-            "cyclic",
-            sentence(
-                "bunches",
-                "frames are received in bunches, so the times of receipt are not those of the samples: the clock of the"
-                " controller is fitted to them",
-            ),
-        )
-
-
-def _scatter(checked: Checked) -> Iterator[Correction]:
-    """The motion is smoother with equally spaced times than with those of receipt: the receipt has jitter."""
+def _clock(checked: Checked) -> Iterator[Correction]:
+    """Times of receipt that are not those of the samples: in bunches, as of some adapters, or the motion shows it."""
     time = checked.axis.config.time
     if checked.in_tables or time.counter_signal is not None or time.clock != "receipt":
         return
-    if all(_rougher(record, checked.axis.config.sample_interval_s) for record in checked.records):
-        yield Correction(
-            ("time", "clock"),
-            "cyclic",
-            sentence(
-                "scatter",
-                "the motion is smoother with even times than with those of receipt, which scatter: the clock of the"
-                " controller is fitted to them",
-            ),
+    if max(map(_crowded, checked.sources)) > _MIN_BUNCHED_SHARE:
+        reason = sentence(
+            "bunches",
+            "frames are received in bunches, so the times of receipt are not those of the samples: the clock of the"
+            " controller is fitted to them",
         )
+    elif all(_rougher(record, checked.axis.config.sample_interval_s) for record in checked.records):
+        reason = sentence(
+            "scatter",
+            "the motion is smoother with even times than with those of receipt, which scatter: the clock of the"
+            " controller is fitted to them",
+        )
+    else:
+        return
+    yield Correction(("time", "clock"), "cyclic", reason)
 
 
 def _rougher(record: Record, interval_s: float) -> bool:
@@ -361,14 +341,10 @@ def _wrap(checked: Checked) -> Iterator[Correction]:
             reason = sentence("wraps", "the angle starts again after {period}", period=f"{period:.6g}")
             yield Correction(("angle", "wrap_period"), period, reason)
         return
-    for period, words in _TURNS.items():
+    for period, unit in _TURNS.items():
         if math.isclose(angle.wrap_period, period) and abs(angle.factor) == 1:
-            reason = sentence(
-                "unit of turn",
-                "an angle that starts again after {period} is {unit}",
-                period=f"{period:g}",
-                unit=f"in {words}",
-            )
+            words = "an angle that starts again after {period} is {unit}"
+            reason = sentence("unit of turn", words, period=f"{period:g}", unit=f"in {unit}")
             yield Correction(("angle", "factor"), angle.factor * 2 * math.pi / period, reason)
 
 
@@ -392,6 +368,6 @@ def _corrections(checks: Sequence[_Check], checked: Checked) -> Iterator[Correct
 
 
 _Check = Callable[[Checked], Iterator[Correction]]
-_FIRST_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _bunches, _scatter, _wrap)
+_FIRST_CHECKS: tuple[_Check, ...] = (_unit_of_time, _interval, _clock, _wrap)
 """Checked before faults: an angle that jumps back looks like one that is stuck in between."""
 _SIGNAL_CHECKS: tuple[_Check, ...] = (by_name, _sign, _late, by_ratio, by_weight, by_inertia, by_speed)

@@ -76,12 +76,8 @@ def by_weight(checked: Checked) -> Iterator[Correction]:
     if not checked.agrees and (unit := _unit_by_weight(checked, found, ratio, shows)) is not None:
         yield unit
     elif found.most / found.least < _BETWEEN**2 and "r" in checked.axis.config.model.nominal:
-        reason = sentence(
-            "gear by weight",
-            "{shows}: the gear ratio is about 1/{gear}; its data sheet says it",
-            shows=shows,
-            gear=f"{1 / found.ratio:.3g}",
-        )
+        words = "{shows}: the gear ratio is about 1/{gear}; its data sheet says it"
+        reason = sentence("gear by weight", words, shows=shows, gear=f"{1 / found.ratio:.3g}")
         sign = math.copysign(1.0, checked.values["r"])
         yield Correction(("model", "nominal", "r"), sign * float(f"{found.ratio:.3g}"), reason)
 
@@ -177,12 +173,8 @@ def by_inertia(checked: Checked) -> Iterator[Correction]:
 
 
 def _shows_inertia(inertia: float, times: float) -> Sentence:
-    return sentence(
-        "shows inertia",
-        "as one mass the drive shows an inertia of {inertia} kg m^2, {times} times the nominal",
-        inertia=f"{inertia:.3g}",
-        times=f"{times:.3g}",
-    )
+    words = "as one mass the drive shows an inertia of {inertia} kg m^2, {times} times the nominal"
+    return sentence("shows inertia", words, inertia=f"{inertia:.3g}", times=f"{times:.3g}")
 
 
 def _torque_times(checked: Checked, times: float) -> float:

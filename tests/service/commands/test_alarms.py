@@ -24,6 +24,8 @@ from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving
 
 GOLDEN = Path(__file__).parent / "golden"
 TLS = Path(__file__).parents[2] / "tls"
+Answering = Callable[[bytes], tuple[str, list[bytes]]]
+"""Starts a server with this answer; its address, and the requests that it gets"""
 
 
 @pytest.fixture
@@ -192,8 +194,8 @@ def test_a_token_that_no_header_can_hold_is_not_shown(url: str) -> None:
 
 
 @pytest.fixture
-def answering() -> Iterator[Callable[[bytes], tuple[str, list[bytes]]]]:
-    """A server that gives one answer, and keeps the request."""
+def answering() -> Iterator[Answering]:
+    """Servers that give one answer each."""
     listeners: list[tuple[socket.socket, threading.Thread]] = []
 
     def start(answer: bytes) -> tuple[str, list[bytes]]:
@@ -218,7 +220,7 @@ def answering() -> Iterator[Callable[[bytes], tuple[str, list[bytes]]]]:
 
 
 def test_the_token_is_sent_and_another_server_is_named(
-    answering: Callable[[bytes], tuple[str, list[bytes]]], monkeypatch: pytest.MonkeyPatch
+    answering: Answering, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     address, requests = answering(b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\nconnection: close\r\n\r\nhi")
     monkeypatch.setenv("AXISWATCH_TOKEN", "secret-7")
@@ -227,9 +229,7 @@ def test_the_token_is_sent_and_another_server_is_named(
     assert b"authorization: bearer secret-7" in requests[0].lower()
 
 
-def test_without_a_token_the_command_says_how_to_give_one(
-    answering: Callable[[bytes], tuple[str, list[bytes]]],
-) -> None:
+def test_without_a_token_the_command_says_how_to_give_one(answering: Answering) -> None:
     body = b'{"detail": "this needs a token"}'
     head = b"HTTP/1.1 401 Unauthorized\r\ncontent-length: %d\r\nconnection: close\r\n\r\n" % len(body)
     address, _ = answering(head + body)
@@ -242,9 +242,9 @@ def test_a_refused_request_differs_from_a_daemon_in_trouble(stage: Stage, url: s
     with Client(url) as client:
         assert client.act(number, "acknowledge", Remark("seen"))["transitions"][-1]["comment"] == "seen"
         with pytest.raises(ClientError, match="the alarm is acknowledged") as conflict:
-            client.act(number, "acknowledge")
+            client.act(number, "acknowledge", Remark())
         stage.journal.close()
         with pytest.raises(ClientError, match="cannot be read or written") as trouble:
-            client.act(number, "acknowledge")
+            client.act(number, "acknowledge", Remark())
     assert (conflict.value.status, conflict.value.refused) == (409, True)
     assert (trouble.value.status, trouble.value.refused) == (503, False)

@@ -177,11 +177,3 @@ def test_to_operate_is_not_enough(standing: RunningCore, tmp_path: Path) -> None
                 assert answer.status_code == status
         operator = {"authorization": f"Bearer {secrets[Scope.OPERATE]}"}
         assert client.get(f"/api/v1/axes/{AXIS}/epochs", headers=operator).json()["current"] == 1
-
-
-def test_metrics_name_the_epoch_and_the_window(standing: RunningCore) -> None:
-    with TestClient(standing.app(), base_url="http://localhost") as client:
-        text = client.get("/metrics").text
-    for line in ("epoch", "learning", "verifying"):
-        value = 1.0 if line == "epoch" else 0.0
-        assert f'axiswatch_axis_{line}{{axis="{AXIS}"}} {value}' in text

@@ -31,7 +31,7 @@ class Daemon:
         self.config: Config | None = None
         self.file: Path | None = None
 
-    def run(self, config: Config, record: Path | None = None, *, file: Path, **words: Any) -> None:
+    def run(self, config: Config, file: Path, record: Path | None = None, **words: Any) -> None:
         assert record is None
         assert not words.get("insecure")
         self.config, self.file = config, file

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from service.config import load
+from service.config import AxisConfig, load
 from service.ingest.roles_by_name import role_of
 from tests import golden
 from tests.service.command_line import session, shown
@@ -21,6 +21,10 @@ def record(folder: Path, seed: int) -> Path:
     return table(folder / "record.csv", seed, 20.0, axes=2)
 
 
+def proposed() -> list[AxisConfig]:
+    return [axis.config for axis in load(Path("axis.toml")).axes]
+
+
 def rename_columns(record: Path, names: str) -> None:
     _, _, rows = record.read_text(encoding="utf-8").partition("\n")
     record.write_text(f"{names}\n{rows}", encoding="utf-8")
@@ -30,11 +34,11 @@ def test_names_of_columns(record: Path) -> None:
     text = shown("init", record)
     assert "axis1: torque A1_Trq, angle A1_Pos: sure" in text
     assert "Next: axiswatch commission" in text
-    first, second = load(Path("axis.toml")).axes
-    assert (first.config.torque.column, first.config.motion.column) == ("A1_Trq", "A1_Pos")
-    assert (second.config.torque.column, second.config.motion.column) == ("A2_Trq", "A2_Pos")
-    assert first.config.sample_interval_s == pytest.approx(0.005)
-    assert first.config.time.column == "Time"
+    first, second = proposed()
+    assert (first.torque.column, first.motion.column) == ("A1_Trq", "A1_Pos")
+    assert (second.torque.column, second.motion.column) == ("A2_Trq", "A2_Pos")
+    assert first.sample_interval_s == pytest.approx(0.005)
+    assert first.time.column == "Time"
 
 
 def test_exchanged_columns_are_noticed(record: Path) -> None:
@@ -92,9 +96,9 @@ def test_a_measured_load_is_a_signal(record: Path, column: str, axes: list[str])
     loaded = [f"{row},{k // 500}" for k, row in enumerate(rows.splitlines())]
     record.write_text("\n".join([f"{names},{column}", *loaded]), encoding="utf-8")
     text = shown("init", record)
-    found = load(Path("axis.toml")).axes
-    assert [axis.config.name for axis in found] == ["band", "hub"]
-    assert [a.config.name for a in found if [s.column for s in a.config.signal] == [column]] == axes
+    found = proposed()
+    assert [axis.name for axis in found] == ["band", "hub"]
+    assert [a.name for a in found if [s.column for s in a.signal] == [column]] == axes
     assert (f"not used: {column}" in text) == (not axes)
 
 
@@ -142,11 +146,11 @@ def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes:
     """A torque that a drive is asked for is one, too, where no other is recorded."""
     rename_columns(record, f"Time,{names}")
     shown("init", record)
-    found = load(Path("axis.toml")).axes
-    assert [axis.config.name for axis in found] == axes
+    found = proposed()
+    assert [axis.name for axis in found] == axes
     columns = names.split(",")
-    assert [axis.config.torque.column for axis in found] == columns[::2]
-    assert [axis.config.motion.column for axis in found] == columns[1::2]
+    assert [axis.torque.column for axis in found] == columns[::2]
+    assert [axis.motion.column for axis in found] == columns[1::2]
 
 
 def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> None:
@@ -154,9 +158,9 @@ def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> Non
     turned = np.column_stack([rows[:, 0], -rows[:, 1], np.degrees(rows[:, 2]) % 360])
     write_rows(record, turned, "Time,Trq,Pos_deg")
     assert "torque Trq, angle Pos_deg: sure" in shown("init", record)
-    (axis,) = load(Path("axis.toml")).axes
-    assert axis.config.angle is not None
-    assert (axis.config.torque.factor, axis.config.angle.wrap_period) == (-1, 360)
+    (axis,) = proposed()
+    assert axis.angle is not None
+    assert (axis.torque.factor, axis.angle.wrap_period) == (-1, 360)
 
 
 @pytest.mark.usefixtures("folder")
@@ -171,9 +175,9 @@ def test_a_fast_motor_angle_of_a_slow_recorder(seed: int) -> None:
     kept = rows[rng.random(len(rows)) > 0.004]
     np.savetxt("plc.csv", kept, "%.6g", ",", header="TimeMs,Current [A],MotorAngle [deg]", comments="")
     shown("init", "plc.csv")
-    (axis,) = load(Path("axis.toml")).axes
-    assert axis.config.angle is not None
-    assert (axis.config.torque.factor, axis.config.angle.wrap_period) == (1, 360)
+    (axis,) = proposed()
+    assert axis.angle is not None
+    assert (axis.torque.factor, axis.angle.wrap_period) == (1, 360)
 
 
 def test_values_alone(record: Path) -> None:
@@ -185,7 +189,7 @@ def test_values_alone(record: Path) -> None:
     write_rows(record, columns, "")
     text = shown("init", record)
     assert "not used: 2, 6, 7" in text
-    a, b = (axis.config for axis in load(Path("axis.toml")).axes)
+    a, b = proposed()
     assert (a.torque.column, a.motion.column, a.torque.factor) == ("3", "1", -1)
     assert (b.torque.column, b.motion.column, b.torque.factor) == ("4", "5", 1)
     assert a.time.factor == 0.001
@@ -199,8 +203,8 @@ def test_times_without_parts_of_a_second_tell_the_interval(record: Path, cell: s
     rows = [",".join([cell.format(k // 200), line.partition(",")[2]]) for k, line in enumerate(lines)]
     record.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
     assert "rows are taken as evenly spaced, 0.005 s apart" in shown("init", record)
-    first, _ = load(Path("axis.toml")).axes
-    assert (first.config.time.column, first.config.sample_interval_s) == (None, 0.005)
+    first, _ = proposed()
+    assert (first.time.column, first.sample_interval_s) == (None, 0.005)
 
 
 @pytest.mark.parametrize("faulty_rows", [0, 30])
@@ -221,7 +225,7 @@ def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: i
         table[row, 1:] = rng.choice([0.0, 253.0, 1e293, -7e18], 8)
     write_rows(record, table, "")
     assert "not used: 3, 4, 7, 8" in shown("init", record)
-    found = [(a.config.torque.column, a.config.motion.column) for a in load(Path("axis.toml")).axes]
+    found = [(a.torque.column, a.motion.column) for a in proposed()]
     assert found == [("5", "1"), ("6", "2")]
 
 
@@ -257,13 +261,13 @@ def test_two_torques_that_may_be_measured_are_both_named(record: Path, seed: int
 def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
     rename_columns(record, "t,tau_1,q_1,tau_ref_2,q_cmd_2")
     assert "not used: tau_ref_2, q_cmd_2" in shown("init", record)
-    assert [axis.id for axis in load(Path("axis.toml")).axes] == ["robot1.axis1"]
+    assert [axis.name for axis in proposed()] == ["axis1"]
 
 
 def test_units_in_names(record: Path) -> None:
     rename_columns(record, "Time,A1_Trq_mNm,A1_Pos_deg,A2_Trq [Nm],A2_Pos")
     assert "sure" in shown("init", record)
-    first, second = (axis.config for axis in load(Path("axis.toml")).axes)
+    first, second = proposed()
     assert first.torque.factor == 0.001
     assert first.motion.factor == pytest.approx(0.0174532925)
     assert (second.torque.factor, second.motion.factor) == (1, 1)
@@ -279,7 +283,7 @@ def test_units_below_the_names(record: Path) -> None:
     text = shown("init", record)
     assert "axis1: torque A1 [mA], angle Achse1 [deg]: sure" in text
     assert "axis2: torque A2.Torque [%], angle A2.ActPos [mm]: sure" in text
-    first, second = (axis.config for axis in load(Path("axis.toml")).axes)
+    first, second = proposed()
     assert (first.time.factor, first.torque.factor) == (0.001, 0.001)
     assert first.motion.factor == pytest.approx(0.0174532925)
     assert (second.torque.factor, second.motion.factor) == (1, 1)
@@ -326,7 +330,7 @@ def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None
     text = [f"{times.format(1.77e18 + 5e6 * k)},{rest}" for k, (_, rest) in enumerate(cells)]
     record.write_text("\n".join([lines[0], *text]) + "\n", encoding="utf-8")
     assert words in shown("init", record)
-    first, _ = (axis.config for axis in load(Path("axis.toml")).axes)
+    first, _ = proposed()
     assert first.time.column is None or (first.time.factor, first.sample_interval_s) == (1e-9, 0.005)
 
 
@@ -351,7 +355,7 @@ def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) 
 def test_degrees(record: Path, name: str) -> None:
     rename_columns(record, f'Time,A1_Trq,"{name}",A2_Trq,A2_Pos')
     shown("init", record)
-    factors = {axis.config.motion.column: axis.config.motion.factor for axis in load(Path("axis.toml")).axes}
+    factors = {axis.motion.column: axis.motion.factor for axis in proposed()}
     assert factors[name] == pytest.approx(np.pi / 180)
 
 

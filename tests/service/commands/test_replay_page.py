@@ -6,13 +6,12 @@ import re
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner, Result
+from typer.testing import Result
 
 from service.commands.exit_codes import NOT_TESTED
-from service.commands.main import app
 from service.simulation.robot import Fault
 from tests.conftest import no_pictures
-from tests.service.command_line import refused
+from tests.service.command_line import axiswatch, refused
 from tests.service.identification.report_pages import read
 from tests.service.robot_tables import START_S, configured, rows
 
@@ -47,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
 
 
 def run(folder: Path, *arguments: str | Path) -> Result:
-    return CliRunner().invoke(app, ["replay", "--config", str(folder / "robot.toml"), *map(str, arguments)])
+    return axiswatch("replay", "--config", folder / "robot.toml", *arguments)
 
 
 @pytest.fixture(scope="module")

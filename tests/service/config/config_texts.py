@@ -193,9 +193,29 @@ key = "opcua.key"
 """
 
 
+DEFAULTS = """\
+[[bus]]
+name = "can0"
+channel = "can0"
+messages = "robot.dbc"
+[[robot]]
+name = "cell"
+[robot.defaults]
+sample_interval_s = 0.005
+model = { drive = "one-mass", monitor = ["kT", "fm"], nominal = { kT = 1 } }
+[[robot.axis]]
+name = "axis1"
+torque = { message = "Axis1Torque", signal = "Torque" }
+angle = { message = "Axis1Angle", signal = "Angle" }
+[[robot.axis]]
+name = "axis2"
+torque = { message = "Axis2Torque", signal = "Torque" }
+angle = { message = "Axis2Angle", signal = "Angle" }
+"""
 TEXTS = {
     "base": BASE,
     "conditions": with_conditions(),
+    "defaults": DEFAULTS,
     "demo": demo_axis().replace("memory_s = 1.0", "memory_s = 3.0"),
     "file": HEAD + FILE,
     "found": found(),

@@ -1,6 +1,5 @@
 """`axiswatch check` as a user sees it, and configurations without any bus: only for tables to be identified."""
 
-import re
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,7 @@ from service.config import load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from tests.demo_text import demo_text
-from tests.service.command_line import axiswatch, refused
+from tests.service.command_line import axiswatch
 from tests.service.config.config_texts import TABLES
 
 TLS = Path(__file__).resolve().parents[2] / "tls"
@@ -84,42 +83,6 @@ secret_file = "orders.secret"
     assert (result.exit_code, begin in result.stdout) == (0, False)
 
 
-@pytest.mark.parametrize(
-    ("signal", "unit", "factor", "noted"),
-    [
-        ("Torque", "mN m", None, "torque.factor = 1 takes it as N m; torque.factor = 0.001 converts it"),
-        ("Angle", "deg", -1.0, "angle.factor = -1 takes it as rad; angle.factor = -0.0174533 converts it"),
-        ("Torque", "mN m", 0.001, None),
-        ("Torque", "mA", 1.0, "torque.factor = 1 takes it as A; torque.factor = 0.001 converts it"),
-        ("Torque", "%", None, None),  # how much that is depends on the drive
-        ("Angle", "rad", None, None),
-    ],
-)
-def test_a_unit_of_the_bus_that_no_factor_converts_is_noted(
-    signal: str, unit: str, factor: float | None, noted: str | None, tmp_path: Path
-) -> None:
-    text, dbc = demo_text(1), (CONFIG / "demo.dbc").read_text(encoding="utf-8")
-    head, line = dbc[: dbc.index(f"SG_ {signal} ")], dbc[dbc.index(f"SG_ {signal} ") :]
-    (tmp_path / "demo.dbc").write_text(head + re.sub('"[^"]*"', f'"{unit}"', line, count=1), encoding="utf-8")
-    if factor is not None:
-        constant = "kT_Nm_per_A = 2.0\n" if unit == "mA" else ""
-        text = text.replace(f'signal = "{signal}"\n', f'signal = "{signal}"\nfactor = {factor}\n{constant}')
-    (tmp_path / "robot.toml").write_text(text, encoding="utf-8")
-    result = check(tmp_path / "robot.toml")
-    assert result.exit_code == 0
-    notes = [line for line in result.stdout.splitlines() if "converts it" in line]
-    assert len(notes) == (noted is not None)
-    assert noted is None or notes[0].startswith(f"Note: demo.axis1: Axis1State.{signal} is in ")
-    assert noted is None or notes[0].endswith(noted)
-
-
-def test_a_missing_file_is_no_traceback(tmp_path: Path) -> None:
-    message = refused("check", "--config", tmp_path / "none.toml")
-    assert message.endswith(
-        "cannot read the configuration: No such file or directory 1 problem in the configuration"
-    )
-
-
 def with_memory(tmp_path: Path, memory_s: float) -> Path:
     """The demo's configuration, of which the first axis has this memory; beside it its DBC."""
     text = demo_text()
@@ -166,23 +129,6 @@ def directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def call(command: str) -> Result:
     name, *words = command.split()
     return axiswatch(name, "--config", "axis.toml", *words)
-
-
-def test_columns_are_enough(directory: Path) -> None:
-    (axis,) = load(directory / "axis.toml", {}).axes
-    assert (axis.config.records_only, axis.config.torque.column) == (True, "torque")
-
-
-def test_one_torque_of_two_axes_is_noted(directory: Path) -> None:
-    robot, axis = TABLES.split("[[robot.axis]]")
-    again = axis.replace('name = "', 'name = "other-')
-    (directory / "axis.toml").write_text("[[robot.axis]]".join([robot, axis, again]), encoding="utf-8")
-    output = " ".join(call("check").output.split())
-    assert "column torque is the torque of each of them; give each axis its own" in output
-    assert "each of them" not in check(CONFIG / "axiswatch.toml").output
-    own = again.replace('column = "torque"', 'column = "torque 2"')
-    (directory / "axis.toml").write_text("[[robot.axis]]".join([robot, axis, own]), encoding="utf-8")
-    assert "each of them" not in call("check").output
 
 
 @pytest.mark.usefixtures("directory")

@@ -47,8 +47,9 @@ def test_what_cannot_be_read(file: Path) -> None:
         assert message.endswith(f"cannot read the configuration: {reason}")
 
 
-def test_bytes_that_are_no_text(file: Path) -> None:
-    file.write_bytes(BASE.encode() + b"# caf\xe9 in a Western code page\n")
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig"])
+def test_bytes_that_are_no_text(encoding: str, file: Path) -> None:
+    file.write_bytes(BASE.encode(encoding) + b"\xe9 in a Western code page\n")
     line = BASE.count("\n") + 1
     assert messages(file) == [f"a.toml:{line}: the file must be UTF-8 text; this line holds other bytes"]
 

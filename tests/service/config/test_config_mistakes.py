@@ -19,6 +19,7 @@ from tests import golden
 from tests.service.config.config_texts import CONFIG, TEXTS, furnish, loaded
 
 MISTAKES, REMARKS = (Path(__file__).parent / f"config_{name}" for name in ("mistakes", "remarks"))
+SUFFIXES = (".toml", ".dbc", ".mo")
 
 
 def entries(path: Path) -> Iterator[list[str]]:
@@ -34,7 +35,7 @@ def write(text: str, changes: list[str], folder: Path) -> Path:
     (folder / "a.toml").write_text(text, encoding="utf-8")
     for change in (change for change in changes if change != "as it is"):
         place, _, rest = change.partition(": ")
-        name, edit = (place, rest) if place.endswith(".toml") else ("a.toml", change)
+        name, edit = (place, rest) if rest and place.endswith(SUFFIXES) else ("a.toml", change)
         old, _, new = edit.replace("\\n", "\n").partition(" =>")
         content = (folder / name).read_text(encoding="utf-8")
         assert content.count(old) == 1, change

@@ -5,15 +5,12 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Iterable
 from copy import deepcopy
-from pathlib import Path
 from typing import Any
 
-import pytest
 import tomlkit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.config import ConfigErrors, load
 from service.config.commissioned import (
     Correction,
     Found,
@@ -24,7 +21,6 @@ from service.config.commissioned import (
     with_drive,
 )
 from service.config.robot_defaults import completed
-from tests.service.config.config_texts import CONFIG
 
 law = settings(deadline=None, max_examples=8)
 FOUND = {
@@ -162,54 +158,3 @@ def test_a_bus_is_added_to_either(config: dict[str, Any]) -> None:
     )
     short, long = (meaning(tomllib.loads(connected(tables, text_of(c), "x"))) for c in (config, robot()))
     assert short == long
-
-
-HEAD = f"""\
-[[bus]]
-name = "can0"
-channel = "can0"
-messages = "{CONFIG / "robot.dbc"}"
-[[robot]]
-name = "cell"
-[robot.defaults]
-sample_interval_s = 0.005
-model = {{ drive = "one-mass", monitor = ["kT", "fm"], nominal = {{ kT = 1 }} }}
-"""
-AXES = """\
-[[robot.axis]]
-name = "axis1"
-torque = { message = "Axis1Torque", signal = "Torque" }
-angle = { message = "Axis1Angle", signal = "Angle" }
-[[robot.axis]]
-name = "axis2"
-torque = { message = "Axis2Torque", signal = "Torque" }
-angle = { message = "Axis2Angle", signal = "Angle" }
-"""
-
-
-@pytest.mark.parametrize(
-    ("more", "expected"),
-    [
-        ("fo = 1\n", ["a.toml:10: robot[1].defaults.fo = 1: unknown key"]),
-        ('time.clock = "x"\n', ["a.toml:10: robot[1].defaults.time.clock"]),
-        ('name = "x"\n', ["a.toml:10: robot[1].defaults.name = \"x\": remove this: each axis has a name of its own"]),
-        ("speed = { message = \"Axis1Speed\", signal = \"Speed\" }\n", [*["a.toml:10: robot[1].defaults.speed"] * 2]),
-        ("max_gap_s = 0.001\n", ["a.toml:10: robot[1].defaults.max_gap_s = 0.001"]),
-        ('time.counter_signal = "Count"\n', ["a.toml:10: robot[1].defaults.time.counter_signal"] * 2),
-        ('bus = "can1"\n', ['a.toml:10: robot[1].defaults.bus = "can1": no such bus']),
-    ],
-)  # fmt: skip
-def test_a_mistake_in_the_defaults_is_reported_there(more: str, expected: list[str], tmp_path: Path) -> None:
-    (tmp_path / "a.toml").write_text(HEAD + more + AXES, encoding="utf-8")
-    with pytest.raises(ConfigErrors) as caught:
-        load(tmp_path / "a.toml", {})
-    rows = str(caught.value).replace(f"{tmp_path}/", "").splitlines()
-    for row, part in zip(rows, expected, strict=True):
-        assert part in row
-
-
-def test_defaults_that_are_no_table_are_reported(tmp_path: Path) -> None:
-    text = HEAD[: HEAD.index("[robot.defaults]")] + "defaults = 1\n" + AXES
-    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(ConfigErrors, match=r"a.toml:7: robot\[1\].defaults = 1: must be a table"):
-        load(tmp_path / "a.toml", {})

@@ -17,7 +17,7 @@ from service.links.running import Links
 from service.links.webhook import Webhook
 from service.store.journal import Journal
 from tests.end_to_end.processes import PATIENCE_S, wait_for
-from tests.service.daemon_thread import daemon_thread, on_any_port
+from tests.service.daemon_thread import NO_FILE, daemon_thread, on_any_port
 from tests.service.links.http_receiver import Answers, receiving
 from tests.service.links.journals import just_raised, record
 from tests.service.pipeline.robots import demo
@@ -111,5 +111,5 @@ def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
     assert "links" not in {thread.name for thread in threading.enumerate()}
     (tmp_path / "secret").unlink()
     with pytest.raises(LinkSecretError, match="secret: cannot read the secret: No such file"):
-        run_daemon(on_any_port(linked))
+        run_daemon(on_any_port(linked), NO_FILE)
     Journal(tmp_path / "alarms.sqlite").close()  # nobody holds it any longer

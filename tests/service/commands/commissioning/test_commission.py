@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from monitor_core.monitoring import axis_status
 from service.commands import output_files
 from service.commands.commissioning import axis_processes
-from service.commands.commissioning.signal_proposals import review
+from service.commands.commissioning.signal_proposals import Review, review
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.main import app
 from service.config import load
@@ -143,8 +143,8 @@ def test_a_fault_of_the_program_or_of_the_disk_is_shown_and_reported(
     monkeypatch.setattr(axis_processes, "commission_axis", fails)
     record = table(folder / "healthy.csv", seed, 4.0)
     config = configured(folder / "robot.toml", AXIS.format(n=1, interval=H))
-    command = ["commission", str(record), "--config", str(config), "--output", "made"]
-    result = CliRunner().invoke(app, command)
+    command = ("commission", record, "--config", config, "--output", "made")
+    result = CliRunner().invoke(app, [*map(str, command)])
     assert (result.exit_code, "Traceback" in result.stderr) == (code, code == FAULT)
     assert f"cell.a1: not commissioned: {words}" in result.output
     assert "0 of 1 axis ready." in (folder / "made" / "report.html").read_text(encoding="utf-8")
@@ -196,6 +196,13 @@ def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     assert found.values["fm"] == pytest.approx(scale * VALUES["fm"], rel=0.1)
 
 
+def review_of_log(folder: Path, rows: Path) -> Review:
+    """What is found about the frames of a table."""
+    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
+    log = can_logs.log_of(rows, config, folder / "healthy.log")
+    return review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
+
+
 @pytest.mark.parametrize(
     ("seconds", "every_s", "waited_s"), [(20.0, 0.016, 0.0), (5.0, 0.2, 0.0), (5.0, 0.02, 0.15)]
 )
@@ -215,9 +222,7 @@ def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, fold
     late = since < waited_s
     columns[late, 0] = columns[0, 0] + waited_s + 1e-5 * np.arange(np.count_nonzero(late))
     write_rows(rows, columns, form=RECEIVED)
-    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
-    log = can_logs.log_of(rows, config, folder / "healthy.log")
-    found = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
+    found = review_of_log(folder, rows)
     assert [correction.change for correction in found.corrections] == ['time.clock = "cyclic"']
     assert not found.faults
 
@@ -240,9 +245,7 @@ def test_times_of_receipt_that_scatter(
     np.savetxt(
         rows, np.column_stack([1e3 + t + late, torque, angle]), "%.10g", ",", header="t,u,y", comments=""
     )
-    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
-    log = can_logs.log_of(rows, config, folder / "healthy.log")
-    found = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
+    found = review_of_log(folder, rows)
     assert [correction.change for correction in found.corrections] == changes
 
 
@@ -276,9 +279,7 @@ def test_frames_with_each_value_four_times(folder: Path, seed: int) -> None:
     columns = read_rows(rows)
     columns[:, 1:] = np.repeat(columns[::4, 1:], 4, axis=0)
     write_rows(rows, columns, form=RECEIVED)
-    config = can_logs.configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1, "rad"))
-    log = can_logs.log_of(rows, config, folder / "healthy.log")
-    (fault,) = review(config.read_text("utf-8"), "cell.a1", [str(log)], folder).faults
+    (fault,) = review_of_log(folder, rows).faults
     assert "torque and motion come 4 times as slowly as the frames" in fault
     assert "let the controller send each value once, every 0.02 s, and set sample_interval_s to that" in fault
 

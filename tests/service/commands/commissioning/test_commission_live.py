@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
@@ -100,13 +101,12 @@ def looked_at(
     rows: Path | None,
     change: Callable[[Floats], object] = lambda _: None,
     seconds: float = LOOK_S,
+    robot: Path | None = None,
 ) -> Look:
-    """``rows``: those of the robot that sends; None: nothing is sent."""
-    read, stop = load(config, {}), threading.Event()
-    if rows is None:
-        return look_at(read, config.read_text("utf-8"), folder, 0.2, stop)
-    with moving(rows, config, change):
-        return look_at(read, config.read_text("utf-8"), folder, seconds, stop)
+    """``rows``: those that a robot sends by its configuration, the same if none is given; None: nothing is sent."""
+    with nullcontext() if rows is None else moving(rows, robot or config, change):
+        text = config.read_text("utf-8")
+        return look_at(load(config, {}), text, folder, seconds, threading.Event(), lambda *_: None)
 
 
 @pytest.fixture(scope="module")
@@ -185,27 +185,29 @@ def test_frames_that_are_lost(folder: Path, config: Path, two_axes: Path) -> Non
         assert float(share) == pytest.approx(10, abs=1)
 
 
-def test_a_silent_axis(folder: Path, config: Path, two_axes: Path) -> None:
-    """The robot has one axis, the configuration two."""
+def first_axis(config: Path) -> Path:
+    """The configuration of the first axis alone."""
     text = config.read_text(encoding="utf-8")
     single = config.with_name("single.toml")
     single.write_text(text[: text.rindex("[[robot.axis]]")], encoding="utf-8")
-    with moving(two_axes, single):
-        look = look_at(load(config, {}), text, folder, LOOK_S, threading.Event())
-    first, second = look.axes
+    return single
+
+
+def test_a_silent_axis(folder: Path, config: Path, two_axes: Path) -> None:
+    """The robot has one axis, the configuration two."""
+    first, second = looked_at(folder, config, two_axes, robot=first_axis(config)).axes
     assert (first.loaded is None, second.loaded is None) == (False, True)
     assert "no torque and angle: message Joint2 (0x182) was not received on bus can0" in second.problems[0]
 
 
 def test_a_silent_bus_and_the_dbc_of_another_robot(folder: Path, config: Path, two_axes: Path) -> None:
-    (words,) = looked_at(folder, config, None).buses
+    (words,) = looked_at(folder, config, None, seconds=0.2).buses
     assert "is silent: no frame" in words
     other = (folder / "robot.dbc").read_text(encoding="utf-8").replace("BO_ 38", "BO_ 48")
     (folder / "other.dbc").write_text(other, encoding="utf-8")
     text = config.read_text(encoding="utf-8").replace("robot.dbc", "other.dbc")
     config.with_name("other.toml").write_text(text, encoding="utf-8")
-    with moving(two_axes, config):
-        look = look_at(load(folder / "other.toml", {}), text, folder, LOOK_S, threading.Event())
+    look = looked_at(folder, folder / "other.toml", two_axes, robot=config)
     assert "none of their messages is in other.dbc: 0x181, 0x182" in look.buses[0]
     assert not any(axis.loaded for axis in look.axes)
 
@@ -316,10 +318,7 @@ def test_a_planned_motion_may_be_recorded_at_once(
 def test_an_axis_that_no_record_has_does_not_hinder_the_others(
     folder: Path, config: Path, two_axes: Path
 ) -> None:
-    text = config.read_text(encoding="utf-8")
-    single = config.with_name("single.toml")
-    single.write_text(text[: text.rindex("[[robot.axis]]")], encoding="utf-8")
-    with moving(two_axes, single, turned):
+    with moving(two_axes, first_axis(config), turned):
         result = axiswatch("commission", "--config", config, "--output", "made", "--minutes", 0.03)
     assert result.exit_code == MISTAKE  # a question, of the axis that is there
     assert "1 proposed change, to be confirmed in a terminal: cell.a1: torque.factor = -1" in words_of(

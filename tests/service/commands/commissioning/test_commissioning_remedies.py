@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -21,14 +21,11 @@ from service.commands.commissioning.axis_commissioning import (
     not_identified,
     unmonitored_words,
 )
-from service.commands.commissioning.commissioning_remedies import (
-    memories_of,
-    memory_change,
-    retry,
-)
+from service.commands.commissioning.commissioning_remedies import Retry, memories_of, memory_change, retry
 from service.commands.commissioning.link_load import LinkLoad
 from service.commands.commissioning.signal_proposals import Review, configured
 from service.commands.exit_codes import MISTAKE
+from service.config import AxisConfig
 from service.config.commissioned import Correction
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
@@ -47,6 +44,10 @@ torque = { column = "u" }
 angle = { column = "phi" }
 model = { drive = "three-mass", monitor = ["kT", "1/Ja", "fm"], nominal = { kT = 1, r = 0.01, Jg = 3.0 } }
 """
+MASS = TEXT.replace(
+    '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
+).replace(", r = 0.01, Jg = 3.0 }", " }")
+TWO = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
 NAME = "cell.a1"
 
 
@@ -54,12 +55,11 @@ def report(
     *watched: Watched,
     rejection: str | None = None,
     follows: tuple[str, ...] = (),
-    term: str = "cos(axis2)",
     missing: tuple[Effect, ...] = (),
     quality: Quality = Quality.GOOD,
 ) -> Any:
     """What is looked at of an identification."""
-    scheduled = [SimpleNamespace(parameter=name, term=term) for name in follows]
+    scheduled = [SimpleNamespace(parameter=name) for name in follows]
     estimate = SimpleNamespace(drive=SimpleNamespace(constant_torques=lambda: ("tau0",)))
     result = SimpleNamespace(
         watched=watched,
@@ -78,51 +78,59 @@ KT, FM = Watched("kT", 0.1, None), Watched("fm", 0.2, None)
 NO_FM = Watched("fm", np.nan, Obstacle.NO_SIZE)
 
 
+def next_try(
+    folder: Path,
+    found: Any,
+    text: str = TEXT,
+    before: Sequence[str] = (),
+    links: Callable[[], LinkLoad | None] = lambda: None,
+    turn: Callable[[], TurningWeight | None] = lambda: None,
+) -> Retry | None:
+    """What is tried after this identification with the configuration of this text."""
+    return retry(found, text, configured(text, NAME, folder)[1], before, links, turn)
+
+
+def retried(folder: Path, found: Any, text: str = TEXT, **given: Any) -> tuple[Retry, AxisConfig]:
+    """The same where there is something to try, and the axis with it."""
+    again = next_try(folder, found, text, **given)
+    assert again is not None
+    return again, configured(again.text, NAME, folder)[1].config
+
+
 @pytest.mark.parametrize("found", [report(KT, FM, rejection="the fit has not converged"), report(NO_FM)])
 def test_several_masses_that_are_not_identified_become_one(found: Any, tmp_path: Path) -> None:
-    _, axis = configured(TEXT, NAME, tmp_path)
-    again = retry(found, TEXT, axis)
-    assert again is not None
+    again, axis = retried(tmp_path, found)
     assert again.words == 'model.drive = "one-mass"'
-    _, simple = configured(again.text, NAME, tmp_path)
-    model = simple.config.model
+    model = axis.model
     assert (model.drive, model.monitor, dict(model.nominal)) == ("one-mass", ("kT", "fc", "fm"), {"kT": 1})
-    assert retry(found, again.text, simple, ["three-mass"]) is None, "there is nothing else"
+    assert next_try(tmp_path, found, again.text, ["three-mass"]) is None, "there is nothing else"
 
 
 def test_keys_of_parameters_that_are_not_monitored_any_more_are_left_out_and_named(tmp_path: Path) -> None:
     more = 'bounds = { kT = [0.5, 2.0] }, limits = { Ja = 9.0 } }\nalarms = { latched = ["1/Ja"] }\n'
     text = TEXT.replace("Jg = 3.0 } }", f"Jg = 3.0 }}, {more}")
-    _, axis = configured(text, NAME, tmp_path)
-    assert list(unmonitored_words(axis.config, ("kT", "fm"))) == [
+    _, before = configured(text, NAME, tmp_path)
+    assert list(unmonitored_words(before.config, ("kT", "fm"))) == [
         "1/Ja is not monitored, so it is left out of limits and latched in the new configuration."
     ]
-    again = retry(report(KT, FM, follows=("Ja",)), text, axis)
-    assert again is not None
-    _, left = configured(again.text, NAME, tmp_path)
-    assert (left.config.model.limits, left.config.alarms.latched) == ({}, ())
-    assert left.config.model.bounds == {"kT": (0.5, 2.0)}
+    _, axis = retried(tmp_path, report(KT, FM, follows=("Ja",)), text)
+    assert (axis.model.limits, axis.alarms.latched) == ({}, ())
+    assert axis.model.bounds == {"kT": (0.5, 2.0)}
 
 
 def test_a_drawn_drive_is_not_replaced(tmp_path: Path) -> None:
     text = TEXT[: TEXT.index("model = ")] + "[robot.axis.model]\n" + FILE
-    _, axis = configured(text, NAME, furnish(tmp_path))
+    furnish(tmp_path)
     for missing in ((), (Effect.POSE,)):
         found = report(rejection="poor", missing=missing)
-        assert retry(found, text, axis, links=lambda: LinkLoad((), ("cos(a1)",), 0.9, 0.8)) is None
+        assert next_try(tmp_path, found, text, links=lambda: LinkLoad((), ("cos(a1)",), 0.9, 0.8)) is None
 
 
 def test_one_mass_that_is_not_identified_becomes_three_at_fast_samples(tmp_path: Path) -> None:
-    text = TEXT.replace('"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]')
-    text = text.replace("{ kT = 1, r = 0.01, Jg = 3.0 }", "{ kT = 2 }")
-    _, axis = configured(text, NAME, tmp_path)
-    again = retry(report(rejection="poor"), text, axis)
-    assert again is not None
-    _, several = configured(again.text, NAME, tmp_path)
-    model = several.config.model
-    assert (model.drive, dict(model.nominal)) == ("three-mass", {"kT": 2, "r": 1})
-    slow = text.replace("0.005", "0.02")
-    assert retry(report(rejection="poor"), slow, configured(slow, NAME, tmp_path)[1]) is None
+    text = MASS.replace("kT = 1", "kT = 2")
+    _, axis = retried(tmp_path, report(rejection="poor"), text)
+    assert (axis.model.drive, dict(axis.model.nominal)) == ("three-mass", {"kT": 2, "r": 1})
+    assert next_try(tmp_path, report(rejection="poor"), text.replace("0.005", "0.02")) is None
 
 
 @pytest.mark.parametrize("drive", ["one-mass", "two-mass", "three-mass"])
@@ -131,93 +139,67 @@ def test_where_the_torque_shows_a_weight_the_drive_gets_one(drive: str, tmp_path
     text = TEXT.replace("three-mass", drive).replace("kT = 1, r = 0.01, Jg = 3.0", "kT = 2")
     text = text.replace('"1/Ja"', '"fc"')
     found = report(rejection="poor", missing=(Effect.POSE,))
-    again = retry(found, text, configured(text, NAME, tmp_path)[1])
-    assert again is not None
-    _, axis = configured(again.text, NAME, tmp_path)
-    assert axis.config.model.drive == f"{drive}-weight"
-    assert dict(axis.config.model.nominal) == {"kT": 2, "r": 1}
-    without_angle = text.replace("angle =", "speed =")
-    other = retry(found, without_angle, configured(without_angle, NAME, tmp_path)[1])
-    assert other is not None
+    _, axis = retried(tmp_path, found, text)
+    assert (axis.model.drive, dict(axis.model.nominal)) == (f"{drive}-weight", {"kT": 2, "r": 1})
+    other, _ = retried(tmp_path, found, text.replace("angle =", "speed ="))
     assert "weight" not in other.words
 
 
 @pytest.mark.parametrize(
-    ("before", "interval_s", "missing", "drive"),
+    ("text", "interval_s", "missing", "drive"),
     [
-        ("one-mass", 0.005, (Effect.FAST, Effect.POSE), "three-mass"),
-        ("one-mass", 0.005, (Effect.POSE, Effect.FAST), "one-mass-weight"),
-        ("one-mass", 0.02, (Effect.FAST, Effect.POSE), "one-mass-weight"),
-        ("three-mass", 0.005, (Effect.FAST, Effect.POSE), "three-mass-weight"),
+        (MASS, 0.005, (Effect.FAST, Effect.POSE), "three-mass"),
+        (MASS, 0.005, (Effect.POSE, Effect.FAST), "one-mass-weight"),
+        (MASS, 0.02, (Effect.FAST, Effect.POSE), "one-mass-weight"),
+        (TEXT, 0.005, (Effect.FAST, Effect.POSE), "three-mass-weight"),
     ],
 )
 def test_springs_come_before_a_weight_that_takes_hardly_any_torque(
-    before: str, interval_s: float, missing: tuple[Effect, ...], drive: str, tmp_path: Path
+    text: str, interval_s: float, missing: tuple[Effect, ...], drive: str, tmp_path: Path
 ) -> None:
     """Where samples are fast enough for springs, and they were not tried before."""
-    text = TEXT.replace("0.005", f"{interval_s}")
-    if before == "one-mass":
-        text = text.replace(
-            '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
-        )
-        text = text.replace("{ kT = 1, r = 0.01, Jg = 3.0 }", "{ kT = 1 }")
-    _, axis = configured(text, NAME, tmp_path)
-    again = retry(report(rejection="poor", missing=missing), text, axis)
-    assert again is not None
+    found = report(rejection="poor", missing=missing)
+    again, _ = retried(tmp_path, found, text.replace("0.005", f"{interval_s}"))
     assert again.words.startswith(f'model.drive = "{drive}"')
 
 
 @pytest.mark.parametrize(
-    ("given", "turn", "ratio"),
+    ("text", "turn", "ratio"),
     [
-        ("kT = 1", TurningWeight(0.01024, 0.006, 0.012), 0.0102),
-        ("kT = 1", TurningWeight(1.1, 0.8, 1.3), 1),
-        ("kT = 1", None, 1),
-        ("kT = 1, r = 0.02", TurningWeight(0.01024, 0.006, 0.012), 0.02),
+        (MASS, TurningWeight(0.01024, 0.006, 0.012), 0.0102),
+        (MASS, TurningWeight(1.1, 0.8, 1.3), 1),
+        (MASS, None, 1),
+        (TEXT.replace("r = 0.01, Jg = 3.0", "r = 0.02"), TurningWeight(0.01024, 0.006, 0.012), 0.02),
     ],
 )
 def test_a_weight_shows_the_gear_ratio_that_is_not_configured(
-    given: str, turn: TurningWeight | None, ratio: float, tmp_path: Path
+    text: str, turn: TurningWeight | None, ratio: float, tmp_path: Path
 ) -> None:
     """Of the angle of a motor; that of an arm turns with the weight."""
-    text = TEXT.replace("kT = 1, r = 0.01, Jg = 3.0", given)
-    if "r =" not in given:
-        text = text.replace(
-            '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
-        )
-    found = report(rejection="poor", missing=(Effect.POSE,))
-    again = retry(found, text, configured(text, NAME, tmp_path)[1], turn=lambda: turn)
-    assert again is not None
-    assert configured(again.text, NAME, tmp_path)[1].config.model.nominal["r"] == ratio
+    again, axis = retried(tmp_path, report(rejection="poor", missing=(Effect.POSE,)), text, turn=lambda: turn)
+    assert axis.model.nominal["r"] == ratio
     assert ("model.nominal.r = 0.0102" in again.words) == (ratio == 0.0102)
 
 
 def test_slow_motion_asks_for_no_other_drive(tmp_path: Path) -> None:
     """Springs have no other friction; only a record of faster motion helps."""
-    _, axis = configured(TEXT, NAME, tmp_path)
     found = report(rejection="poor", missing=(Effect.SLOW,))
-    assert retry(found, TEXT, axis) is None
+    assert next_try(tmp_path, found) is None
     found.is_poor = True
     assert "set min_speed = 0.1 in [[robot.axis]]" in not_identified(found, "")
 
 
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
-    _, axis = configured(TEXT, NAME, tmp_path)
-    assert retry(report(KT, FM, follows=("fm",)), TEXT, axis) is None
-    again = retry(report(KT, NO_FM, follows=("fm",)), TEXT, axis)
-    assert again is not None
+    assert next_try(tmp_path, report(KT, FM, follows=("fm",))) is None
+    again, axis = retried(tmp_path, report(KT, NO_FM, follows=("fm",)))
     assert not again.changes
-    _, fewer = configured(again.text, NAME, tmp_path)
-    assert fewer.config.model.monitor == ("kT",)
-    assert retry(report(KT, NO_FM, follows=("fm",)), again.text, fewer) is None, (
-        "it would be the same for ever"
-    )
+    assert axis.model.monitor == ("kT",)
+    endless = next_try(tmp_path, report(KT, NO_FM, follows=("fm",)), again.text)
+    assert endless is None, "it would be the same for ever"
 
 
 def test_a_weight_follows_the_pose_without_being_monitored(tmp_path: Path) -> None:
-    _, axis = configured(TEXT, NAME, tmp_path)
-    assert retry(report(KT, NO_FM, follows=("tau0",)), TEXT, axis) is None
-    assert retry(report(KT, NO_FM, follows=("tau0",), term="payload"), TEXT, axis) is None
+    assert next_try(tmp_path, report(KT, NO_FM, follows=("tau0",))) is None
 
 
 def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
@@ -226,20 +208,13 @@ def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     load = LinkLoad(signals, ("cos(a1)", "cos(a1 + a2)"), 0.9, 0.3)
     two = TEXT + TEXT[TEXT.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
     found = report(rejection="poor")
-    again = retry(found, two, configured(two, NAME, tmp_path)[1], links=lambda: load)
-    assert again is not None
+    again, axis = retried(tmp_path, found, two, links=lambda: load)
     assert again.schedule == ("tau0: cos(a1), cos(a1 + a2)",)
     assert again.words.startswith('model.drive = "one-mass", signal.a1.axis = "a1"')
-    _, axis = configured(again.text, NAME, tmp_path)
-    assert (axis.config.model.drive, [s.axis for s in axis.config.signal]) == ("one-mass", ["a1", "a2"])
-    assert axis.config.model.monitor == ("kT", "fc", "fm")
-    other = retry(found, two, configured(two, NAME, tmp_path)[1], ["one-mass"], links=lambda: load)
+    assert (axis.model.drive, [s.axis for s in axis.signal]) == ("one-mass", ["a1", "a2"])
+    assert axis.model.monitor == ("kT", "fc", "fm")
+    other = next_try(tmp_path, found, two, ["one-mass"], lambda: load)
     assert other is None or not other.schedule
-
-
-MASS = TEXT.replace(
-    '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
-).replace(", r = 0.01, Jg = 3.0 }", " }")
 
 
 def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:
@@ -253,9 +228,8 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
         (TEXT, Quality.FAIR, 0.95, ()),
     ):
         links = partial(load._replace, explained=explained)
-        found = report(KT, FM, quality=quality)
-        again = retry(found, text, configured(text, NAME, tmp_path)[1], links=links)
-        assert (again.schedule if again else ()) == schedule
+        found = next_try(tmp_path, report(KT, FM, quality=quality), text, links=links)
+        assert (found.schedule if found else ()) == schedule
     signals = (Correction(("signal", "a2-acceleration", "acceleration"), True, "links"), axis)
     for terms, shown in (
         (("a2-acceleration",), "what it takes to move the links"),
@@ -265,7 +239,7 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
         ),
     ):
         links = partial(LinkLoad, signals, terms, 0.9, 0.3)
-        again = retry(report(rejection="poor"), MASS, configured(MASS, NAME, tmp_path)[1], links=links)
+        again = next_try(tmp_path, report(rejection="poor"), MASS, links=links)
         assert again is not None
         assert again.shown == shown
 
@@ -293,10 +267,9 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")
     monkeypatch.setattr(axis_commissioning, "verdict_line", lambda _: "")
     monkeypatch.setattr(axis_commissioning, "as_toml", lambda _: "")
-    text = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
     (tmp_path / "a.csv").touch()
     records = (str(tmp_path / "a.csv"),)
-    order = Order(text, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    order = Order(TWO, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
     outcome = commission_axis(order, Review((), (), (), ""))
     assert outcome.refusal.startswith("not calibrated: "), "no values are in that file"
     ((chosen, axis),) = taken
@@ -311,8 +284,7 @@ def test_each_axis_sees_the_corrections_of_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The motion of one may be a signal of another, in the unit and at the interval that were found for it."""
-    text = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
-    (tmp_path / "axes.toml").write_text(text, encoding="utf-8")
+    (tmp_path / "axes.toml").write_text(TWO, encoding="utf-8")
     (tmp_path / "record.csv").write_text("u,phi\n" + "0.1,0.2\n" * 10, encoding="utf-8")
     reviews = {
         NAME: Review((Correction(("angle", "factor"), 0.5, "degrees"),), (), (), ""),

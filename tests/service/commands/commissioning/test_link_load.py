@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning import axis_commissioning
-from service.commands.commissioning.link_load import link_load
+from service.commands.commissioning.link_load import LinkLoad, link_load
 from service.config import NamedAxis, load
 from service.config.commissioned import corrected
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
@@ -111,6 +111,13 @@ def alarms(cell: Cell, record: Path) -> dict[str, list[tuple[str, str]]]:
     return {a["id"]: [(e["parameter"], e["direction"]) for e in a["alarms"]] for a in axes if a["alarms"]}
 
 
+def load_of(text: str, axis_id: str, record: Path) -> LinkLoad:
+    """What the load on an axis follows in a table, with the configuration of this text."""
+    found = link_load(text, axis_id, [str(record)], record.parent)
+    assert found is not None
+    return found
+
+
 AXIS = """
 [[robot.axis]]
 name = "{name}"
@@ -133,8 +140,7 @@ def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: C
     record = write(tmp_path / "motors.csv", cell.arm.take(60.0), 1.0)
     first, second = names.split()
     text = MOTORS + "".join(AXIS.format(name=n, column=c) for n, c in zip((first, second), AXES, strict=True))
-    found = link_load(text, f"arm.{second}", [str(record)], tmp_path)
-    assert found is not None
+    found = load_of(text, f"arm.{second}", record)
     signals = [name if name.startswith("J") else f"axis{name}" for name in (first, second)]
     assert f"cos({signals[0]} + {signals[1]})" in found.terms
     changes = {c.key: c.value for c in found.signals}
@@ -144,8 +150,7 @@ def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: C
     assert {c.key[1] for c in found.signals} == {name for name, key in ((c.key[1], c.key[2]) for c in found.signals)
                                                  if key == "factor" and changes["signal", name, key] == R}  # fmt: skip
     # Hundreds of radians are no angle of an arm: without the ratios the weight tells about what they are.
-    without = link_load(text.replace(", r = 0.01", ", r = 1"), f"arm.{second}", [str(record)], tmp_path)
-    assert without is not None
+    without = load_of(text.replace(", r = 0.01", ", r = 1"), f"arm.{second}", record)
     ratios = [c.value for c in without.signals if c.key[2] == "factor"]
     assert len(ratios) >= 2
     assert ratios == pytest.approx([R] * len(ratios), rel=1 / 3)
@@ -205,9 +210,9 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     coupling = 0.7 + 0.3 * np.cos(q[1])
     u = np.array([[1.0], [0.5]]) * (a + 0.5 * w) + np.tanh(w / 0.05) + coupling * a[::-1]
     u[0] -= coupling * a[1]  # the first feels nothing of the second
-    swing.write(tmp_path / "a.csv", u + rng.normal(0, 0.1, q.shape))
-    found = link_load(SCARA, "arm.2", [str(tmp_path / "a.csv")], tmp_path)
-    assert found is not None
+    record = tmp_path / "a.csv"
+    swing.write(record, u + rng.normal(0, 0.1, q.shape))
+    found = load_of(SCARA, "arm.2", record)
     assert found.terms == ("inner-acceleration", "inner-acceleration * cos(axis2)")
     changes = {c.key: c.value for c in found.signals}
     name = ("signal", "inner-acceleration")
@@ -216,11 +221,8 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
         (*name, "acceleration"): True,
         ("signal", "axis2", "axis"): "2",
     }
-    given = corrected(SCARA, "arm.2", found.signals)
-    again = link_load(given, "arm.2", [str(tmp_path / "a.csv")], tmp_path)
-    assert again is not None
-    assert again == found
-    assert link_load(SCARA, "arm.inner", [str(tmp_path / "a.csv")], tmp_path) is None
+    assert load_of(corrected(SCARA, "arm.2", found.signals), "arm.2", record) == found
+    assert link_load(SCARA, "arm.inner", [str(record)], tmp_path) is None
 
 
 BASE = two_axes("base", "lift")
@@ -236,8 +238,7 @@ def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed:
     lift = 4 * a[1] + 2 * np.sin(2 * q[1]) * w[0] ** 2 + 40 * np.cos(q[1])
     u = np.array([base, lift]) + 0.8 * w + np.tanh(w / 0.05) + rng.normal(0, 0.1, q.shape)
     swing.write(tmp_path / "a.csv", u)
-    found = link_load(BASE, "arm.base", [str(tmp_path / "a.csv")], tmp_path)
-    assert found is not None
+    found = load_of(BASE, "arm.base", tmp_path / "a.csv")
     rate = "base-acceleration * cos(lift + lift) - 2 * base-speed * lift-speed * sin(lift + lift)"
     assert found.terms == (rate,)
     assert found.explains_much_more
@@ -250,8 +251,7 @@ def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed:
         ("lift-speed", "axis"): "lift",
         ("lift-speed", "speed"): True,
     }
-    lifting = link_load(BASE, "arm.lift", [str(tmp_path / "a.csv")], tmp_path)
-    assert lifting is not None
+    lifting = load_of(BASE, "arm.lift", tmp_path / "a.csv")
     assert set(lifting.terms) == {"cos(lift)", "square(base-speed) * sin(lift + lift)"}
 
 
@@ -301,6 +301,4 @@ def test_a_load_and_a_turntable_that_starts_again(
     names = "t,tilt_u,tilt_y,table_u,table_y,hoist_u,hoist_w,load"
     table = np.column_stack([*columns, load])
     np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header=names, comments="")
-    found = link_load(POSITIONER, f"arm.{axis}", [str(tmp_path / "a.csv")], tmp_path)
-    assert found is not None
-    assert set(found.terms) == terms
+    assert set(load_of(POSITIONER, f"arm.{axis}", tmp_path / "a.csv").terms) == terms

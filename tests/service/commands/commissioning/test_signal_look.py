@@ -16,6 +16,8 @@ from service.web.robot_setup import NoLookError, SignalCheck
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, with_axes
 from tests.service.pipeline.ticking_extracts import ticking
 
+Robot = tuple[Config, list[FrameBlock]]
+"""A configuration, and the frames that it sends"""
 SECONDS = 6.0
 NOW_US = START_US + round(SECONDS * 1e6)
 
@@ -38,12 +40,12 @@ def looked_at(
 
 
 @pytest.fixture(scope="module")
-def healthy(tmp_path_factory: pytest.TempPathFactory, seed: int) -> tuple[Config, list[FrameBlock]]:
+def healthy(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Robot:
     config = demo(tmp_path_factory.mktemp("state"))
     return config, list(blocks(config, SECONDS, seed))
 
 
-def test_a_healthy_axis(tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]) -> None:
+def test_a_healthy_axis(tmp_path: Path, healthy: Robot) -> None:
     found = looked_at(tmp_path, *healthy)
     assert (found.problems, found.proposals) == ([], [])
     assert found.moves is True
@@ -59,9 +61,7 @@ def test_a_healthy_axis(tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
         assert signal.low < signal.high
 
 
-def test_a_wrong_sign_is_proposed_to_be_turned(
-    tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
-) -> None:
+def test_a_wrong_sign_is_proposed_to_be_turned(tmp_path: Path, healthy: Robot) -> None:
     """The configuration turns the torque; the bus does not."""
     config, sent = healthy
     turned = changed(config, "axis2", torque={"factor": -1.0})
@@ -69,7 +69,7 @@ def test_a_wrong_sign_is_proposed_to_be_turned(
     assert any("-> torque.factor = 1" in words for words in found.proposals)
 
 
-def test_lost_frames_are_a_share(tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]) -> None:
+def test_lost_frames_are_a_share(tmp_path: Path, healthy: Robot) -> None:
     config, sent = healthy
 
     def thinned(block: FrameBlock) -> FrameBlock:
@@ -81,9 +81,7 @@ def test_lost_frames_are_a_share(tmp_path: Path, healthy: tuple[Config, list[Fra
     assert "of its samples are missing" in " ".join(found.problems)
 
 
-def test_an_axis_that_sends_nothing_is_reported_by_its_message(
-    tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
-) -> None:
+def test_an_axis_that_sends_nothing_is_reported_by_its_message(tmp_path: Path, healthy: Robot) -> None:
     config, sent = healthy
     three = with_axes(config, demo(tmp_path, 3).robot[0].axis)
     found = looked_at(tmp_path, three, sent, "demo.axis3")
@@ -92,26 +90,20 @@ def test_an_axis_that_sends_nothing_is_reported_by_its_message(
     assert f"was not received on bus can0 in {SECONDS:.0f} s" in found.problems[0]
 
 
-def test_before_the_first_frame_no_message_is_blamed(
-    tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
-) -> None:
+def test_before_the_first_frame_no_message_is_blamed(tmp_path: Path, healthy: Robot) -> None:
     """As while the kernel is compiled at a first start: frames wait."""
     config, _ = healthy
     (problem,) = looked_at(tmp_path, config, []).problems
     assert problem.startswith("no frame has been taken from any bus yet")
 
 
-def test_old_frames_are_not_taken_for_the_present(
-    tmp_path: Path, healthy: tuple[Config, list[FrameBlock]]
-) -> None:
+def test_old_frames_are_not_taken_for_the_present(tmp_path: Path, healthy: Robot) -> None:
     found = looked_at(tmp_path, *healthy, now_us=NOW_US + 60_000_000)
     assert found.problems[0].startswith("nothing has come for 60 s")
     assert (found.sentences[0].kind, found.sentences[0].values) == ("frames old", {"age_s": "60"})
 
 
-def test_a_refused_look_has_a_reason(
-    tmp_path: Path, healthy: tuple[Config, list[FrameBlock]], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refused_look_has_a_reason(tmp_path: Path, healthy: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     config, _ = healthy
     with pytest.raises(NoLookError, match=r"recordings_mb in \[service\] is 0"):
         SignalLook(lambda: config, None, lambda: NOW_US)("demo.axis1")

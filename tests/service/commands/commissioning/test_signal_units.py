@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,11 @@ from tests.shares import soaked
 ROBOT = "[[robot]]\nname = 'cell'\n"
 DEGREES, TURN = math.pi / 180, 2 * math.pi
 Column = Callable[[Floats], Floats]
+Columns = Mapping[str, Column]
+"""Changes of the torque, "u", and of the motion, "y"; both may be absent"""
+Look = Callable[..., Review]
+AS_THEY_ARE: Columns = {}
+IN_DEGREES: Columns = {"y": lambda y: y / DEGREES}
 
 
 def counts(power: int) -> Column:
@@ -31,21 +37,26 @@ def looked_at(
     drive: str,
     output: str,
     known: bool = True,
-    u: Column = np.copy,
-    y: Column = np.copy,
+    columns: Columns = AS_THEY_ARE,
     names: str = "t,u,y",
     lacking: Collection[str] = (),
     **changed: float,
 ) -> Review:
     """What is found about a healthy axis whose columns were changed so, or whose nominal values."""
     m = moves(drive, seed)
-    columns = np.column_stack([m.t, u(m.torque), y(m.angle if output == "angle" else m.speed)])
+    motion = m.angle if output == "angle" else m.speed
+    rows = [m.t, columns.get("u", np.copy)(m.torque), columns.get("y", np.copy)(motion)]
     path = folder / "record.csv"
-    np.savetxt(path, columns, "%.12g", ",", header=names, comments="")
+    np.savetxt(path, np.column_stack(rows), "%.12g", ",", header=names, comments="")
     text = ROBOT + axis_text(drive, output, known, lacking, **changed)
     for name, new in zip("uy", names.split(",")[1:], strict=True):
         text = text.replace(f'column = "{name}"', f'column = "{new}"')
     return review(text, "cell.a1", [str(path)], folder)
+
+
+@pytest.fixture
+def look(tmp_path: Path, seed: int) -> Look:
+    return partial(looked_at, tmp_path, seed)
 
 
 def is_change(found: Correction, key: tuple[str, ...], value: float) -> bool:
@@ -53,11 +64,11 @@ def is_change(found: Correction, key: tuple[str, ...], value: float) -> bool:
 
 
 KINDS = [("one-mass", "angle"), ("one-mass", "speed"), ("one-mass-weight", "angle")]
-KNOWN: list[tuple[str, dict[str, Column], tuple[str, ...], float, str]] = [
+KNOWN: list[tuple[str, Columns, tuple[str, ...], float, str]] = [
     ("per mille", {"u": lambda u: np.rint(1000 * u / 2.4)}, ("torque", "factor"), 2.4e-3, "per mille of a rated"),
     ("N mm", {"u": lambda u: 1e3 * u}, ("torque", "factor"), 1e-3, "in N mm"),
     ("sign", {"u": lambda u: -u}, ("torque", "factor"), -1.0, "wrong sign"),
-    ("degrees", {"y": lambda y: y / DEGREES}, ("motion", "factor"), DEGREES, "in degrees"),
+    ("degrees", IN_DEGREES, ("motion", "factor"), DEGREES, "in degrees"),
     ("counts", {"y": counts(12)}, ("motion", "factor"), TURN / 2**12, "2^12 = 4096"),
     ("fine counts", {"y": counts(20)}, ("motion", "factor"), TURN / 2**20, "2^20 = 1048576"),
 ]  # fmt: skip
@@ -74,9 +85,9 @@ SPEED, WEIGHT = KINDS[1:]
         *((SPEED, name) for name in ("degrees", "fine counts")),
     ),
 )
-def test_beside_nominal_values(kind: tuple[str, str], mistake: str, tmp_path: Path, seed: int) -> None:
+def test_beside_nominal_values(kind: tuple[str, str], mistake: str, look: Look) -> None:
     (drive, output), (change, key, value, words) = kind, {row[0]: row[1:] for row in KNOWN}[mistake]
-    looked = looked_at(tmp_path, seed, drive, output, **change)  # type: ignore[arg-type]
+    looked = look(drive, output, columns=change)
     if "2^20" in words and output == "speed":  # beyond all that a speed can be
         assert "which no motor reaches: set torque.factor and speed.factor" in looked.faults[0]
         return
@@ -88,11 +99,11 @@ def test_beside_nominal_values(kind: tuple[str, str], mistake: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("mistake", ["degrees", "counts", "per mille"])
-def test_beside_nothing_but_the_inertia(mistake: str, tmp_path: Path, seed: int) -> None:
+def test_beside_nothing_but_the_inertia(mistake: str, look: Look) -> None:
     """Frictions, which nobody knows beforehand, are not needed."""
     change, key, value, _ = {row[0]: row[1:] for row in KNOWN}[mistake]
     lacking = ("fm", "fc", "tau0")
-    looked = looked_at(tmp_path, seed, "one-mass", "angle", lacking=lacking, **change)  # type: ignore[arg-type]
+    looked = look("one-mass", "angle", columns=change, lacking=lacking)
     (found,) = looked.corrections
     assert found.key[1] == key[1]
     assert found.value == pytest.approx(value, rel=0.25)
@@ -100,11 +111,11 @@ def test_beside_nothing_but_the_inertia(mistake: str, tmp_path: Path, seed: int)
 
 
 @pytest.mark.parametrize("friction", [True, False])
-def test_counts_that_make_up_for_per_mille(friction: bool, tmp_path: Path, seed: int) -> None:
+def test_counts_that_make_up_for_per_mille(friction: bool, look: Look) -> None:
     """The inertia is as the nominal one; only Coulomb friction, where it is given, shows both units."""
-    change: Mapping[str, Column] = {"u": lambda u: np.rint(1304 * u), "y": counts(13)}
+    change: Columns = {"u": lambda u: np.rint(1304 * u), "y": counts(13)}
     lacking = ("fm", "tau0") if friction else ("fm", "fc", "tau0")
-    looked = looked_at(tmp_path, seed, "one-mass", "angle", lacking=lacking, **change)  # type: ignore[arg-type]
+    looked = look("one-mass", "angle", columns=change, lacking=lacking)
     if friction:
         torque, angle = looked.corrections
         assert torque.value == pytest.approx(1 / 1304, rel=0.3)
@@ -117,46 +128,34 @@ def test_counts_that_make_up_for_per_mille(friction: bool, tmp_path: Path, seed:
         ]
 
 
-def test_two_mistakes_in_a_torque(tmp_path: Path, seed: int) -> None:
-    found = looked_at(tmp_path, seed, "one-mass", "angle", u=lambda u: np.rint(-1000 * u / 2.4)).corrections
+def test_two_mistakes_in_a_torque(look: Look) -> None:
+    found = look("one-mass", "angle", columns={"u": lambda u: np.rint(-1000 * u / 2.4)}).corrections
     assert [c.key for c in found] == [("torque", "factor")] * 2
     assert found[-1].value == pytest.approx(-2.4e-3, rel=0.25)
 
 
-def test_the_angle_of_the_arm_and_a_ratio_the_other_way_round(tmp_path: Path, seed: int) -> None:
+def test_the_angle_of_the_arm_and_a_ratio_the_other_way_round(look: Look) -> None:
     for known in (True, False):
-        (found,) = looked_at(
-            tmp_path, seed, "one-mass-weight", "angle", known, y=lambda y: y * RATIO
-        ).corrections
+        (found,) = look("one-mass-weight", "angle", known, {"y": lambda y: y * RATIO}).corrections
         assert is_change(found, ("angle", "factor"), 1 / RATIO)
         assert "that of the arm" in found.reason
-        (found,) = looked_at(tmp_path, seed, "one-mass-weight", "angle", known, r=1 / RATIO).corrections
+        (found,) = look("one-mass-weight", "angle", known, r=1 / RATIO).corrections
         assert is_change(found, ("model", "nominal", "r"), RATIO)
         assert "the other way round" in found.reason
 
 
-UNKNOWN: list[tuple[str, dict[str, Column], float, str]] = [
-    ("degrees", {"y": lambda y: y / DEGREES}, DEGREES, "the torque of the weight repeats"),
-    ("revolutions", {"y": lambda y: y / TURN}, TURN, "the torque of the weight repeats"),
-]
-
-
-@pytest.mark.parametrize(
-    ("change", "value", "words"), [row[1:] for row in UNKNOWN], ids=[r[0] for r in UNKNOWN]
-)
-def test_a_weight_shows_the_unit_of_the_angle(
-    change: Mapping[str, Column], value: float, words: str, tmp_path: Path, seed: int
-) -> None:
+@pytest.mark.parametrize("unit", [DEGREES, TURN], ids=["degrees", "revolutions"])
+def test_a_weight_shows_the_unit_of_the_angle(unit: float, look: Look) -> None:
     """It hangs on the true angle; the inertia is not known."""
-    (found,) = looked_at(tmp_path, seed, "one-mass-weight", "angle", False, **change).corrections  # type: ignore[arg-type]
-    assert is_change(found, ("angle", "factor"), value)
-    assert words in found.reason
+    (found,) = look("one-mass-weight", "angle", False, {"y": lambda y: y / unit}).corrections
+    assert is_change(found, ("angle", "factor"), unit)
+    assert "the torque of the weight repeats" in found.reason
 
 
-def test_no_motor_turns_so_fast(tmp_path: Path, seed: int) -> None:
-    (found,) = looked_at(tmp_path, seed, "one-mass", "angle", False, y=lambda y: y / DEGREES).corrections
+def test_no_motor_turns_so_fast(look: Look) -> None:
+    (found,) = look("one-mass", "angle", False, IN_DEGREES).corrections
     assert is_change(found, ("angle", "factor"), DEGREES)
-    looked = looked_at(tmp_path, seed, "one-mass", "speed", False, y=lambda y: y / DEGREES)
+    looked = look("one-mass", "speed", False, IN_DEGREES)
     assert not looked.corrections  # revolutions per minute would do as well
     assert "0.10472 for revolutions per minute, 0.0174533 for degrees per second" in looked.doubts[0]
 
@@ -165,17 +164,17 @@ def test_no_motor_turns_so_fast(tmp_path: Path, seed: int) -> None:
     ("change", "key"),
     [({"u": lambda u: np.rint(1000 * u / 2.4)}, "torque.factor"), ({"y": counts(13)}, "angle.factor")],
 )
-def test_what_no_record_tells(change: Mapping[str, Column], key: str, tmp_path: Path, seed: int) -> None:
-    looked = looked_at(tmp_path, seed, "one-mass", "angle", False, **change)  # type: ignore[arg-type]
+def test_what_no_record_tells(change: Columns, key: str, look: Look) -> None:
+    looked = look("one-mass", "angle", False, change)
     assert looked.corrections == ()
     (words,) = looked.doubts
     assert f"set {key} to" in words
     assert "model.nominal" in looked.unchecked
 
 
-def test_counts_hide_a_weight(tmp_path: Path, seed: int) -> None:
+def test_counts_hide_a_weight(look: Look) -> None:
     """Unless its period shows how many there are."""
-    looked = looked_at(tmp_path, seed, "one-mass-weight", "angle", False, y=counts(13))
+    looked = look("one-mass-weight", "angle", False, {"y": counts(13)})
     if looked.corrections:
         assert is_change(looked.corrections[0], ("angle", "factor"), TURN / 2**13)
     else:
@@ -185,27 +184,27 @@ def test_counts_hide_a_weight(tmp_path: Path, seed: int) -> None:
 @pytest.mark.parametrize(
     ("names", "change", "key", "value"),
     [
-        ("t,u,Pos_deg", {"y": lambda y: y / DEGREES}, ("angle", "factor"), DEGREES),
+        ("t,u,Pos_deg", IN_DEGREES, ("angle", "factor"), DEGREES),
         ("t,M1 [mNm],y", {"u": lambda u: 1e3 * u}, ("torque", "factor"), 1e-3),
     ],
 )
 def test_the_unit_in_the_name(
-    names: str, change: Mapping[str, Column], key: tuple[str, str], value: float, tmp_path: Path, seed: int
+    names: str, change: Columns, key: tuple[str, str], value: float, look: Look
 ) -> None:
-    (found,) = looked_at(tmp_path, seed, "one-mass", "angle", False, names=names, **change).corrections  # type: ignore[arg-type]
+    (found,) = look("one-mass", "angle", False, change, names).corrections
     assert is_change(found, key, value)
     # The inertia is known, and fits as it is: the name of the column is not right.
-    assert looked_at(tmp_path, seed, "one-mass", "angle", True, names=names).corrections == ()
+    assert look("one-mass", "angle", True, names=names).corrections == ()
 
 
 @pytest.mark.parametrize("period", [360.0, TURN, 65536.0])
-def test_an_angle_that_starts_again(period: float, tmp_path: Path, seed: int) -> None:
+def test_an_angle_that_starts_again(period: float, look: Look) -> None:
     unit = {360.0: DEGREES, TURN: 1.0, 65536.0: TURN / 2**13}[period]
 
     def start_again(y: Floats) -> Floats:
         return np.asarray(np.mod(np.rint(y / unit) if period == 65536 else y / unit, period))
 
-    looked = looked_at(tmp_path, seed, "one-mass", "angle", y=start_again)
+    looked = look("one-mass", "angle", columns={"y": start_again})
     found = {c.key: c.value for c in looked.corrections}
     assert found[("angle", "wrap_period")] == pytest.approx(period)
     assert found.get(("angle", "factor"), 1.0) == pytest.approx(unit)
@@ -257,7 +256,7 @@ def still(values: Floats) -> Floats:
     return np.full_like(values, values[0])
 
 
-BROKEN: list[tuple[str, dict[str, Column], str]] = [
+BROKEN: list[tuple[str, Columns, str]] = [
     ("stuck motion", {"y": frozen}, "column y (the {output}) is stuck, while the axis moves, from 8.00 to 19.99 s"),
     ("lost motion", {"y": lost}, "column y (the {output}) is stuck, while the axis moves, from "),
     ("stuck torque", {"u": frozen}, "column u (the torque) is stuck, while the axis moves, from 8.00 to 19.99 s"),
@@ -275,9 +274,9 @@ BROKEN: list[tuple[str, dict[str, Column], str]] = [
         (WEIGHT, "held motion"),
     ),
 )
-def test_broken_signals(kind: tuple[str, str], broken: str, tmp_path: Path, seed: int) -> None:
+def test_broken_signals(kind: tuple[str, str], broken: str, look: Look) -> None:
     (drive, output), (change, words) = kind, {row[0]: row[1:] for row in BROKEN}[broken]
-    looked = looked_at(tmp_path, seed, drive, output, **change)  # type: ignore[arg-type]
+    looked = look(drive, output, columns=change)
     assert looked.corrections == ()
     (fault,) = looked.faults
     assert words.format(output=output) in fault
@@ -344,10 +343,10 @@ def test_a_real_axis_with_mistakes(tmp_path: Path, records_dir: Path) -> None:
     }
 
 
-def test_a_position_in_mm_is_no_angle_in_degrees(tmp_path: Path, seed: int) -> None:
+def test_a_position_in_mm_is_no_angle_in_degrees(look: Look) -> None:
     """Its numbers are as large as those of an angle in degrees; only its name tells."""
     for names, corrected in (("t,u,y", True), ("t,u,y_mm", False)):
-        looked = looked_at(tmp_path, seed, "one-mass", "angle", False, y=lambda y: y / DEGREES, names=names)
+        looked = look("one-mass", "angle", False, IN_DEGREES, names)
         assert [c.key for c in looked.corrections] == [("angle", "factor")] * corrected
 
 
@@ -363,10 +362,8 @@ def test_a_unit_below_the_name_is_taken_as_one_in_it(tmp_path: Path, seed: int) 
     assert "in degrees: deg" in found.reason
 
 
-def test_an_angle_that_only_begins_elsewhere_stands(tmp_path: Path, seed: int) -> None:
+def test_an_angle_that_only_begins_elsewhere_stands(look: Look) -> None:
     """Its first sample alone is another one."""
-    looked = looked_at(
-        tmp_path, seed, "one-mass", "angle", y=lambda y: np.where(np.arange(y.size) < 1, 0.5, 0.2)
-    )
+    looked = look("one-mass", "angle", columns={"y": lambda y: np.where(np.arange(y.size) < 1, 0.5, 0.2)})
     assert "is 0.2 nearly throughout" in looked.faults[0]
     assert "the axis did not move, or the signal is stuck" in looked.faults[0]
