@@ -161,9 +161,8 @@ class MqttLink:
 
     async def _publish(self, client: aiomqtt.Client) -> None:
         """Publish until the connection is lost."""
-        lost = asyncio.ensure_future(
-            anext(client.messages)
-        )  # none is subscribed: it ends with the connection
+        # No topic is subscribed: it ends with the connection.
+        lost = asyncio.ensure_future(anext(client.messages))
         try:
             await self._broker.publish("status", "online", qos=1, retain=True)
             self._delivery.works()

@@ -37,10 +37,7 @@ _CHANGING = (
 _ALLOWED = frozenset(ua.NodeId(kind) for kind in USER_TYPES if kind not in _CHANGING)
 _REFRESH = frozenset(
     ua.NodeId(method)
-    for method in (
-        ua.ObjectIds.ConditionType_ConditionRefresh,
-        ua.ObjectIds.ConditionType_ConditionRefresh2,
-    )
+    for method in (ua.ObjectIds.ConditionType_ConditionRefresh, ua.ObjectIds.ConditionType_ConditionRefresh2)
 )
 _OLD_PADDING = "http://www.w3.org/2001/04/xmlenc#rsa-1_5"
 

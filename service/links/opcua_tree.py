@@ -45,10 +45,7 @@ _OF_AXIS = {
     "Epoch": (_STRING, "state of the nominal values: learning, verifying or current"),
     "OpenAlarms": (_STRING, "causes of the open alarms, with commas; empty: none"),
 }
-_OF_BUS = {
-    "Connected": (_BOOLEAN, "whether frames can be received"),
-    "State": (_STRING, "up, or why not"),
-}
+_OF_BUS = {"Connected": (_BOOLEAN, "whether frames can be received"), "State": (_STRING, "up, or why not")}
 
 Value = float | str | bool | None
 _Branch = tuple[object, ...]

@@ -79,10 +79,9 @@ class Webhook:
         }
         try:
             # A new connection for each post: alarms are rare, and the receiver would have closed an old one.
+            # The outer time limit is for the whole request; httpx applies its own to each step.
             async with (
-                asyncio.timeout(
-                    self._timeout_s
-                ),  # for the whole request; httpx applies its timeout to each step
+                asyncio.timeout(self._timeout_s),
                 httpx.AsyncClient(verify=self._context, trust_env=False, timeout=self._timeout_s) as http,
                 http.stream("POST", self._url, content=body, headers=headers) as answer,
             ):

@@ -121,8 +121,7 @@ def _predictor_table(report: IdentificationReport) -> str:
         "colour": Fact(report.result.colour, correlated, rough=True),
         "states": [f"{s.name} [{s.unit}]" for s in e.drive.states],
         "gain": Fact(
-            e.K if e.problem.predictor == "innovations" else [],
-            f"filter gain K, state for state, per {unit}",
+            e.K if e.problem.predictor == "innovations" else [], f"filter gain K, state for state, per {unit}"
         ),
         "min_speed": Fact(e.problem.min_speed, slower),
     }

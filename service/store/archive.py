@@ -200,9 +200,7 @@ def restore_archive(archive: Path, folder: Path) -> Manifest:
     with _explained():
         _must_be_free(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(
-            tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent)
-        )  # only its owner may read it
+        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))  # private to its owner
         try:
             manifest = _extract(archive, part)
             for name, entry in manifest.files.items():

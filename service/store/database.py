@@ -162,9 +162,8 @@ def _claim(path: Path) -> FileIO:
     lock_path = path.with_name(path.name + ".lock")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        owner = lock_path.open(
-            "a+b", buffering=0
-        )  # what a full disk refuses must not come again when it is closed
+        # Without a buffer: what a full disk refuses must not come again when it is closed.
+        owner = lock_path.open("a+b", buffering=0)
     except OSError as error:
         raise StoreError(_unusable(lock_path, error)) from error
     try:

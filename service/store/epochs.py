@@ -215,12 +215,7 @@ class Epochs:
         with self._db.read() as connection:
             return _next_number(connection, axis)
 
-    def take_over(
-        self,
-        plan: EpochPlan,
-        note: Note,
-        rules: Mapping[str, AlarmRules] = {},
-    ) -> Epoch:
+    def take_over(self, plan: EpochPlan, note: Note, rules: Mapping[str, AlarmRules] = {}) -> Epoch:
         """Put an epoch in force: the one that has finished learning, otherwise a new one.
 
         The former epoch and its open alarms end, with the same ``note``.

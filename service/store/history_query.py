@@ -139,10 +139,7 @@ def _reaching(table: Resolution, since_s: int, ends: _Ends) -> Resolution:
         period = PERIODS_S[coarser]
         first = max(ends[coarser][0], since_s // period * period)
         begin = ends[table][0] if table in ends else first + period
-        has_more = (
-            since_s < begin and first + period <= begin
-        )  # rows of a time of which the finer one has none
-        if has_more:
+        if since_s < begin and first + period <= begin:  # rows of a time of which the finer one has none
             table = coarser
     return table
 
@@ -156,10 +153,9 @@ def _as_stored(
     answer = _aligned(question, table, max(PERIODS_S[table], _step(question)), known, rows)
     if len(answer.t) <= question.points:
         return answer
+    # Do not split an answer at the start of a gap, which would hide the gap.
     after_gap = question.points > 1 and not any(c.rows.n[question.points] for c in answer.courses)
-    cut = (
-        question.points - after_gap
-    )  # do not split an answer at the start of a gap, which would hide the gap
+    cut = question.points - after_gap
     first = slice(cut)
     courses = tuple(course._replace(rows=course.rows.select(first)) for course in answer.courses)
     following = int(answer.t[cut])

@@ -288,11 +288,7 @@ _BEFORE_ALL = (2**63 - 1, 2**63 - 1)
 
 
 def _obey(
-    connection: sqlite3.Connection,
-    alarm: RecordedAlarm,
-    rules: AlarmRules,
-    note: Note,
-    by: str | None = None,
+    connection: sqlite3.Connection, alarm: RecordedAlarm, rules: AlarmRules, note: Note, by: str | None = None
 ) -> None:
     """Record the transitions that are due at the time of the note; ``by``: who has changed the service of the axis."""
     own, removed_by = removal(connection, alarm.axis, rules)

@@ -120,11 +120,7 @@ def _axes(state: AppState) -> APIRouter:
         return views.axis(state.axis(axis), state.now_us())
 
     @api.get("/axes/{axis}/trend", summary="Long-term trend of an axis", responses=_NOT_FOUND)
-    def trend(
-        axis: str,
-        parameter: Only = None,
-        points: Entries = 1200,
-    ) -> models.Trend:
+    def trend(axis: str, parameter: Only = None, points: Entries = 1200) -> models.Trend:
         """Drift of the parameters, when they reach their limits, and the hourly means behind it."""
         return views.trend(state.axis(axis, parameter), parameter, points)
 

@@ -79,10 +79,9 @@ class AppState:
 
     def prepare(self, snapshot: Snapshot) -> None:
         """Make the frequently requested answers before the snapshot is published; called by the worker."""
+        # Held only when all are made, so that requests for the former snapshot need not wait.
         for answer, made in [(answer, answer.made(snapshot)) for answer in self.prepared]:
-            answer.hold(
-                made
-            )  # only when all are made, so that requests for the former snapshot need not wait
+            answer.hold(made)
 
     @property
     def recordings(self) -> RecordingFolder | None:

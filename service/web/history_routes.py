@@ -165,10 +165,7 @@ def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) 
     Raises:
         HTTPException: the disk is full.
     """
-    from service.ingest.table_files import (
-        write_csv,
-        write_parquet,
-    )  # imported here: 40 MB that few daemons need
+    from service.ingest.table_files import write_csv, write_parquet  # 40 MB that few daemons need
 
     write = write_csv if kind == "csv" else write_parquet
     with ExitStack() as stack:

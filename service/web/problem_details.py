@@ -84,9 +84,7 @@ def add_to_schema(app: FastAPI) -> None:
         for unused in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(unused, None)
         for hook in schema.get("webhooks", {}).values():
-            hook["post"]["responses"].pop(
-                "422", None
-            )  # not defined here: the receiver decides what it answers
+            hook["post"]["responses"].pop("422", None)  # the receiver decides what it answers
         for method, operation in operations:
             if method == "get" and "application/json" in operation["responses"].get("200", {}).get(
                 "content", {}

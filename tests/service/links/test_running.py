@@ -74,9 +74,7 @@ def test_a_receiver_that_hangs_or_is_down_does_not_hold_the_others_up(
 
 
 def test_a_fault_of_the_program_in_a_link_does_not_end_it(
-    tmp_path: Path,
-    run: Callable[[LinksConfig, Journal, ExitStack], Links],
-    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path, run: Callable[[LinksConfig, Journal, ExitStack], Links], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     send, broken = Webhook.send, [ZeroDivisionError("a fault")]
 

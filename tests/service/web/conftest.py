@@ -34,12 +34,7 @@ from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
 from service.pipeline.replay_reports import ReplayReports
-from service.pipeline.snapshot import (
-    AxisSnapshot,
-    Histogram,
-    LinkSnapshot,
-    Snapshot,
-)
+from service.pipeline.snapshot import AxisSnapshot, Histogram, LinkSnapshot, Snapshot
 from service.store.alarm_entries import Entry as JournalEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note

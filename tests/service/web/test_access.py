@@ -273,10 +273,8 @@ def test_a_foreign_page_changes_nothing_and_its_own_does(asked: TestClient) -> N
     ):
         assert "page of another host" in refused(asked.post("/reset", headers=headers), 403), headers
         assert "access-control-allow-origin" not in asked.get("/api/v1/axes", headers=headers).headers
-    for origin in (
-        "http://localhost",
-        "https://localhost:8443",
-    ):  # of a proxy that leaves the port out of Host
+    # The second is of a proxy that leaves the port out of Host.
+    for origin in ("http://localhost", "https://localhost:8443"):
         own = {"Origin": origin, "Sec-Fetch-Site": "same-origin"}
         assert asked.post("/reset", headers=own).status_code == 200, origin
 

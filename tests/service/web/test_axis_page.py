@@ -72,9 +72,7 @@ def changes_the_range_of_time(page: Page) -> None:
 def watch_the_reference(stage: Stage) -> None:
     """The first axis has the drive of the paper; the friction of its motor has grown by 30 %."""
     watched = MonitoredDrive(
-        reference_model("angle"),
-        Settings(0.005, outlier_limit=6.0),
-        DRAWINGS["three-mass"].flat().components,
+        reference_model("angle"), Settings(0.005, outlier_limit=6.0), DRAWINGS["three-mass"].flat().components
     )
     with_axis(stage, watched=watched)
 

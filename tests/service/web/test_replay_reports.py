@@ -131,9 +131,8 @@ def test_a_report_ends_with_the_daemon(plant: Plant) -> None:
     assert alarm is not None
     plant.reports.stop()
     end_s = time.monotonic() + PATIENCE_S
-    while (state := plant.reports.state(alarm)) == ReportState(
-        "running"
-    ):  # without a pause: no moment is left out
+    # Without a pause: no moment is left out.
+    while (state := plant.reports.state(alarm)) == ReportState("running"):
         assert time.monotonic() < end_s
     assert state is not None
     assert state.state == "failed"
