@@ -15,7 +15,7 @@ import aiomqtt
 from service.config.schema_links import MqttConfig
 from service.links.delivery import LOOK_S, Delivery, Message
 from service.links.link_secrets import secret, tls
-from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.texts.instants import now_us
 from service.web import models, views
 
@@ -116,15 +116,10 @@ class MqttLink:
     def __init__(
         self, config: MqttConfig, broker: Broker, delivery: Delivery, snapshot: Callable[[], Snapshot]
     ) -> None:
-        self._config, self._broker, self._delivery, self._states_of = config, broker, delivery, snapshot
+        self._config, self._broker, self.delivery, self._states_of = config, broker, delivery, snapshot
         self._password = secret(config.password_file, config.password_env)
         self._context = tls(config.ca_file) if config.tls else None
         delivery.begin()
-
-    @property
-    def snapshot(self) -> LinkSnapshot:
-        """The present state of the link."""
-        return self._delivery.snapshot
 
     async def run(self) -> None:
         """Connect and publish until it is cancelled."""
@@ -140,7 +135,7 @@ class MqttLink:
             except aiomqtt.MqttError as error:
                 if (task := asyncio.current_task()) is not None and task.cancelling():
                     raise asyncio.CancelledError from None
-                wait_s = self._delivery.failed(f"{self._config.host}:{self._config.port}: {_reason(error)}")
+                wait_s = self.delivery.failed(f"{self._config.host}:{self._config.port}: {_reason(error)}")
             finally:
                 self._broker.client = None
             await self._wait(wait_s)
@@ -165,10 +160,10 @@ class MqttLink:
         lost = asyncio.ensure_future(anext(client.messages))
         try:
             await self._broker.publish("status", "online", qos=1, retain=True)
-            self._delivery.works()
+            self.delivery.works()
             states = States(self._states_of, self._config.interval_s)
             while not lost.done():
-                left_s = await self._delivery.step()
+                left_s = await self.delivery.step()
                 state = states.next()
                 if state is not None:
                     await self._broker.publish(f"{_place(state[0])}/state", state[1], retain=True)
@@ -182,7 +177,7 @@ class MqttLink:
         """Wait; meanwhile give up transitions that become too old."""
         end = monotonic() + wait_s
         while (left_s := end - monotonic()) > 0:
-            self._delivery.read_new()
+            self.delivery.read_new()
             await asyncio.sleep(min(left_s, LOOK_S))
 
 

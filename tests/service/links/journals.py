@@ -9,7 +9,8 @@ from typing import Any
 from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
 from service.config.schema_links import AlarmLimits
-from service.links.delivery import Delivery, LinkName, Message
+from service.links.delivery import Delivery, Message
+from service.pipeline.snapshot import LinkSnapshot
 from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
@@ -82,16 +83,16 @@ class Post:
         self.journal = Journal(self.folder / "alarms.sqlite")
         self.outbox = Outbox(self.folder / "links.sqlite", self.journal)
         self.delivery = Delivery(
-            LinkName("orders", "webhook"),
+            LinkSnapshot("orders", "webhook", connected=True),
             AlarmLimits.model_validate({"priorities": self.priorities, "max_age_s": 3600.0}),
             self.inbox,
             self.journal,
             self.outbox,
             self.outbox.begin(["orders"])["orders"],
+            lambda t_us: self.recording if t_us == RAISED.raised_us else None,
             lambda: self.clock_s,
             lambda: self.now_us,
             lambda: 1.0,
-            lambda t_us: self.recording if t_us == RAISED.raised_us else None,
         )
 
     def close(self) -> None:
