@@ -65,7 +65,7 @@ def ask(store: HistoryStore, question: Question) -> HistoryAnswer:
     """
     with store.read() as view:
         known = view.series(question.axis, question.parameter)
-        ends = {table: found for table in RESOLUTIONS if (found := view.ends(table, [*known])) is not None}
+        ends = view.ends(known)
         if not ends:
             nothing = [NO_ROWS] * len(known)
             return _aligned(question, question.resolution or "raw", _step(question), known, nothing)
@@ -81,8 +81,7 @@ def ask(store: HistoryStore, question: Question) -> HistoryAnswer:
 def pages(store: HistoryStore, question: Question) -> Iterator[HistoryAnswer]:
     """All stored rows in parts; without a resolution, those of the finest one that goes back to ``since_s``."""
     with store.read() as view:
-        known = view.series(question.axis, question.parameter)
-        ends = {table: found for table in RESOLUTIONS if (found := view.ends(table, [*known])) is not None}
+        ends = view.ends(view.series(question.axis, question.parameter))
     if question.resolution is None and ends:
         since_s, _ = _range(question, ends)
         question = replace(question, resolution=_reaching("raw", since_s, ends))

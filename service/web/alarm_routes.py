@@ -133,11 +133,9 @@ def router(state: AppState) -> APIRouter:
                 raise
             recorded = [a for a in reversed(state.snapshot().alarms.standing) if f.match(a, now_us)]
             total, recorded = len(recorded), recorded[:wanted]
-        folder = state.recordings
-        files = [] if folder is None else folder.files()  # list the folder only once
+        files = [] if state.extracts is None else state.extracts.folder.files()  # list the folder only once
         found = [
-            views.alarm(a, now_us, None if folder is None else folder.holding(a.since_us, files))
-            for a in (*first, *recorded)[:limit]
+            views.alarm(a, now_us, state.recording_of(a.since_us, files)) for a in (*first, *recorded)[:limit]
         ]
         following, left = None, after is None and skipped + len(first) < len(waiting)
         if left or len(first) + len(recorded) > limit:
@@ -150,11 +148,8 @@ def router(state: AppState) -> APIRouter:
         """Alarms per ten minutes and the most frequent ones, from since (seven days before until) to until (now)."""
         begin_us, end_us = in_order(since, until)
         end_us = state.now_us() if end_us is None else end_us
-        return views.alarm_statistics(
-            state.journal.statistics(
-                max(_EARLIEST_US, end_us - _WEEK_US) if begin_us is None else begin_us, end_us
-            )
-        )
+        begin_us = max(_EARLIEST_US, end_us - _WEEK_US) if begin_us is None else begin_us
+        return views.body(models.AlarmStatistics, state.journal.statistics(begin_us, end_us))
 
     @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
@@ -249,7 +244,7 @@ def _actions(state: AppState) -> APIRouter:
 
 
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
-    recording = None if state.recordings is None else state.recordings.holding(found.since_us)
+    recording = state.recording_of(found.since_us)
     transitions = state.journal.transitions(found.id) if found.recorded else ()
     report = None if state.replays is None else state.replays.state(found)
     return views.alarm_record(found, transitions, state.now_us(), recording, report)

@@ -95,7 +95,7 @@ def router(state: AppState) -> APIRouter:
     @api.get("", summary="Process and files", responses=_NO_SETUP)
     def system() -> System:
         """Processor time, memory, versions, and the databases with their sizes, last writes and problems."""
-        setup = _setup(state)
+        setup = state.configured()
         folder = setup.config().service.state_dir
         return System(
             cpu_s=time.process_time(),
@@ -111,10 +111,9 @@ def router(state: AppState) -> APIRouter:
     @api.get("/configuration", summary="Configuration without secrets", responses=_NO_SETUP)
     def configuration(_who: Admin) -> PublicConfiguration:
         """The configuration in force, also after a reload by SIGHUP, without secrets."""
-        setup = _setup(state)
-        return PublicConfiguration(
-            file=str(setup.file), text=public_text(setup.config(), setup.file.absolute().parent)
-        )
+        setup = state.configured()
+        text = public_text(setup.config(), setup.file.absolute().parent)
+        return PublicConfiguration(file=str(setup.file), text=text)
 
     @api.get("/audit", summary="Who has changed what", responses=_NO_SETUP | _NO_CURSOR)
     def audit(
@@ -131,12 +130,6 @@ def router(state: AppState) -> APIRouter:
         return Audit(next=following, changes=[views.body(AuditedChange, entry) for entry in page])
 
     return api
-
-
-def _setup(state: AppState) -> RobotSetup:
-    if state.setup is None:
-        raise HTTPException(503, "the configuration of this daemon is not known")
-    return state.setup
 
 
 def _place(cursor: str) -> Place:
