@@ -72,10 +72,7 @@ class Broker:
 class States:
     """Provides the changed states of axes one by one, so that an alarm need not wait until all are published.
 
-    Args:
-        snapshot: returns the newest snapshot.
-        interval_s: time between two states of an axis [s].
-        clock: monotonic clock [s].
+    ``interval_s``: time between two states of an axis; ``clock``: monotonic clock [s].
     """
 
     def __init__(
@@ -101,13 +98,7 @@ class States:
 
 
 class MqttLink:
-    """The link to a broker; reconnects after failures.
-
-    Args:
-        config: the broker.
-        broker: receiver of ``delivery``.
-        delivery: delivers the alarms.
-        snapshot: returns the newest snapshot.
+    """The link to a broker, the receiver of ``delivery``; reconnects after failures.
 
     Raises:
         LinkSecretError: the password or the certificate of the authority cannot be used.

@@ -38,12 +38,7 @@ _ENCRYPTED = [
 class OpcUaLink:
     """The OPC UA server as a link; if its port is taken, it retries.
 
-    Args:
-        config: address and access.
-        tokens: tokens of the API, which are the users of the server.
-        conditions: receiver of ``delivery``.
-        delivery: delivers the alarms.
-        snapshot: returns the newest snapshot.
+    Its users are the ``tokens`` of the API; ``conditions`` are the receiver of ``delivery``.
 
     Raises:
         LinkSecretError: the certificate or its key cannot be used.

@@ -58,9 +58,7 @@ class Client(User):
 class Users(PermissionRuleset):
     """Users by the tokens of the API: the name of a token with its secret as password.
 
-    Args:
-        tokens: tokens of the API.
-        anonymous: whether a client without name and password may read.
+    ``anonymous``: whether a client without name and password may read.
     """
 
     def __init__(self, tokens: TokenFile, anonymous: bool) -> None:
@@ -119,12 +117,7 @@ class Nobody(PermissionRuleset):
 
 
 class GuardedServer(InternalServer):
-    """The server behind the connections, with limits, and with sessions that no other client can join.
-
-    Args:
-        users: the users and their scopes.
-        operate: handles method calls.
-    """
+    """The server behind the connections, with limits, and with sessions that no other client can join."""
 
     def __init__(self, users: Users, operate: Method) -> None:
         super().__init__(user_manager=users)  # duck typing: it need not be a UserManager

@@ -60,12 +60,7 @@ log = structlog.get_logger(__name__)
 
 
 class Conditions:
-    """The receiver of a Delivery: shows alarms as conditions of the server, while one runs.
-
-    Args:
-        journal: the alarm journal.
-        priorities: priorities of the alarms to show.
-    """
+    """The receiver of a Delivery: shows alarms of these priorities as conditions of the server, while one runs."""
 
     most = PAGE
 

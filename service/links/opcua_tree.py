@@ -93,12 +93,7 @@ def unit_of_measure(unit: str) -> ua.EUInformation:
 
 
 class Tree:
-    """The nodes of axes and buses.
-
-    Args:
-        server: server with the nodes.
-        namespace: index of ``NAMESPACE``.
-    """
+    """The nodes of axes and buses in a server; ``namespace``: index of ``NAMESPACE``."""
 
     def __init__(self, server: InternalServer, namespace: int) -> None:
         self._server, self._namespace = server, namespace

@@ -46,12 +46,7 @@ class AlarmLink:
 class Links:
     """All configured links; their libraries are imported only if they are configured.
 
-    Args:
-        config: the links.
-        state_dir: folder of the outbox.
-        journal: source of the transitions.
-        snapshot: returns the newest snapshot.
-        recording_of: returns the name of the recording of a time; None: there is none (yet).
+    ``recording_of`` returns the name of the recording of a time; None: there is none (yet).
 
     Raises:
         LinkSecretError: a secret or a certificate cannot be used.

@@ -29,15 +29,7 @@ def signature(key: bytes, timestamp: int, body: bytes) -> str:
 
 
 class Webhook:
-    """The receiver: posts to an address.
-
-    Args:
-        url: address of the receiver.
-        key: key of the signature.
-        context: TLS context, for verifying the receiver's certificate.
-        timeout_s: time within which the receiver must answer [s].
-        now_us: wall clock.
-    """
+    """The receiver: posts to ``url``, which must answer within ``timeout_s``; ``context`` verifies its certificate."""
 
     most = 1
 

@@ -148,13 +148,7 @@ _Axes = tuple[AxisSnapshot, ...]
 
 
 class Metrics:
-    """Makes the answers of /metrics.
-
-    Args:
-        snapshot: returns the newest snapshot.
-        now_us: wall clock, for ages.
-        links: returns the state of each plant link.
-    """
+    """Makes the answers of /metrics from the newest snapshot and the states of the plant links."""
 
     def __init__(
         self,
