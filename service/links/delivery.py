@@ -91,24 +91,6 @@ class Receiver(Protocol):
         """
 
 
-class Backoff:
-    """Time between tries: doubles with each failure up to five minutes; a random part of up to a half is subtracted."""
-
-    def __init__(self, chance: Callable[[], float]) -> None:
-        self._chance, self._failures = chance, 0
-
-    def failed(self, requested_s: float | None = None) -> float:
-        """Count a failure; returns the time to wait [s], at least that requested by the receiver."""
-        longest_s = min(LAST_RETRY_S, FIRST_RETRY_S * 2.0 ** min(self._failures, 30))
-        self._failures += 1
-        wait_s = longest_s * (0.5 + 0.5 * self._chance())
-        return max(wait_s, min(requested_s or 0.0, LONGEST_REQUESTED_S))
-
-    def succeeded(self) -> None:
-        """Reset the number of failures."""
-        self._failures = 0
-
-
 class _Waiting(NamedTuple):
     """A waiting transition, and the monotonic time at which it becomes too old [s]."""
 
@@ -147,10 +129,10 @@ class Delivery:
     ) -> None:
         self._limits, self._receiver = limits, receiver
         self._journal, self._outbox, self._recording_of = journal, outbox, recording_of
-        self._clock, self._now_us, self._backoff = clock, now_us, Backoff(chance)
+        self._clock, self._now_us, self._chance = clock, now_us, chance
         self._waiting = deque[_Waiting]()
         self._read_to = self._saved = done
-        self._beyond, self._revision, self._next_try = 0, -1, -math.inf
+        self._beyond, self._revision, self._failures, self._next_try = 0, -1, 0, -math.inf
         self._log = log.bind(link=link.name)
         self._is_saved = True
         self.snapshot = link
@@ -185,11 +167,17 @@ class Delivery:
         self.snapshot = replace(self.snapshot, pending=len(self._waiting) + self._beyond)
 
     def failed(self, problem: str, requested_s: float | None = None) -> float:
-        """Mark the link as not working; returns the time until the next try [s]."""
+        """Mark the link as not working; returns the time until the next try [s].
+
+        It doubles with each failure up to five minutes; a random part of up to a half is subtracted.  It is at least
+        ``requested_s``, the time that the receiver requests.
+        """
         if self.snapshot.connected:
             self._log.warning("a link is down", reason=problem)
         self.snapshot = replace(self.snapshot, connected=False, problem=problem)
-        wait_s = self._backoff.failed(requested_s)
+        longest_s = min(LAST_RETRY_S, FIRST_RETRY_S * 2.0 ** min(self._failures, 30))
+        self._failures += 1
+        wait_s = max(longest_s * (0.5 + 0.5 * self._chance()), min(requested_s or 0.0, LONGEST_REQUESTED_S))
         self._next_try = self._clock() + wait_s
         return wait_s
 
@@ -198,8 +186,7 @@ class Delivery:
         if not self.snapshot.connected:
             self._log.info("a link is up")
         self.snapshot = replace(self.snapshot, connected=True, problem=problem)
-        self._backoff.succeeded()
-        self._next_try = -math.inf
+        self._failures, self._next_try = 0, -math.inf
 
     async def _send(self) -> float:
         numbered = [w.numbered for w in islice(self._waiting, self._receiver.most)]

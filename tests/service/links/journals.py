@@ -1,21 +1,24 @@
 """A journal with alarms, and a delivery of them whose time stands still until it is moved."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
-from service.config.schema_links import AlarmLimits
+from service.config.schema_links import AlarmLimits, LinksConfig
 from service.links.delivery import Delivery, Message
-from service.pipeline.snapshot import LinkSnapshot
+from service.links.running import Links
+from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from service.store.outbox import Outbox
 from service.texts.instants import now_us
+from tests.service.web.conftest import whole_snapshot
 
 AXIS, SECOND = "demo.axis1", 1_000_000
 NOON_US = 1_772_366_400_000_000
@@ -64,6 +67,20 @@ class Inbox:
     @property
     def events(self) -> list[str]:
         return [f"{m.alarm.axis.removeprefix('demo.')} {m.transition.event}" for m in self.got]
+
+
+@contextmanager
+def linked(
+    config: LinksConfig, folder: Path, snapshot: Callable[[], Snapshot] = whole_snapshot
+) -> Iterator[tuple[Links, Journal]]:
+    """Running links, and the journal that they deliver from."""
+    with closing(Journal(folder / "alarms.sqlite")) as journal:
+        links = Links(config, folder, journal, snapshot)
+        links.start()
+        try:
+            yield links, journal
+        finally:
+            links.stop()
 
 
 class Post:
