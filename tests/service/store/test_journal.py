@@ -230,19 +230,15 @@ def filled(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def noise(data: bytes, random_: random.Random) -> bytes:
-    return random_.randbytes(len(data))
-
-
-def truncated(data: bytes, random_: random.Random) -> bytes:
-    return data[: random_.randrange(1, len(data) - 4096)]
-
-
-def page_overwritten(data: bytes, random_: random.Random) -> bytes:
-    return data[:4096] + random_.randbytes(4096) + data[8192:]
-
-
-@pytest.mark.parametrize("damage", [noise, truncated, page_overwritten])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data, random_: random_.randbytes(len(data)),
+        lambda data, random_: data[: random_.randrange(1, len(data) - 4096)],
+        lambda data, random_: data[:4096] + random_.randbytes(4096) + data[8192:],
+    ],
+    ids=["noise", "truncated", "page overwritten"],
+)
 def test_a_damaged_file_is_kept_and_a_new_one_begun(
     damage: Callable[[bytes, random.Random], bytes], tmp_path: Path, seed: int
 ) -> None:
