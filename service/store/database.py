@@ -117,11 +117,7 @@ class Database:
                 yield connection
 
     def _check_place(self) -> None:
-        """Check that the open file is still the one at its path: what is written to a deleted file is lost.
-
-        Raises:
-            StoreError: the file, or its folder, has been moved, deleted or replaced.
-        """
+        """Check that the open file is still the one at its path: what is written to a deleted file is lost."""
         found = _identity(self.path)
         if found != self._file:
             words = (

@@ -161,11 +161,7 @@ def router(state: AppState) -> APIRouter:
 
 
 def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
-    """The start of a page: the number of unrecorded alarms to skip, or the recorded alarm before the page.
-
-    Raises:
-        HTTPException: the text is no cursor.
-    """
+    """The start of a page: the number of unrecorded alarms to skip, or the recorded alarm before the page."""
     found = _CURSOR.fullmatch(cursor)
     if found is None:
         raise HTTPException(400, "this is no cursor: it must be the `next` of a page")

@@ -148,11 +148,7 @@ def _question(state: AppState, f: HistoryFilters, points: int, resolution: Resol
 
 
 def _store(state: AppState) -> HistoryStore:
-    """The history.
-
-    Raises:
-        HTTPException: the file of the history is not open.
-    """
+    """The history."""
     store = None if state.history is None else state.history.store
     if store is None:
         raise HTTPException(503, "the file of the history is not open (yet)", headers={"Retry-After": "5"})
@@ -160,11 +156,7 @@ def _store(state: AppState) -> HistoryStore:
 
 
 def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) -> IO[bytes]:
-    """Write a temporary file, which is removed when it is closed.
-
-    Raises:
-        HTTPException: the disk is full.
-    """
+    """Write a temporary file, which is removed when it is closed."""
     from service.ingest.table_files import write_csv, write_parquet  # 40 MB that few daemons need
 
     write = write_csv if kind == "csv" else write_parquet

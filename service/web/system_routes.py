@@ -133,11 +133,7 @@ def router(state: AppState) -> APIRouter:
 
 
 def _place(cursor: str) -> Place:
-    """Parse a cursor to the place where its page starts.
-
-    Raises:
-        HTTPException: the text is no cursor.
-    """
+    """Parse a cursor to the place where its page starts."""
     at_us, _, rest = cursor.partition(".")
     subject, _, number = rest.partition(".")
     if subject in _SUBJECTS and all(n.isascii() and n.isdigit() and len(n) <= 18 for n in (at_us, number)):
