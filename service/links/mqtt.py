@@ -126,7 +126,9 @@ class MqttLink:
             except aiomqtt.MqttError as error:
                 if (task := asyncio.current_task()) is not None and task.cancelling():
                     raise asyncio.CancelledError from None
-                wait_s = self.delivery.failed(f"{self._config.host}:{self._config.port}: {_reason(error)}")
+                wait_s = self.delivery.failed(
+                    f"{self._config.host}:{self._config.port}: {error.__cause__ or error}"
+                )
             finally:
                 self._broker.client = None
             await self._wait(wait_s)
@@ -175,7 +177,3 @@ class MqttLink:
 def _place(axis_id: str) -> str:
     """ROBOT/AXIS."""
     return axis_id.replace(".", "/", 1)
-
-
-def _reason(error: aiomqtt.MqttError) -> str:
-    return str(error.__cause__ or error)

@@ -55,6 +55,7 @@ def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
     return {status: {"description": description, "content": content}}
 
 
+NOT_FOUND = described(404, "It does not exist")
 PROTECTED = described(401, "There are tokens, and none was given, or an unknown one") | described(
     403, "Its scope is too small"
 )

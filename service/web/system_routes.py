@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, get_args
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import APIRouter, Query
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
@@ -19,7 +19,7 @@ from service.store.audit import Place, Subject
 from service.store.database import SQLITE_VERSION
 from service.texts.instants import iso
 from service.web import views
-from service.web.access import Scope, needs
+from service.web.access import Admin
 from service.web.app_state import AppState
 from service.web.models import Body, TextOrNull, Time
 from service.web.problem_details import described
@@ -29,9 +29,6 @@ _NO_SETUP = described(503, "The daemon does not know its configuration, or a fil
 _NO_CURSOR = described(400, "No page has given this cursor")
 _SUBJECTS: tuple[Subject, ...] = get_args(Subject)
 _LIBRARIES = ("numpy", "scipy", "numba", "python-can", "cantools", "fastapi")
-
-Admin = Annotated[str, Depends(needs(Scope.ADMIN))]
-"""Needs the scope admin: the answers have addresses, names and folders of the plant, and actions of persons."""
 
 
 class DatabaseFile(Body):
@@ -88,7 +85,7 @@ class Audit(Body):
 
 
 def router(state: AppState) -> APIRouter:
-    """The routes below /api/v1/system."""
+    """The routes below /api/v1/system; addresses and folders of the plant, and actions of persons, need admin."""
     api = APIRouter(prefix="/system")
     began = time.monotonic()
 
