@@ -57,7 +57,7 @@ class Database:
         path: Path,
         migrations: Sequence[str],
         synchronous: Synchronous,
-        functions: Mapping[str, Callable[[str], str]] = MappingProxyType({}),
+        functions: Mapping[str, Callable[[str], str]],
     ) -> None:
         self.path, self._functions = path, functions
         self.messages: tuple[str, ...] = ()
@@ -142,6 +142,31 @@ class Database:
             self._closed = True
             self._writer.close()
             self._owner.close()
+
+
+class Store:
+    """What is kept in a file with one writer; any thread may read at any time.
+
+    Every method raises StoreError if the file cannot be read or written; nothing is written then.
+
+    Raises:
+        StoreInUseError: another daemon writes to this file.
+        StoreError: the file cannot be opened.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        migrations: Sequence[str],
+        synchronous: Synchronous,
+        functions: Mapping[str, Callable[[str], str]] = MappingProxyType({}),
+    ) -> None:
+        self._db = Database(path, migrations, synchronous, functions)
+        self.messages = self._db.messages
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
 
 
 def _identity(path: Path) -> tuple[int, int] | None:

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from monitor_core.arrays import Ints
-from service.store.database import Database
+from service.store.database import Store
 from service.store.history_rows import Rows, joined, merged, packed, points, unpacked
 
 Resolution = Literal["raw", "minute", "hour", "day"]
@@ -75,19 +75,11 @@ class Point(NamedTuple):
     values: Sequence[float]
 
 
-class HistoryStore:
-    """The history in a file with one writer; any thread may read at any time.
-
-    Every method raises StoreError if the file cannot be read or written.
-
-    Raises:
-        StoreInUseError: another daemon writes to this file.
-        StoreError: the file cannot be opened.
-    """
+class HistoryStore(Store):
+    """The history of all parameters."""
 
     def __init__(self, path: Path, bounds: Bounds) -> None:
-        self._db = Database(path, MIGRATIONS, "NORMAL")
-        self.messages = self._db.messages
+        super().__init__(path, MIGRATIONS, "NORMAL")
         self._bounds = bounds
         self._ids: dict[Series, int] = {}
         self._pruned = 0
@@ -124,10 +116,6 @@ class HistoryStore:
         """A consistent view of the present state."""
         with self._db.read() as connection:
             yield HistoryView(connection)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._db.close()
 
 
 class HistoryView:
