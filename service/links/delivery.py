@@ -91,31 +91,6 @@ class Receiver(Protocol):
         """
 
 
-class Backoff:
-    """Time between tries: doubles with each failure up to five minutes; a random part of up to a half is subtracted."""
-
-    def __init__(self, chance: Callable[[], float] = random.random) -> None:
-        self._chance, self._failures = chance, 0
-
-    def failed(self, requested_s: float | None = None) -> float:
-        """Count a failure; returns the time to wait [s], at least that requested by the receiver."""
-        longest_s = min(LAST_RETRY_S, FIRST_RETRY_S * 2.0 ** min(self._failures, 30))
-        self._failures += 1
-        wait_s = longest_s * (0.5 + 0.5 * self._chance())
-        return max(wait_s, min(requested_s or 0.0, LONGEST_REQUESTED_S))
-
-    def succeeded(self) -> None:
-        """Reset the number of failures."""
-        self._failures = 0
-
-
-class LinkName(NamedTuple):
-    """Name and kind of a link."""
-
-    name: str
-    kind: str
-
-
 class _Waiting(NamedTuple):
     """A waiting transition, and the monotonic time at which it becomes too old [s]."""
 
@@ -127,41 +102,40 @@ class Delivery:
     """Delivers transitions of the journal to one receiver.
 
     Args:
-        link: name and kind of the link.
+        link: the state of the link at the start.
         limits: which alarms to deliver, and for how long to try.
         receiver: delivers the messages.
         journal: source of the transitions.
         outbox: stores the number of the last finished transition.
-        done: number of the last finished transition.
+        done: that number at the start.
+        recording_of: returns the name of the recording of a time; None: there is none (yet).
         clock: monotonic clock [s].
         now_us: wall clock, for the age of a transition when it is read.
         chance: random number from 0 to 1, for the time between tries.
-        recording_of: returns the name of the recording of a time; None: there is none (yet).
     """
 
     def __init__(
         self,
-        link: LinkName,
+        link: LinkSnapshot,
         limits: AlarmLimits,
         receiver: Receiver,
         journal: Journal,
         outbox: Outbox,
         done: int,
+        recording_of: Callable[[int], str | None],
         clock: Callable[[], float] = monotonic,
         now_us: Callable[[], int] = now_us,
         chance: Callable[[], float] = random.random,
-        recording_of: Callable[[int], str | None] = lambda _t_us: None,
     ) -> None:
-        self._recording_of = recording_of
-        self._link, self._limits, self._receiver = link, limits, receiver
-        self._journal, self._outbox = journal, outbox
-        self._clock, self._now_us, self._backoff = clock, now_us, Backoff(chance)
+        self._limits, self._receiver = limits, receiver
+        self._journal, self._outbox, self._recording_of = journal, outbox, recording_of
+        self._clock, self._now_us, self._chance = clock, now_us, chance
         self._waiting = deque[_Waiting]()
         self._read_to = self._saved = done
-        self._beyond, self._revision, self._next_try = 0, -1, -math.inf
+        self._beyond, self._revision, self._failures, self._next_try = 0, -1, 0, -math.inf
         self._log = log.bind(link=link.name)
         self._is_saved = True
-        self.snapshot = LinkSnapshot(link.name, link.kind, connected=True)
+        self.snapshot = link
         """The present state; replaced in one assignment, so that other threads can read it"""
 
     def begin(self) -> None:
@@ -193,11 +167,17 @@ class Delivery:
         self.snapshot = replace(self.snapshot, pending=len(self._waiting) + self._beyond)
 
     def failed(self, problem: str, requested_s: float | None = None) -> float:
-        """Mark the link as not working; returns the time until the next try [s]."""
+        """Mark the link as not working; returns the time until the next try [s].
+
+        It doubles with each failure up to five minutes; a random part of up to a half is subtracted.  It is at least
+        ``requested_s``, the time that the receiver requests.
+        """
         if self.snapshot.connected:
             self._log.warning("a link is down", reason=problem)
         self.snapshot = replace(self.snapshot, connected=False, problem=problem)
-        wait_s = self._backoff.failed(requested_s)
+        longest_s = min(LAST_RETRY_S, FIRST_RETRY_S * 2.0 ** min(self._failures, 30))
+        self._failures += 1
+        wait_s = max(longest_s * (0.5 + 0.5 * self._chance()), min(requested_s or 0.0, LONGEST_REQUESTED_S))
         self._next_try = self._clock() + wait_s
         return wait_s
 
@@ -206,8 +186,7 @@ class Delivery:
         if not self.snapshot.connected:
             self._log.info("a link is up")
         self.snapshot = replace(self.snapshot, connected=True, problem=problem)
-        self._backoff.succeeded()
-        self._next_try = -math.inf
+        self._failures, self._next_try = 0, -math.inf
 
     async def _send(self) -> float:
         numbered = [w.numbered for w in islice(self._waiting, self._receiver.most)]
@@ -282,7 +261,7 @@ class Delivery:
         if done == self._saved:
             return
         try:
-            self._outbox.done(self._link.name, done)
+            self._outbox.done(self.snapshot.name, done)
             self._saved, self._is_saved = done, True
         except StoreError as error:
             if self._is_saved:

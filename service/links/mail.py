@@ -75,12 +75,7 @@ def news_in(messages: Iterable[Message]) -> News:
 
 
 class MailText:
-    """Writes subject and text of a message.
-
-    Args:
-        snapshot: returns the newest snapshot, for the meanings of parameters.
-        zone: time zone; None: that of this machine.
-    """
+    """Writes subject and text of a message; ``zone``: time zone of its times, None: that of this machine."""
 
     def __init__(self, snapshot: Callable[[], Snapshot], zone: tzinfo | None = None) -> None:
         self._snapshot, self._zone = snapshot, zone
@@ -135,13 +130,7 @@ class MailText:
 
 
 class Mail:
-    """The receiver: sends messages through a mail server.
-
-    Args:
-        config: the server, and the addresses.
-        text: writes the messages.
-        clock: monotonic clock [s].
-        now_us: wall clock.
+    """The receiver: sends messages through a mail server.  ``clock``: monotonic clock [s].
 
     Raises:
         LinkSecretError: the password or the certificate of the authority cannot be used.

@@ -15,7 +15,7 @@ import aiomqtt
 from service.config.schema_links import MqttConfig
 from service.links.delivery import LOOK_S, Delivery, Message
 from service.links.link_secrets import secret, tls
-from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
+from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.texts.instants import now_us
 from service.web import models, views
 
@@ -72,10 +72,7 @@ class Broker:
 class States:
     """Provides the changed states of axes one by one, so that an alarm need not wait until all are published.
 
-    Args:
-        snapshot: returns the newest snapshot.
-        interval_s: time between two states of an axis [s].
-        clock: monotonic clock [s].
+    ``interval_s``: time between two states of an axis; ``clock``: monotonic clock [s].
     """
 
     def __init__(
@@ -101,13 +98,7 @@ class States:
 
 
 class MqttLink:
-    """The link to a broker; reconnects after failures.
-
-    Args:
-        config: the broker.
-        broker: receiver of ``delivery``.
-        delivery: delivers the alarms.
-        snapshot: returns the newest snapshot.
+    """The link to a broker, the receiver of ``delivery``; reconnects after failures.
 
     Raises:
         LinkSecretError: the password or the certificate of the authority cannot be used.
@@ -116,15 +107,10 @@ class MqttLink:
     def __init__(
         self, config: MqttConfig, broker: Broker, delivery: Delivery, snapshot: Callable[[], Snapshot]
     ) -> None:
-        self._config, self._broker, self._delivery, self._states_of = config, broker, delivery, snapshot
+        self._config, self._broker, self.delivery, self._states_of = config, broker, delivery, snapshot
         self._password = secret(config.password_file, config.password_env)
         self._context = tls(config.ca_file) if config.tls else None
         delivery.begin()
-
-    @property
-    def snapshot(self) -> LinkSnapshot:
-        """The present state of the link."""
-        return self._delivery.snapshot
 
     async def run(self) -> None:
         """Connect and publish until it is cancelled."""
@@ -140,7 +126,9 @@ class MqttLink:
             except aiomqtt.MqttError as error:
                 if (task := asyncio.current_task()) is not None and task.cancelling():
                     raise asyncio.CancelledError from None
-                wait_s = self._delivery.failed(f"{self._config.host}:{self._config.port}: {_reason(error)}")
+                wait_s = self.delivery.failed(
+                    f"{self._config.host}:{self._config.port}: {error.__cause__ or error}"
+                )
             finally:
                 self._broker.client = None
             await self._wait(wait_s)
@@ -161,15 +149,14 @@ class MqttLink:
 
     async def _publish(self, client: aiomqtt.Client) -> None:
         """Publish until the connection is lost."""
-        lost = asyncio.ensure_future(
-            anext(client.messages)
-        )  # none is subscribed: it ends with the connection
+        # No topic is subscribed: it ends with the connection.
+        lost = asyncio.ensure_future(anext(client.messages))
         try:
             await self._broker.publish("status", "online", qos=1, retain=True)
-            self._delivery.works()
+            self.delivery.works()
             states = States(self._states_of, self._config.interval_s)
             while not lost.done():
-                left_s = await self._delivery.step()
+                left_s = await self.delivery.step()
                 state = states.next()
                 if state is not None:
                     await self._broker.publish(f"{_place(state[0])}/state", state[1], retain=True)
@@ -183,14 +170,10 @@ class MqttLink:
         """Wait; meanwhile give up transitions that become too old."""
         end = monotonic() + wait_s
         while (left_s := end - monotonic()) > 0:
-            self._delivery.read_new()
+            self.delivery.read_new()
             await asyncio.sleep(min(left_s, LOOK_S))
 
 
 def _place(axis_id: str) -> str:
     """ROBOT/AXIS."""
     return axis_id.replace(".", "/", 1)
-
-
-def _reason(error: aiomqtt.MqttError) -> str:
-    return str(error.__cause__ or error)

@@ -19,7 +19,7 @@ from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery
 from service.links.opcua_access import GuardedServer, Nobody, Users, identity
 from service.links.opcua_alarms import Conditions
 from service.links.opcua_tree import NAMESPACE, Tree
-from service.pipeline.snapshot import LinkSnapshot, Snapshot
+from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.store.tokens import TokenFile
 from service.texts.instants import now_us
@@ -38,12 +38,7 @@ _ENCRYPTED = [
 class OpcUaLink:
     """The OPC UA server as a link; if its port is taken, it retries.
 
-    Args:
-        config: address and access.
-        tokens: tokens of the API, which are the users of the server.
-        conditions: receiver of ``delivery``.
-        delivery: delivers the alarms.
-        snapshot: returns the newest snapshot.
+    Its users are the ``tokens`` of the API; ``conditions`` are the receiver of ``delivery``.
 
     Raises:
         LinkSecretError: the certificate or its key cannot be used.
@@ -57,17 +52,12 @@ class OpcUaLink:
         delivery: Delivery,
         snapshot: Callable[[], Snapshot],
     ) -> None:
-        self._config, self._conditions, self._delivery = config, conditions, delivery
+        self._config, self._conditions, self.delivery = config, conditions, delivery
         self._snapshot_of, self._users = snapshot, Users(tokens, config.anonymous)
         self._identity = identity(config)
         delivery.begin()
         # asyncua logs mistakes of clients with tracebacks; the daemon itself logs refused clients and writes.
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)
-
-    @property
-    def snapshot(self) -> LinkSnapshot:
-        """The present state of the link."""
-        return self._delivery.snapshot
 
     async def run(self) -> None:
         """Serve until cancelled, in another thread, so that clients cannot delay the other links."""
@@ -91,7 +81,7 @@ class OpcUaLink:
             while not ended.is_set():
                 await asyncio.sleep(LOOK_S / 10)
         for failure in failures:
-            await asyncio.sleep(self._delivery.failed(f"a fault of the program: {failure}"))
+            await asyncio.sleep(self.delivery.failed(f"a fault of the program: {failure}"))
             raise failure
 
     async def _make_server(self) -> Server:
@@ -129,9 +119,9 @@ class OpcUaLink:
             try:
                 listen(self._config.host, self._config.port).close()
             except CannotListenError as error:
-                end = monotonic() + self._delivery.failed(str(error))
+                end = monotonic() + self.delivery.failed(str(error))
                 while not stop.is_set() and monotonic() < end:
-                    self._delivery.read_new()
+                    self.delivery.read_new()
                     await asyncio.sleep(LOOK_S)
             else:
                 return
@@ -147,13 +137,13 @@ class OpcUaLink:
         if stop.is_set():
             return
         await server.start()
-        self._delivery.works(self._users.problem)
+        self.delivery.works(self._users.problem)
         next_s = -math.inf
         try:
             while not stop.is_set():
-                left_s = await self._delivery.step()
-                if left_s > 0 and self._delivery.snapshot.problem != self._users.problem:
-                    self._delivery.works(self._users.problem)
+                left_s = await self.delivery.step()
+                if left_s > 0 and self.delivery.snapshot.problem != self._users.problem:
+                    self.delivery.works(self._users.problem)
                 if monotonic() >= next_s:
                     next_s = monotonic() + self._config.interval_s
                     await tree.update(self._snapshot_of(), now_us())
@@ -168,7 +158,7 @@ class OpcUaLink:
             try:
                 await self._conditions.begin(server.iserver, tree)
             except StoreError as error:
-                self._delivery.failed(str(error))
+                self.delivery.failed(str(error))
                 await asyncio.sleep(FIRST_RETRY_S)
             else:
                 return

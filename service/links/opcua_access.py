@@ -37,10 +37,7 @@ _CHANGING = (
 _ALLOWED = frozenset(ua.NodeId(kind) for kind in USER_TYPES if kind not in _CHANGING)
 _REFRESH = frozenset(
     ua.NodeId(method)
-    for method in (
-        ua.ObjectIds.ConditionType_ConditionRefresh,
-        ua.ObjectIds.ConditionType_ConditionRefresh2,
-    )
+    for method in (ua.ObjectIds.ConditionType_ConditionRefresh, ua.ObjectIds.ConditionType_ConditionRefresh2)
 )
 _OLD_PADDING = "http://www.w3.org/2001/04/xmlenc#rsa-1_5"
 
@@ -61,9 +58,7 @@ class Client(User):
 class Users(PermissionRuleset):
     """Users by the tokens of the API: the name of a token with its secret as password.
 
-    Args:
-        tokens: tokens of the API.
-        anonymous: whether a client without name and password may read.
+    ``anonymous``: whether a client without name and password may read.
     """
 
     def __init__(self, tokens: TokenFile, anonymous: bool) -> None:
@@ -122,12 +117,7 @@ class Nobody(PermissionRuleset):
 
 
 class GuardedServer(InternalServer):
-    """The server behind the connections, with limits, and with sessions that no other client can join.
-
-    Args:
-        users: the users and their scopes.
-        operate: handles method calls.
-    """
+    """The server behind the connections, with limits, and with sessions that no other client can join."""
 
     def __init__(self, users: Users, operate: Method) -> None:
         super().__init__(user_manager=users)  # duck typing: it need not be a UserManager

@@ -39,16 +39,15 @@ MOST_RETURNED = 1000
 """Most returned, unacknowledged alarms that are loaded at a start"""
 
 _METHODS = {
-    ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge): AlarmEvent.ACKNOWLEDGE,
-    ua.NodeId(ua.ObjectIds.ConditionType_AddComment): AlarmEvent.COMMENT,
-}
-_SHELVING = {
+    ua.NodeId(ua.ObjectIds.AcknowledgeableConditionType_Acknowledge): (AlarmEvent.ACKNOWLEDGE, 2),
+    ua.NodeId(ua.ObjectIds.ConditionType_AddComment): (AlarmEvent.COMMENT, 2),
     ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_TimedShelve): (AlarmEvent.SHELVE, 1),
     ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_TimedShelve2): (AlarmEvent.SHELVE, 2),
     ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_Unshelve): (AlarmEvent.UNSHELVE, 0),
     ua.NodeId(ua.ObjectIds.ShelvedStateMachineType_Unshelve2): (AlarmEvent.UNSHELVE, 1),
 }
-"""Event and number of arguments of each method: the shelving time [ms]; a comment, in the methods named ...2"""
+"""Event and number of arguments of each method: the id of an event and a comment; of shelving its time [ms], and a
+comment in the methods named ...2"""
 _NOT_POSSIBLE = {
     AlarmEvent.ACKNOWLEDGE: ua.StatusCodes.BadConditionBranchAlreadyAcked,
     AlarmEvent.SHELVE: ua.StatusCodes.BadConditionAlreadyShelved,
@@ -61,12 +60,7 @@ log = structlog.get_logger(__name__)
 
 
 class Conditions:
-    """The receiver of a Delivery: shows alarms as conditions of the server, while one runs.
-
-    Args:
-        journal: the alarm journal.
-        priorities: priorities of the alarms to show.
-    """
+    """The receiver of a Delivery: shows alarms of these priorities as conditions of the server, while one runs."""
 
     most = PAGE
 
@@ -120,47 +114,42 @@ class Conditions:
     async def operate(self, who: str, method: ua.CallMethodRequest) -> ua.CallMethodResult | None:
         """Handle a method call; returns None if it is no method of a condition."""
         number, arguments = _alarm_id(method.ObjectId), [v.Value for v in method.InputArguments or []]
-        shelving = _SHELVING.get(method.MethodId)
-        event = _METHODS.get(method.MethodId) if shelving is None else shelving[0]
+        event, wanted = _METHODS.get(method.MethodId, (None, 0))
         if event is None or number is None:
             return None
-        if shelving is None:
-            code = self._act(who, event, number, arguments)
+        if len(arguments) < wanted:
+            code = ua.StatusCode(ua.StatusCodes.BadArgumentsMissing)
+        elif len(arguments) > wanted:
+            code = ua.StatusCode(ua.StatusCodes.BadTooManyArguments)
+        elif event in (AlarmEvent.SHELVE, AlarmEvent.UNSHELVE):
+            code = self._shelve(who, event, number, arguments)
         else:
-            code = self._shelve(who, event, number, arguments, shelving[1])
+            code = self._act(who, event, number, arguments)
         log.info("write request", who=who, what=f"OPC UA {event} alarm {number}", result=code.name)
         return ua.CallMethodResult(StatusCode=code)
 
     def _act(self, who: str, event: AlarmEvent, number: int, arguments: list[object]) -> ua.StatusCode:
-        if len(arguments) != 2:
-            few = len(arguments) < 2
-            return _code(ua.StatusCodes.BadArgumentsMissing if few else ua.StatusCodes.BadTooManyArguments)
         event_id, comment = arguments[0], _comment(arguments[1])
         if comment is None or len(comment) > MOST_COMMENT or (event is AlarmEvent.COMMENT and not comment):
-            return _code(ua.StatusCodes.BadInvalidArgument)
+            return ua.StatusCode(ua.StatusCodes.BadInvalidArgument)
         if number not in self._events:
-            return _code(ua.StatusCodes.BadNodeIdUnknown)
+            return ua.StatusCode(ua.StatusCodes.BadNodeIdUnknown)
         if not isinstance(event_id, bytes) or event_id not in self._events[number]:
-            return _code(ua.StatusCodes.BadEventIdUnknown)
+            return ua.StatusCode(ua.StatusCodes.BadEventIdUnknown)
         return self._done(number, event, Note(now_us(), who, comment))
 
-    def _shelve(
-        self, who: str, event: AlarmEvent, number: int, arguments: list[object], wanted: int
-    ) -> ua.StatusCode:
-        if len(arguments) != wanted:
-            few = len(arguments) < wanted
-            return _code(ua.StatusCodes.BadArgumentsMissing if few else ua.StatusCodes.BadTooManyArguments)
+    def _shelve(self, who: str, event: AlarmEvent, number: int, arguments: list[object]) -> ua.StatusCode:
         if number not in self._events:
-            return _code(ua.StatusCodes.BadNodeIdUnknown)
+            return ua.StatusCode(ua.StatusCodes.BadNodeIdUnknown)
         at_us, until_us = now_us(), None
         if event is AlarmEvent.SHELVE:
             time_ms, *arguments = arguments
             if not isinstance(time_ms, float) or not 0 < time_ms <= MAX_SHELF_S * 1e3:
-                return _code(ua.StatusCodes.BadShelvingTimeOutOfRange)
+                return ua.StatusCode(ua.StatusCodes.BadShelvingTimeOutOfRange)
             until_us = at_us + round(time_ms * 1e3)
         comment = _comment(arguments[0]) if arguments else ""
         if comment is None or len(comment) > MOST_COMMENT:
-            return _code(ua.StatusCodes.BadInvalidArgument)
+            return ua.StatusCode(ua.StatusCodes.BadInvalidArgument)
         return self._done(number, event, Note(at_us, who, comment), until_us)
 
     def _done(self, number: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> ua.StatusCode:
@@ -169,16 +158,13 @@ class Conditions:
             self._journal.act(number, event, note, until_us)
         except AlarmTransitionError:
             alarm = self._journal.get(number)
-            if (
-                event is AlarmEvent.SHELVE
-                and alarm is not None
-                and alarm.life.state is not AlarmState.SHELVED
-            ):
-                return _code(ua.StatusCodes.BadInvalidState)  # the alarm is no longer active
-            return _code(_NOT_POSSIBLE.get(event, ua.StatusCodes.BadInvalidState))
+            shelved = alarm is None or alarm.life.state is AlarmState.SHELVED
+            if event is AlarmEvent.SHELVE and not shelved:
+                return ua.StatusCode(ua.StatusCodes.BadInvalidState)  # the alarm is no longer active
+            return ua.StatusCode(_NOT_POSSIBLE.get(event, ua.StatusCodes.BadInvalidState))
         except StoreError as error:
             log.error("an OPC UA client cannot act on an alarm", reason=str(error))
-            return _code(ua.StatusCodes.BadResourceUnavailable)
+            return ua.StatusCode(ua.StatusCodes.BadResourceUnavailable)
         return ua.StatusCode()
 
 
@@ -238,7 +224,3 @@ def _comment(argument: object) -> str | None:
     if text is None:
         return ""
     return text if isinstance(text, str) and control_character(text) is None else None
-
-
-def _code(number: int) -> ua.StatusCode:
-    return ua.StatusCode(number)

@@ -45,10 +45,7 @@ _OF_AXIS = {
     "Epoch": (_STRING, "state of the nominal values: learning, verifying or current"),
     "OpenAlarms": (_STRING, "causes of the open alarms, with commas; empty: none"),
 }
-_OF_BUS = {
-    "Connected": (_BOOLEAN, "whether frames can be received"),
-    "State": (_STRING, "up, or why not"),
-}
+_OF_BUS = {"Connected": (_BOOLEAN, "whether frames can be received"), "State": (_STRING, "up, or why not")}
 
 Value = float | str | bool | None
 _Branch = tuple[object, ...]
@@ -96,12 +93,7 @@ def unit_of_measure(unit: str) -> ua.EUInformation:
 
 
 class Tree:
-    """The nodes of axes and buses.
-
-    Args:
-        server: server with the nodes.
-        namespace: index of ``NAMESPACE``.
-    """
+    """The nodes of axes and buses in a server; ``namespace``: index of ``NAMESPACE``."""
 
     def __init__(self, server: InternalServer, namespace: int) -> None:
         self._server, self._namespace = server, namespace

@@ -10,7 +10,7 @@ from typing import Protocol
 import structlog
 
 from service.config.schema_links import AlarmLimits, LinksConfig
-from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, LinkName, Receiver
+from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, Receiver
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.journal import Journal
 from service.store.outbox import OUTBOX_FILE, Outbox
@@ -24,9 +24,8 @@ log = structlog.get_logger(__name__)
 class Link(Protocol):
     """A link as the thread runs it."""
 
-    @property
-    def snapshot(self) -> LinkSnapshot:
-        """The present state of the link."""
+    delivery: Delivery
+    """What it delivers, and its present state"""
 
     async def run(self) -> None:
         """Run until cancelled."""
@@ -36,28 +35,18 @@ class AlarmLink:
     """A link that only delivers alarms."""
 
     def __init__(self, delivery: Delivery) -> None:
-        self._delivery = delivery
-
-    @property
-    def snapshot(self) -> LinkSnapshot:
-        """The present state of the link."""
-        return self._delivery.snapshot
+        self.delivery = delivery
 
     async def run(self) -> None:
         """Deliver until it is cancelled."""
         while True:
-            await asyncio.sleep(min(await self._delivery.step(), LOOK_S))
+            await asyncio.sleep(min(await self.delivery.step(), LOOK_S))
 
 
 class Links:
     """All configured links; their libraries are imported only if they are configured.
 
-    Args:
-        config: the links.
-        state_dir: folder of the outbox.
-        journal: source of the transitions.
-        snapshot: returns the newest snapshot.
-        recording_of: returns the name of the recording of a time; None: there is none (yet).
+    ``recording_of`` returns the name of the recording of a time; None: there is none (yet).
 
     Raises:
         LinkSecretError: a secret or a certificate cannot be used.
@@ -89,7 +78,7 @@ class Links:
 
     def snapshots(self) -> Sequence[LinkSnapshot]:
         """The present state of each link."""
-        return [link.snapshot for link in self.links]
+        return [link.delivery.snapshot for link in self.links]
 
     def start(self) -> None:
         """Start the thread."""
@@ -121,18 +110,18 @@ class Links:
             from service.links.webhook import webhook
 
             for hook in config.webhook:
-                yield AlarmLink(self._delivery(LinkName(hook.name, "webhook"), hook, webhook(hook)))
+                yield AlarmLink(self._delivery(hook.name, "webhook", hook, webhook(hook)))
         if config.mqtt is not None:
             from service.links.mqtt import Broker, MqttLink
 
             broker = Broker(config.mqtt.prefix)
-            delivery = self._delivery(LinkName("mqtt", "mqtt"), config.mqtt, broker)
+            delivery = self._delivery("mqtt", "mqtt", config.mqtt, broker)
             yield MqttLink(config.mqtt, broker, delivery, snapshot)
         if config.smtp is not None:
             from service.links.mail import Mail, MailText
 
             mail = Mail(config.smtp, MailText(snapshot))
-            yield AlarmLink(self._delivery(LinkName("smtp", "smtp"), config.smtp, mail))
+            yield AlarmLink(self._delivery("smtp", "smtp", config.smtp, mail))
 
         if config.opcua is not None:
             from service.links.opcua import OpcUaLink
@@ -140,13 +129,13 @@ class Links:
             from service.store.tokens import TOKENS_FILE, TokenFile
 
             conditions = Conditions(self._journal, config.opcua.priorities)
-            delivery = self._delivery(LinkName("opcua", "opcua"), config.opcua, conditions)
+            delivery = self._delivery("opcua", "opcua", config.opcua, conditions)
             tokens = TokenFile(state_dir / TOKENS_FILE)
             yield OpcUaLink(config.opcua, tokens, conditions, delivery, snapshot)
 
-    def _delivery(self, link: LinkName, limits: AlarmLimits, receiver: Receiver) -> Delivery:
-        done, found = self._done[link.name], self._recording_of
-        return Delivery(link, limits, receiver, self._journal, self._outbox, done, recording_of=found)
+    def _delivery(self, name: str, kind: str, limits: AlarmLimits, receiver: Receiver) -> Delivery:
+        link, done = LinkSnapshot(name, kind, connected=True), self._done[name]
+        return Delivery(link, limits, receiver, self._journal, self._outbox, done, self._recording_of)
 
 
 async def _run_on(link: Link) -> None:
@@ -155,5 +144,5 @@ async def _run_on(link: Link) -> None:
         try:
             await link.run()
         except Exception:
-            log.exception("a fault in a link; it is started again", link=link.snapshot.name)
+            log.exception("a fault in a link; it is started again", link=link.delivery.snapshot.name)
             await asyncio.sleep(FIRST_RETRY_S)

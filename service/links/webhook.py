@@ -29,15 +29,7 @@ def signature(key: bytes, timestamp: int, body: bytes) -> str:
 
 
 class Webhook:
-    """The receiver: posts to an address.
-
-    Args:
-        url: address of the receiver.
-        key: key of the signature.
-        context: TLS context, for verifying the receiver's certificate.
-        timeout_s: time within which the receiver must answer [s].
-        now_us: wall clock.
-    """
+    """The receiver: posts to ``url``, which must answer within ``timeout_s``; ``context`` verifies its certificate."""
 
     most = 1
 
@@ -79,10 +71,9 @@ class Webhook:
         }
         try:
             # A new connection for each post: alarms are rare, and the receiver would have closed an old one.
+            # The outer time limit is for the whole request; httpx applies its own to each step.
             async with (
-                asyncio.timeout(
-                    self._timeout_s
-                ),  # for the whole request; httpx applies its timeout to each step
+                asyncio.timeout(self._timeout_s),
                 httpx.AsyncClient(verify=self._context, trust_env=False, timeout=self._timeout_s) as http,
                 http.stream("POST", self._url, content=body, headers=headers) as answer,
             ):

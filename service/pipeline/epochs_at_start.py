@@ -12,7 +12,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Restored, restore
 from service.pipeline.epoch_progress import Learning
 from service.store.checkpoints import Checkpoints
-from service.store.epochs import Configured, Epoch, Epochs, EpochValue
+from service.store.epochs import Epoch, EpochPlan, Epochs, EpochValue
 from service.store.journal import Journal
 
 
@@ -73,8 +73,8 @@ def epochs_in_force(configured: Sequence[NamedAxis], epochs: Epochs, now_us: int
     return EpochsInForce(tuple(axes), found, tuple(messages))
 
 
-def _configured(axis: NamedAxis) -> Configured:
-    return Configured(axis.id, content_of(axis), fingerprint_of(axis), nominal_values(axis))
+def _configured(axis: NamedAxis) -> EpochPlan:
+    return EpochPlan(axis.id, "configuration", content_of(axis), fingerprint_of(axis), nominal_values(axis))
 
 
 def nominal_values(axis: NamedAxis, before: NamedAxis | None = None) -> tuple[EpochValue, ...]:

@@ -39,9 +39,12 @@ def _tables(report: IdentificationReport) -> Iterator[str]:
     rows = {split_name(row.name)[0]: row for row in report.result.rows() if row.name != DELAY}
     yield toml_table("[values]", {name: Fact(v, _about(name, rows, report)) for name, v in e.values.items()})
     for slope in report.result.slopes():
-        yield _schedule_table(slope)
+        f = slope.scheduled
+        about = f"{one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
+        yield toml_table("[[schedule]]", _slope(slope), about)
     if report.result.warm_up is not None:
-        yield _thermal_table(report.result.warm_up)
+        about = "heat' = (P - heat) / tau, P = fm w^2 + fc |w| of the motor speed w: the signal heat [W], 0 when cold."
+        yield toml_table("[thermal]", _thermal(report.result.warm_up), about)
     deviations = {name: _rough(sd) for name, sd in zip(e.names, e.sd.tolist(), strict=True)}
     about = "Standard deviations of what was estimated, in the same units."
     yield toml_table("[standard_deviations]", deviations, about)
@@ -121,8 +124,7 @@ def _predictor_table(report: IdentificationReport) -> str:
         "colour": Fact(report.result.colour, correlated, rough=True),
         "states": [f"{s.name} [{s.unit}]" for s in e.drive.states],
         "gain": Fact(
-            e.K if e.problem.predictor == "innovations" else [],
-            f"filter gain K, state for state, per {unit}",
+            e.K if e.problem.predictor == "innovations" else [], f"filter gain K, state for state, per {unit}"
         ),
         "min_speed": Fact(e.problem.min_speed, slower),
     }
@@ -143,12 +145,6 @@ def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationRe
 # --- What both have, with what it means ------------------------------------------------------------------------------
 
 
-def _schedule_table(s: Slope) -> str:
-    f = s.scheduled
-    about = f"{one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
-    return toml_table("[[schedule]]", _slope(s), about)
-
-
 def _slope(s: Slope) -> Json:
     f = s.scheduled
     origin = "of [thermal] below" if f.term == HEAT else "of [[robot.axis.signal]] in the configuration"
@@ -160,11 +156,6 @@ def _slope(s: Slope) -> Json:
         "reference": f.reference,
         "range": Fact([f.low, f.high], "of the signal in the records", rough=True),
     }
-
-
-def _thermal_table(found: FoundWarmUp) -> str:
-    about = "heat' = (P - heat) / tau, P = fm w^2 + fc |w| of the motor speed w: the signal heat [W], 0 when cold."
-    return toml_table("[thermal]", _thermal(found), about)
 
 
 def _thermal(found: FoundWarmUp) -> Json:

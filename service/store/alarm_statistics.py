@@ -22,11 +22,13 @@ FIRST_OUT_S = 600.0
 """Alarms of a group of axes belong together if each is raised within this time after another: an axis that seldom moves
 detects late what another axis has detected at once."""
 
-ACTIVE = f"coalesce(returns_to, state) IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
-"""SQL condition: the cause is present, or the alarm is latched"""
-STALE = (
-    f"state IN ({', '.join(repr(str(s)) for s in ACTIVE_STATES)}) AND coalesce(reopened_us, raised_us) <= ?"
+_ACTIVE_NAMES, _HIDDEN_NAMES = (
+    f"({', '.join(repr(str(state)) for state in states)})" for states in (ACTIVE_STATES, HIDDEN_STATES)
 )
+ACTIVE = f"coalesce(returns_to, state) IN {_ACTIVE_NAMES}"
+"""SQL condition: the cause is present, or the alarm is latched"""
+_SHOWN = f"state IN {_ACTIVE_NAMES}"
+STALE = f"{_SHOWN} AND coalesce(reopened_us, raised_us) <= ?"
 """SQL condition; its value is the time before which the alarm was raised"""
 CHATTERING = f"""id IN (SELECT alarm_id FROM (
     SELECT t.alarm_id, t.at_us - lag(t.at_us, {CHATTERING_TIMES - 1}) OVER (
@@ -35,8 +37,6 @@ CHATTERING = f"""id IN (SELECT alarm_id FROM (
 ) WHERE span_us <= {round(CHATTERING_S * 1e6)})"""
 """SQL condition: the alarm is the third with its name within ten minutes"""
 
-
-_SHOWN = f"state IN ({', '.join(repr(str(state)) for state in ACTIVE_STATES)})"
 GROUP = "axis_group"
 """SQL function: the group of an axis, by default its robot"""
 _SAME_GROUP = f"{GROUP}(other.axis) = {GROUP}(alarm.axis)"
@@ -46,7 +46,7 @@ FOLLOWS = f"""CASE WHEN alarm.{_SHOWN} THEN (
     WHERE other.raised_us BETWEEN alarm.raised_us - {_WITHIN_US} AND alarm.raised_us AND {_SAME_GROUP}
     AND (other.raised_us, other.id) < (alarm.raised_us, alarm.id)
     AND coalesce(other.ended_us, alarm.raised_us) >= alarm.raised_us
-    AND other.state NOT IN ({", ".join(repr(str(state)) for state in HIDDEN_STATES)})
+    AND other.state NOT IN {_HIDDEN_NAMES}
     ORDER BY other.raised_us, other.id LIMIT 1
 ) END"""
 """SQL column: for an active alarm that is not hidden, the first alarm of its group that was open when it was raised.

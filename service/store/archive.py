@@ -23,6 +23,7 @@ from service.store.history_store import MIGRATIONS as HISTORY_MIGRATIONS
 from service.store.journal import MIGRATIONS as JOURNAL_MIGRATIONS
 from service.store.outbox import MIGRATIONS as OUTBOX_MIGRATIONS
 from service.store.outbox import OUTBOX_FILE
+from service.store.private_file import replacing
 
 MANIFEST = "backup.json"
 """Name of the first member of an archive"""
@@ -114,21 +115,12 @@ def write_archive(target: Path, manifest: Manifest, sources: Mapping[str, Path |
         }
         entries = {member: _entry(copy, member) for member, copy in sorted(copies.items())}
         manifest = manifest._replace(files=entries)
-        number, part = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-        try:
-            with os.fdopen(number, "wb") as file:
-                with tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as archive:
-                    head = json.dumps(manifest._asdict(), indent=1).encode()
-                    archive.addfile(_member(MANIFEST, len(head)), io.BytesIO(head))
-                    for member, entry in entries.items():
-                        with copies[member].open("rb") as content:
-                            archive.addfile(_member(member, entry["size"]), content)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, target)
-        except BaseException:
-            os.unlink(part)
-            raise
+        with replacing(target) as file, tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as archive:
+            head = json.dumps(manifest._asdict(), indent=1).encode()
+            archive.addfile(_member(MANIFEST, len(head)), io.BytesIO(head))
+            for member, entry in entries.items():
+                with copies[member].open("rb") as content:
+                    archive.addfile(_member(member, entry["size"]), content)
     return manifest
 
 
@@ -200,9 +192,7 @@ def restore_archive(archive: Path, folder: Path) -> Manifest:
     with _explained():
         _must_be_free(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
-        part = Path(
-            tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent)
-        )  # only its owner may read it
+        part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))  # private to its owner
         try:
             manifest = _extract(archive, part)
             for name, entry in manifest.files.items():

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.wording import sentence
-from service.store.database import Database
+from service.store.database import Store
 
 MIGRATIONS = (
     """
@@ -80,19 +80,11 @@ class QuarantinedCheckpoint:
     reason: str
 
 
-class Checkpoints:
-    """The last checkpoint of each axis in an SQLite file with one writer.
-
-    Every method raises StoreError if the file cannot be read or written.
-
-    Raises:
-        StoreInUseError: another daemon writes to this file.
-        StoreError: the file cannot be opened.
-    """
+class Checkpoints(Store):
+    """The last checkpoint of each axis."""
 
     def __init__(self, path: Path) -> None:
-        self._db = Database(path, MIGRATIONS, "NORMAL")
-        self.messages = self._db.messages
+        super().__init__(path, MIGRATIONS, "NORMAL")
 
     def save(self, states: Iterable[AxisState], at_us: int) -> None:
         """Save these states in place of the former ones, all or none.
@@ -122,10 +114,6 @@ class Checkpoints:
         """Quarantine the last state of an axis, e.g. because the monitor does not accept it."""
         with self._db.write() as connection:
             _move(connection, axis, reason, now_us)
-
-    def close(self) -> None:
-        """Close the file."""
-        self._db.close()
 
 
 _Row = tuple[str, bytes, int, bytes, bytes]

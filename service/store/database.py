@@ -57,7 +57,7 @@ class Database:
         path: Path,
         migrations: Sequence[str],
         synchronous: Synchronous,
-        functions: Mapping[str, Callable[[str], str]] = MappingProxyType({}),
+        functions: Mapping[str, Callable[[str], str]],
     ) -> None:
         self.path, self._functions = path, functions
         self.messages: tuple[str, ...] = ()
@@ -117,11 +117,7 @@ class Database:
                 yield connection
 
     def _check_place(self) -> None:
-        """Check that the open file is still the one at its path: what is written to a deleted file is lost.
-
-        Raises:
-            StoreError: the file, or its folder, has been moved, deleted or replaced.
-        """
+        """Check that the open file is still the one at its path: what is written to a deleted file is lost."""
         found = _identity(self.path)
         if found != self._file:
             words = (
@@ -148,6 +144,31 @@ class Database:
             self._owner.close()
 
 
+class Store:
+    """What is kept in a file with one writer; any thread may read at any time.
+
+    Every method raises StoreError if the file cannot be read or written; nothing is written then.
+
+    Raises:
+        StoreInUseError: another daemon writes to this file.
+        StoreError: the file cannot be opened.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        migrations: Sequence[str],
+        synchronous: Synchronous,
+        functions: Mapping[str, Callable[[str], str]] = MappingProxyType({}),
+    ) -> None:
+        self._db = Database(path, migrations, synchronous, functions)
+        self.messages = self._db.messages
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+
+
 def _identity(path: Path) -> tuple[int, int] | None:
     """Device and number of the file at a path; None: there is none."""
     try:
@@ -162,9 +183,8 @@ def _claim(path: Path) -> FileIO:
     lock_path = path.with_name(path.name + ".lock")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        owner = lock_path.open(
-            "a+b", buffering=0
-        )  # what a full disk refuses must not come again when it is closed
+        # Without a buffer: what a full disk refuses must not come again when it is closed.
+        owner = lock_path.open("a+b", buffering=0)
     except OSError as error:
         raise StoreError(_unusable(lock_path, error)) from error
     try:

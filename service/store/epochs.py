@@ -128,15 +128,6 @@ class EpochPlan(NamedTuple):
     restored_from: int | None = None
 
 
-class Configured(NamedTuple):
-    """A configured axis: its nominal values and thresholds, and their fingerprint."""
-
-    axis: str
-    content: str
-    fingerprint: str
-    nominal: tuple[EpochValue, ...] = ()
-
-
 EndAlarms = Callable[[sqlite3.Connection, str, Note, Mapping[str, AlarmRules]], None]
 """Function that ends the open alarms of an axis."""
 
@@ -150,38 +141,25 @@ class Epochs:
     def __init__(self, database: Database, end_alarms: EndAlarms) -> None:
         self._db, self._end_alarms = database, end_alarms
 
-    def begin_with(self, axes: Iterable[Configured], at_us: int) -> dict[str, Epoch]:
-        """Determine the epochs in force of the configured axes, at the start.
+    def begin_with(self, configured: Iterable[EpochPlan], at_us: int) -> dict[str, Epoch]:
+        """Determine the epochs in force of the axes at the start, given those of the configuration.
 
         The latest change by a person counts: an epoch stays in force as long as the configuration is the one with which
         the epoch began.  A changed configuration starts a new epoch.
         """
         found = {}
         with self._db.write() as connection:
-            for axis in axes:
-                now = _in_force(connection, axis.axis)
-                if now is None or now.fingerprint != axis.fingerprint:
-                    now = self._configured(connection, axis, now, at_us)
-                found[axis.axis] = now
+            for plan in configured:
+                now = _in_force(connection, plan.axis)
+                if now is None or now.fingerprint != plan.fingerprint:
+                    now = _reconfigure(connection, plan, now, at_us)
+                found[plan.axis] = now
         return found
 
-    def refused_at_start(self, axis: Configured, at_us: int) -> Epoch:
+    def refused_at_start(self, configured: EpochPlan, at_us: int) -> Epoch:
         """Start an epoch with the configured values, as the epoch in force does not fit the axis any more."""
         with self._db.write() as connection:
-            return self._configured(connection, axis, _in_force(connection, axis.axis), at_us)
-
-    def _configured(
-        self, connection: sqlite3.Connection, axis: Configured, before: Epoch | None, at_us: int
-    ) -> Epoch:
-        note = Note(at_us, CONFIGURATION)
-        if learning := _learning(connection, axis.axis):
-            _cancel(connection, learning, note, "cancelled", RECONFIGURED)
-        if before is not None:
-            _end(connection, before, "closed", "replaced", note)
-        plan = EpochPlan(axis.axis, "configuration", axis.content, axis.fingerprint, axis.nominal)
-        epoch = _insert(connection, plan, "current", note)
-        _note(connection, epoch, "taken over", note)
-        return epoch
+            return _reconfigure(connection, configured, _in_force(connection, configured.axis), at_us)
 
     def of_axis(self, axis: str) -> list[Epoch]:
         """The epochs of an axis, the newest first."""
@@ -215,12 +193,7 @@ class Epochs:
         with self._db.read() as connection:
             return _next_number(connection, axis)
 
-    def take_over(
-        self,
-        plan: EpochPlan,
-        note: Note,
-        rules: Mapping[str, AlarmRules] = {},
-    ) -> Epoch:
+    def take_over(self, plan: EpochPlan, note: Note, rules: Mapping[str, AlarmRules] = {}) -> Epoch:
         """Put an epoch in force: the one that has finished learning, otherwise a new one.
 
         The former epoch and its open alarms end, with the same ``note``.
@@ -310,6 +283,20 @@ def _insert(connection: sqlite3.Connection, plan: EpochPlan, state: EpochState, 
     values = row._asdict() | {"nominal": json.dumps(row.nominal)}
     connection.execute(f"INSERT INTO epoch ({_COLUMNS}) VALUES ({places})", list(values.values()))
     return row
+
+
+def _reconfigure(
+    connection: sqlite3.Connection, configured: EpochPlan, before: Epoch | None, at_us: int
+) -> Epoch:
+    """Put an epoch with the configured values in force; it ends the one before, and one that is learning."""
+    note = Note(at_us, CONFIGURATION)
+    if learning := _learning(connection, configured.axis):
+        _cancel(connection, learning, note, "cancelled", RECONFIGURED)
+    if before is not None:
+        _end(connection, before, "closed", "replaced", note)
+    epoch = _insert(connection, configured, "current", note)
+    _note(connection, epoch, "taken over", note)
+    return epoch
 
 
 def _end(

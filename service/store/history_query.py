@@ -65,7 +65,7 @@ def ask(store: HistoryStore, question: Question) -> HistoryAnswer:
     """
     with store.read() as view:
         known = view.series(question.axis, question.parameter)
-        ends = {table: found for table in RESOLUTIONS if (found := view.ends(table, [*known])) is not None}
+        ends = view.ends(known)
         if not ends:
             nothing = [NO_ROWS] * len(known)
             return _aligned(question, question.resolution or "raw", _step(question), known, nothing)
@@ -81,8 +81,7 @@ def ask(store: HistoryStore, question: Question) -> HistoryAnswer:
 def pages(store: HistoryStore, question: Question) -> Iterator[HistoryAnswer]:
     """All stored rows in parts; without a resolution, those of the finest one that goes back to ``since_s``."""
     with store.read() as view:
-        known = view.series(question.axis, question.parameter)
-        ends = {table: found for table in RESOLUTIONS if (found := view.ends(table, [*known])) is not None}
+        ends = view.ends(view.series(question.axis, question.parameter))
     if question.resolution is None and ends:
         since_s, _ = _range(question, ends)
         question = replace(question, resolution=_reaching("raw", since_s, ends))
@@ -139,10 +138,7 @@ def _reaching(table: Resolution, since_s: int, ends: _Ends) -> Resolution:
         period = PERIODS_S[coarser]
         first = max(ends[coarser][0], since_s // period * period)
         begin = ends[table][0] if table in ends else first + period
-        has_more = (
-            since_s < begin and first + period <= begin
-        )  # rows of a time of which the finer one has none
-        if has_more:
+        if since_s < begin and first + period <= begin:  # rows of a time of which the finer one has none
             table = coarser
     return table
 
@@ -156,10 +152,9 @@ def _as_stored(
     answer = _aligned(question, table, max(PERIODS_S[table], _step(question)), known, rows)
     if len(answer.t) <= question.points:
         return answer
+    # Do not split an answer at the start of a gap, which would hide the gap.
     after_gap = question.points > 1 and not any(c.rows.n[question.points] for c in answer.courses)
-    cut = (
-        question.points - after_gap
-    )  # do not split an answer at the start of a gap, which would hide the gap
+    cut = question.points - after_gap
     first = slice(cut)
     courses = tuple(course._replace(rows=course.rows.select(first)) for course in answer.courses)
     following = int(answer.t[cut])

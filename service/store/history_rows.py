@@ -92,11 +92,8 @@ def packed(rows: Rows) -> list[bytes]:
 def unpacked(found: Iterable[tuple[int, int, bytes]]) -> Rows:
     """Rows from the start, count and bytes of each in the file; damaged rows are left out."""
     t, n, cells = list[int](), list[int](), list[bytes]()
-    for (
-        begin,
-        count,
-        numbers,
-    ) in found:  # not a list of tuples: thousands of them slow the garbage collector down
+    # Not a list of tuples: thousands of them slow the garbage collector down.
+    for begin, count, numbers in found:
         t.append(begin)
         n.append(count)
         cells.append(numbers)

@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 
 from monitor_core.arrays import Ints
-from service.store.database import Database
+from service.store.database import Store
 from service.store.history_rows import Rows, joined, merged, packed, points, unpacked
 
 Resolution = Literal["raw", "minute", "hour", "day"]
@@ -75,19 +75,11 @@ class Point(NamedTuple):
     values: Sequence[float]
 
 
-class HistoryStore:
-    """The history in a file with one writer; any thread may read at any time.
-
-    Every method raises StoreError if the file cannot be read or written.
-
-    Raises:
-        StoreInUseError: another daemon writes to this file.
-        StoreError: the file cannot be opened.
-    """
+class HistoryStore(Store):
+    """The history of all parameters."""
 
     def __init__(self, path: Path, bounds: Bounds) -> None:
-        self._db = Database(path, MIGRATIONS, "NORMAL")
-        self.messages = self._db.messages
+        super().__init__(path, MIGRATIONS, "NORMAL")
         self._bounds = bounds
         self._ids: dict[Series, int] = {}
         self._pruned = 0
@@ -125,10 +117,6 @@ class HistoryStore:
         with self._db.read() as connection:
             yield HistoryView(connection)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._db.close()
-
 
 class HistoryView:
     """A consistent view of the file."""
@@ -141,9 +129,9 @@ class HistoryView:
         query = "SELECT id, axis, parameter, unit FROM series WHERE axis = ?1 AND ?2 IN (parameter, '') ORDER BY id"
         return {row[0]: Series(*row[1:]) for row in self._connection.execute(query, [axis, parameter or ""])}
 
-    def ends(self, table: Resolution, ids: Iterable[int]) -> tuple[int, int] | None:
-        """Starts of the oldest and the newest row of these series [s]; None: there are no rows."""
-        return _ends(self._connection, table, ids)
+    def ends(self, ids: Iterable[int]) -> dict[Resolution, tuple[int, int]]:
+        """Starts of the oldest and the newest row of these series [s], for each resolution that has rows."""
+        return _ends(self._connection, list(ids))
 
     def rows(
         self, table: Resolution, series: int, since_s: int, until_s: int, most: int | None = None
@@ -188,7 +176,7 @@ def _delete(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int
 
 def _cut(connection: sqlite3.Connection, ids: Sequence[int]) -> None:
     """Delete the oldest part of the table that is probably the largest."""
-    ends = {table: found for table in RESOLUTIONS if (found := _ends(connection, table, ids)) is not None}
+    ends = _ends(connection, ids)
     spans = {table: last - first for table, (first, last) in ends.items()}
     if spans:
         table = max(spans, key=lambda name: spans[name] * _BYTES_PER_S[name])
@@ -196,12 +184,15 @@ def _cut(connection: sqlite3.Connection, ids: Sequence[int]) -> None:
         _delete(connection, table, ids, first + length_s + PERIODS_S[table])
 
 
-def _ends(connection: sqlite3.Connection, table: Resolution, ids: Iterable[int]) -> tuple[int, int] | None:
-    query = f"SELECT min(t) FROM {table} WHERE series = ?1", f"SELECT max(t) FROM {table} WHERE series = ?1"
-    # Two queries: SQLite answers each from the index at once, but not both together.
-    found = [[connection.execute(q, [series]).fetchone()[0] for q in query] for series in ids]
-    known = [ends for ends in found if ends[0] is not None]
-    return (min(e[0] for e in known), max(e[1] for e in known)) if known else None
+def _ends(connection: sqlite3.Connection, ids: Sequence[int]) -> dict[Resolution, tuple[int, int]]:
+    ends: dict[Resolution, tuple[int, int]] = {}
+    for table in RESOLUTIONS:
+        # Two queries: SQLite answers each from the index at once, but not both together.
+        query = [f"SELECT {end}(t) FROM {table} WHERE series = ?1" for end in ("min", "max")]
+        found = [[connection.execute(q, [series]).fetchone()[0] for q in query] for series in ids]
+        if known := [(first, last) for first, last in found if first is not None]:
+            ends[table] = min(first for first, _ in known), max(last for _, last in known)
+    return ends
 
 
 def _used_bytes(connection: sqlite3.Connection) -> int:

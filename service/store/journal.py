@@ -45,7 +45,7 @@ from service.store.alarm_transitions import (
 )
 from service.store.audit import AuditEntry, Place, audited
 from service.store.axis_services import SERVICE_MIGRATION, AxisServices, removal
-from service.store.database import Database
+from service.store.database import Store
 from service.store.epochs import EPOCH_MIGRATION, Epochs
 
 MIGRATIONS = (*TABLE_MIGRATIONS, MIGRATION, IDENTITY_MIGRATION, EPOCH_MIGRATION, SERVICE_MIGRATION)
@@ -59,20 +59,12 @@ class UnknownAlarmError(LookupError):
     """The journal has no alarm with this id."""
 
 
-class Journal:
-    """Alarms in an SQLite file with one writer; any thread may read at any time.
-
-    Every method raises StoreError if the file cannot be read or written.
-
-    Raises:
-        StoreInUseError: another daemon writes to this file.
-        StoreError: the file cannot be opened.
-    """
+class Journal(Store):
+    """Alarms with their states and transitions."""
 
     def __init__(self, path: Path) -> None:
         self._groups: dict[str, str] = {}
-        self._db = Database(path, MIGRATIONS, "FULL", {GROUP: self._group})
-        self.messages = self._db.messages
+        super().__init__(path, MIGRATIONS, "FULL", {GROUP: self._group})
         with self._db.read() as connection:
             self.identity = str(connection.execute("SELECT identity FROM journal_identity").fetchone()[0])
             """Random identity of this file, which stays when the file is moved"""
@@ -279,20 +271,12 @@ class Journal:
             alarms = select_alarms(connection, rest, [*values, *(after or _BEFORE_ALL), limit])
         return alarms, int(total)
 
-    def close(self) -> None:
-        """Close the file."""
-        self._db.close()
-
 
 _BEFORE_ALL = (2**63 - 1, 2**63 - 1)
 
 
 def _obey(
-    connection: sqlite3.Connection,
-    alarm: RecordedAlarm,
-    rules: AlarmRules,
-    note: Note,
-    by: str | None = None,
+    connection: sqlite3.Connection, alarm: RecordedAlarm, rules: AlarmRules, note: Note, by: str | None = None
 ) -> None:
     """Record the transitions that are due at the time of the note; ``by``: who has changed the service of the axis."""
     own, removed_by = removal(connection, alarm.axis, rules)

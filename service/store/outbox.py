@@ -9,7 +9,7 @@ transitions may be delivered again; none is left out.
 from collections.abc import Iterable
 from pathlib import Path
 
-from service.store.database import Database
+from service.store.database import Store
 from service.store.journal import Journal
 
 OUTBOX_FILE = "links.sqlite"
@@ -26,20 +26,12 @@ MIGRATIONS = (
 )
 
 
-class Outbox:
-    """The number of the last finished transition of each link.
-
-    Every method raises StoreError if the file cannot be read or written.
-
-    Raises:
-        StoreInUseError: another daemon writes to this file.
-        StoreError: the file cannot be opened.
-    """
+class Outbox(Store):
+    """The number of the last finished transition of each link."""
 
     def __init__(self, path: Path, journal: Journal) -> None:
+        super().__init__(path, MIGRATIONS, "NORMAL")
         self._journal = journal
-        self._db = Database(path, MIGRATIONS, "NORMAL")
-        self.messages = self._db.messages
 
     def begin(self, names: Iterable[str]) -> dict[str, int]:
         """The number of the last finished transition of each of these links.
@@ -65,10 +57,6 @@ class Outbox:
         """Store that a link has finished all transitions up to this number."""
         with self._db.write() as connection:
             connection.execute(_SAVE, (name, self._journal.identity, number))
-
-    def close(self) -> None:
-        """Close the file."""
-        self._db.close()
 
 
 _SAVE = "INSERT OR REPLACE INTO link (name, journal, done) VALUES (?, ?, ?)"

@@ -11,7 +11,6 @@ import json
 import os
 import re
 import secrets
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from service.store.database import StoreError
+from service.store.private_file import replacing
 
 TOKENS_FILE = "tokens.json"
 """Name of the file in the state directory."""
@@ -179,20 +179,12 @@ class TokenFile:
         entries = [
             {"name": t.name, "scope": str(t.scope), "sha256": t.sha256, "created": t.created} for t in tokens
         ]
-        number, name = tempfile.mkstemp(prefix=f"{self.path.name}.", dir=self.path.parent)  # mode 0600
-        try:
-            with os.fdopen(number, "w", encoding="utf-8") as file:
-                json.dump({"format": _FORMAT, "tokens": entries}, file, indent=1)
-                file.write("\n")
-                file.flush()
-                if os.geteuid() == 0:
-                    owner = self.path.parent.stat()
-                    os.fchown(file.fileno(), owner.st_uid, owner.st_gid)
-                os.fsync(file.fileno())
-            os.replace(name, self.path)
-        except BaseException:
-            os.unlink(name)
-            raise
+        text = json.dumps({"format": _FORMAT, "tokens": entries}, indent=1) + "\n"
+        with replacing(self.path) as file:
+            file.write(text.encode())
+            if os.geteuid() == 0:
+                owner = self.path.parent.stat()
+                os.fchown(file.fileno(), owner.st_uid, owner.st_gid)
 
 
 def _digest(secret: str) -> str:

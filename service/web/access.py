@@ -1,18 +1,18 @@
 """Access to the API: callers, scopes, and the scope that a route needs.
 
-A route declares it by ``who: Annotated[str, Depends(needs(Scope.OPERATE))]``.
+A route declares it by ``who: Operator`` or ``who: Admin``, the name of the caller.
 """
 
 from collections.abc import Callable, Iterable
 from typing import Annotated
 
-from fastapi import Request, Security
+from fastapi import Depends, Request, Security
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from monitor_core.wording import sentence
 from service.store.tokens import ANYONE, LOCAL, Caller, Scope, TokenFile
 
-__all__ = ["Access", "Caller", "ForbiddenError", "Scope", "UnprotectedError", "needs"]
+__all__ = ["Access", "Admin", "ForbiddenError", "Operator", "Scope", "UnprotectedError", "needs"]
 
 _BEARER = HTTPBearer(
     auto_error=False,
@@ -49,6 +49,10 @@ def needs(scope: Scope) -> Callable[..., str]:
         return caller.name
 
     return who
+
+
+Operator = Annotated[str, Depends(needs(Scope.OPERATE))]
+Admin = Annotated[str, Depends(needs(Scope.ADMIN))]
 
 
 class Access:

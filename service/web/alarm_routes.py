@@ -16,13 +16,12 @@ from service.store.database import StoreError
 from service.store.journal import AlarmFilter, UnknownAlarmError
 from service.texts.instants import microseconds
 from service.web import models, views
-from service.web.access import Scope, needs
+from service.web.access import Operator
 from service.web.app_state import AppState
-from service.web.problem_details import UnknownResourceError, described
+from service.web.problem_details import NOT_FOUND, UnknownResourceError, described
 from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.report_pages import PAGE_HEADERS
 
-_NOT_FOUND = described(404, "It does not exist")
 _NO_JOURNAL = described(503, "The alarm journal cannot be read or written")
 _CONFLICT = described(409, "Not possible in the present state of the alarm, e.g. acknowledged twice")
 _NO_SHELF = described(400, "The end of the shelf is not in the future, or more than seven days in it")
@@ -44,9 +43,6 @@ Moment = Annotated[
     Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z; in an address + is %2B"),
 ]
 AlarmId = Annotated[int, Path(alias="id", ge=1, le=_LARGEST_ID)]
-
-
-Caller = Annotated[str, Depends(needs(Scope.OPERATE))]
 
 
 def in_order(since: Moment, until: Moment) -> tuple[int | None, int | None]:
@@ -133,11 +129,9 @@ def router(state: AppState) -> APIRouter:
                 raise
             recorded = [a for a in reversed(state.snapshot().alarms.standing) if f.match(a, now_us)]
             total, recorded = len(recorded), recorded[:wanted]
-        folder = state.recordings
-        files = [] if folder is None else folder.files()  # list the folder only once
+        files = [] if state.extracts is None else state.extracts.folder.files()  # list the folder only once
         found = [
-            views.alarm(a, now_us, None if folder is None else folder.holding(a.since_us, files))
-            for a in (*first, *recorded)[:limit]
+            views.alarm(a, now_us, state.recording_of(a.since_us, files)) for a in (*first, *recorded)[:limit]
         ]
         following, left = None, after is None and skipped + len(first) < len(waiting)
         if left or len(first) + len(recorded) > limit:
@@ -150,13 +144,10 @@ def router(state: AppState) -> APIRouter:
         """Alarms per ten minutes and the most frequent ones, from since (seven days before until) to until (now)."""
         begin_us, end_us = in_order(since, until)
         end_us = state.now_us() if end_us is None else end_us
-        return views.alarm_statistics(
-            state.journal.statistics(
-                max(_EARLIEST_US, end_us - _WEEK_US) if begin_us is None else begin_us, end_us
-            )
-        )
+        begin_us = max(_EARLIEST_US, end_us - _WEEK_US) if begin_us is None else begin_us
+        return views.body(models.AlarmStatistics, state.journal.statistics(begin_us, end_us))
 
-    @api.get("/{id}", summary="One alarm", responses=_NOT_FOUND | _NO_JOURNAL)
+    @api.get("/{id}", summary="One alarm", responses=NOT_FOUND | _NO_JOURNAL)
     def alarm(alarm_id: AlarmId) -> models.AlarmRecord:
         """One alarm of the journal, with its transitions."""
         return _record(state, _known(state, alarm_id))
@@ -166,11 +157,7 @@ def router(state: AppState) -> APIRouter:
 
 
 def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
-    """The start of a page: the number of unrecorded alarms to skip, or the recorded alarm before the page.
-
-    Raises:
-        HTTPException: the text is no cursor.
-    """
+    """The start of a page: the number of unrecorded alarms to skip, or the recorded alarm before the page."""
     found = _CURSOR.fullmatch(cursor)
     if found is None:
         raise HTTPException(400, "this is no cursor: it must be the `next` of a page")
@@ -179,7 +166,7 @@ def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
 
 def _actions(state: AppState) -> APIRouter:
     """The routes of actions on an alarm; each answers with the alarm after the action."""
-    api = APIRouter(prefix="/{id}", responses=_NOT_FOUND | _NO_JOURNAL)
+    api = APIRouter(prefix="/{id}", responses=NOT_FOUND | _NO_JOURNAL)
 
     def act(
         alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
@@ -197,12 +184,12 @@ def _actions(state: AppState) -> APIRouter:
             raise _unknown(state, alarm_id) from None
 
     @api.post("/acknowledge", summary="Acknowledge an alarm", responses=_CONFLICT)
-    def acknowledge(alarm_id: AlarmId, body: models.AlarmNote, who: Caller) -> models.AlarmRecord:
+    def acknowledge(alarm_id: AlarmId, body: models.AlarmNote, who: Operator) -> models.AlarmRecord:
         """A person knows of the alarm; a latched one ends."""
         return act(alarm_id, AlarmEvent.ACKNOWLEDGE, who, body)
 
     @api.post("/shelve", summary="Shelve an alarm", responses=_CONFLICT | _NO_SHELF)
-    def shelve(alarm_id: AlarmId, body: models.AlarmShelf, who: Caller) -> models.AlarmRecord:
+    def shelve(alarm_id: AlarmId, body: models.AlarmShelf, who: Operator) -> models.AlarmRecord:
         """Hide an alarm, and the next ones of its axis, parameter and direction, until a time."""
         until_us = microseconds(body.until)
         if body.duration_s is not None:
@@ -210,7 +197,7 @@ def _actions(state: AppState) -> APIRouter:
         return act(alarm_id, AlarmEvent.SHELVE, who, body, until_us)
 
     @api.post("/unshelve", summary="Unshelve an alarm", responses=_CONFLICT)
-    def unshelve(alarm_id: AlarmId, body: models.AlarmNote, who: Caller) -> models.AlarmRecord:
+    def unshelve(alarm_id: AlarmId, body: models.AlarmNote, who: Operator) -> models.AlarmRecord:
         """Show an alarm again, and all others of its axis, parameter and direction."""
         return act(alarm_id, AlarmEvent.UNSHELVE, who, body)
 
@@ -218,7 +205,7 @@ def _actions(state: AppState) -> APIRouter:
         "/report", summary="Make the replay report of an alarm", status_code=202,
         responses=described(409, "It has no recording, or another report is being made"),
     )  # fmt: skip
-    def make_report(alarm_id: AlarmId, _who: Caller) -> models.AlarmRecord:
+    def make_report(alarm_id: AlarmId, _who: Operator) -> models.AlarmRecord:
         """Replay the recording of an alarm with the nominal values of that time, in a process of lowest priority."""
         found = _known(state, alarm_id)
         if state.replays is None:
@@ -230,8 +217,7 @@ def _actions(state: AppState) -> APIRouter:
         return _record(state, found)
 
     @api.get(
-        "/report", summary="The replay report of an alarm", response_class=FileResponse,
-        responses=described(404, "It does not exist"),
+        "/report", summary="The replay report of an alarm", response_class=FileResponse, responses=NOT_FOUND,
     )  # fmt: skip
     def report(alarm_id: AlarmId) -> FileResponse:
         """The finished report: one page without scripts that contains its pictures, for the maintenance file."""
@@ -241,7 +227,7 @@ def _actions(state: AppState) -> APIRouter:
         return FileResponse(page, media_type="text/html", filename=page.name, headers=PAGE_HEADERS)
 
     @api.post("/comment", summary="Comment on an alarm")
-    def comment(alarm_id: AlarmId, body: models.AlarmComment, who: Caller) -> models.AlarmRecord:
+    def comment(alarm_id: AlarmId, body: models.AlarmComment, who: Operator) -> models.AlarmRecord:
         """Add a comment, the number of a work order, or both, to any alarm."""
         return act(alarm_id, AlarmEvent.COMMENT, who, body)
 
@@ -249,7 +235,7 @@ def _actions(state: AppState) -> APIRouter:
 
 
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:
-    recording = None if state.recordings is None else state.recordings.holding(found.since_us)
+    recording = state.recording_of(found.since_us)
     transitions = state.journal.transitions(found.id) if found.recorded else ()
     report = None if state.replays is None else state.replays.state(found)
     return views.alarm_record(found, transitions, state.now_us(), recording, report)

@@ -29,11 +29,11 @@ from service.web.event_stream import router as event_router
 from service.web.gate import Gate
 from service.web.history_routes import router as history_router
 from service.web.problem_details import (
+    NOT_FOUND,
     PROTECTED,
     UnknownResourceError,
     add_to_schema,
     answer,
-    described,
     mistakes,
 )
 from service.web.recording_routes import router as recording_router
@@ -48,7 +48,6 @@ Condition monitoring of robot axes: estimated physical parameters, their deviati
 values, and alarms that name the parameter that has changed. Times are ISO 8601 in UTC; values are in SI units
 on the motor side of the gear unless a description says otherwise; a number that is not finite is null."""
 
-_NOT_FOUND = described(404, "It does not exist")
 _LONGEST_S = 2.0
 """Longest use of one answer with all axes [s]: all open pages request it once a second, so it is made once."""
 
@@ -114,17 +113,13 @@ def _axes(state: AppState) -> APIRouter:
         """All axes with estimates, CUSUMs, counters and model in one answer; its ages may be two seconds old."""
         return Response(every(state.snapshot(), state.now_us()), media_type="application/json")
 
-    @api.get("/axes/{axis}", summary="One axis", responses=_NOT_FOUND)
+    @api.get("/axes/{axis}", summary="One axis", responses=NOT_FOUND)
     def axis(axis: str) -> models.Axis:
         """One axis, by its id robot.axis."""
         return views.axis(state.axis(axis), state.now_us())
 
-    @api.get("/axes/{axis}/trend", summary="Long-term trend of an axis", responses=_NOT_FOUND)
-    def trend(
-        axis: str,
-        parameter: Only = None,
-        points: Entries = 1200,
-    ) -> models.Trend:
+    @api.get("/axes/{axis}/trend", summary="Long-term trend of an axis", responses=NOT_FOUND)
+    def trend(axis: str, parameter: Only = None, points: Entries = 1200) -> models.Trend:
         """Drift of the parameters, when they reach their limits, and the hourly means behind it."""
         return views.trend(state.axis(axis, parameter), parameter, points)
 

@@ -1,16 +1,19 @@
 """The parts of the daemon that the web uses, cached answers, and whether the daemon is healthy."""
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
+from pathlib import Path
 from typing import NamedTuple
+
+from starlette.exceptions import HTTPException
 
 from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
-from service.pipeline.recording import Extracts, RecordingFolder
+from service.pipeline.recording import Extracts
 from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.silence import silent_after_s
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
@@ -79,15 +82,26 @@ class AppState:
 
     def prepare(self, snapshot: Snapshot) -> None:
         """Make the frequently requested answers before the snapshot is published; called by the worker."""
+        # Held only when all are made, so that requests for the former snapshot need not wait.
         for answer, made in [(answer, answer.made(snapshot)) for answer in self.prepared]:
-            answer.hold(
-                made
-            )  # only when all are made, so that requests for the former snapshot need not wait
+            answer.hold(made)
 
-    @property
-    def recordings(self) -> RecordingFolder | None:
-        """The folder of the frames around alarms; None: none are recorded."""
-        return None if self.extracts is None else self.extracts.folder
+    def recording_of(self, t_us: int, files: Iterable[Path] | None = None) -> str | None:
+        """Name of the file with the raw frames of a time; None: there is none (yet).
+
+        ``files``: those to search; None: all.
+        """
+        return None if self.extracts is None else self.extracts.folder.holding(t_us, files)
+
+    def configured(self) -> RobotSetup:
+        """The configuration.
+
+        Raises:
+            HTTPException: it is not shown.
+        """
+        if self.setup is None:
+            raise HTTPException(503, "the configuration of this daemon is not known")
+        return self.setup
 
 
 _Held = tuple[Snapshot, int, bytes]

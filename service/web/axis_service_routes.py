@@ -7,7 +7,7 @@ from monitor_core.monitoring import AlarmEvent
 from service.store.alarm_transitions import Note
 from service.store.axis_services import ServiceEvent
 from service.web import views
-from service.web.alarm_routes import Caller
+from service.web.access import Operator
 from service.web.app_state import AppState
 from service.web.models import AlarmNote, Body, OutOfService, TextOrNull, Time
 from service.web.problem_details import described
@@ -57,12 +57,12 @@ def router(state: AppState) -> APIRouter:
         return service(known)
 
     @api.post("/out-of-service", summary="Take an axis out of service", responses=_CONFLICT)
-    def remove(axis: str, body: AlarmNote, who: Caller) -> AxisService:
+    def remove(axis: str, body: AlarmNote, who: Operator) -> AxisService:
         """Its alarms are recorded, but not announced, until it is returned to service."""
         return change(axis, AlarmEvent.REMOVE, body, who)
 
     @api.post("/return-to-service", summary="Return an axis to service", responses=_CONFLICT)
-    def give_back(axis: str, body: AlarmNote, who: Caller) -> AxisService:
+    def give_back(axis: str, body: AlarmNote, who: Operator) -> AxisService:
         """Its alarms are announced again; those that are active are shown."""
         return change(axis, AlarmEvent.RETURN, body, who)
 

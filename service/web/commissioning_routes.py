@@ -10,7 +10,6 @@ from typing import Literal
 
 from fastapi import APIRouter
 from pydantic import Field
-from starlette.exceptions import HTTPException
 
 from service.config import NamedAxis
 from service.config.commissioned import RECORDS, REPORT, motion_file, pages_of
@@ -64,9 +63,7 @@ def router(state: AppState) -> APIRouter:
     @api.get("", summary="Steps of the commissioning", responses=_NO_SETUP)
     def commissioning() -> Commissioning:
         """The steps of `axiswatch commission` with their state, their reports and their commands."""
-        if state.setup is None:
-            raise HTTPException(503, "the configuration of this daemon is not known")
-        setup = state.setup
+        setup = state.configured()
         axes = setup.config().axes
         folder = setup.file.absolute().parent
         steps = _steps(state, setup, axes, folder)
@@ -84,9 +81,7 @@ def router(state: AppState) -> APIRouter:
     def signals(axis: str) -> SignalCheck:
         """Rate, jitter, losses and ranges of the last ten seconds, and their problems in words."""
         found = state.axis(axis)
-        if state.setup is None:
-            raise HTTPException(503, "the configuration of this daemon is not known")
-        return state.setup.look(found.id)
+        return state.configured().look(found.id)
 
     return api
 

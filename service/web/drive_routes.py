@@ -14,10 +14,10 @@ from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, split_name
 from service.pipeline.snapshot import AxisSnapshot, MonitoredDrive
 from service.web import models
 from service.web.app_state import AppState
-from service.web.problem_details import described
+from service.web.problem_details import NOT_FOUND, described
 from service.web.views import OUTPUT_UNITS
 
-_ANSWERS = described(404, "It does not exist") | described(503, "The drive of the axis is not known (yet)")
+_ANSWERS = NOT_FOUND | described(503, "The drive of the axis is not known (yet)")
 _POINTS = 240
 _LOWEST, _HIGHEST = 1e-3, 0.95
 """Lowest and highest frequency, as shares of half the sample rate"""

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
-from fastapi import APIRouter, Depends, Path
+from fastapi import APIRouter, Path
 from pydantic import Field, model_validator
 
 from service.pipeline.baselines import Baselines, BaselineUnavailableError, UnknownEpochError, reason_of
@@ -12,7 +12,7 @@ from service.store.epochs import Epoch as RecordedEpoch
 from service.store.epochs import EpochEvent as RecordedEvent
 from service.store.epochs import EpochEventName, EpochSource, EpochState
 from service.web import views
-from service.web.access import Scope, needs
+from service.web.access import Admin
 from service.web.app_state import AppState
 from service.web.models import (
     SENTENCES,
@@ -33,8 +33,6 @@ _CONFLICT = described(409, "Not possible now, e.g. a learning window runs alread
 _UNFIT = described(422, "A body that is not as described, or a window or files that do not fit the axis")
 _HOUR_S = 3600.0
 
-Caller = Annotated[str, Depends(needs(Scope.ADMIN))]
-"""Needs the scope admin: a wrong baseline hides a fault permanently."""
 EpochNumber = Annotated[int, Path(ge=1, le=2**63 - 1)]
 VerifyHours = Annotated[
     float,
@@ -140,7 +138,7 @@ class Restoration(EpochNote):
 
 
 def router(state: AppState) -> APIRouter:
-    """The routes."""
+    """The routes; changes need the scope admin, as a wrong baseline hides a fault permanently."""
     api = APIRouter(prefix="/axes/{axis}", responses=_NOT_FOUND | _NO_STORE)
 
     @api.get("/epochs", summary="Epochs of an axis")
@@ -152,7 +150,7 @@ def router(state: AppState) -> APIRouter:
         return AxisEpochs(axis=axis, current=found.epoch.number, epochs=bodies)
 
     @api.post("/baseline", summary="Begin a new epoch", responses=_CONFLICT | _UNFIT)
-    def baseline(axis: str, body: Baseline, who: Caller) -> Epoch:
+    def baseline(axis: str, body: Baseline, who: Admin) -> Epoch:
         """New nominal values of an axis after a repair: from a learning window from now on, or from files at once."""
         state.axis(axis)
         verify_s, note = body.verify_hours * _HOUR_S, _note(state, who, body)
@@ -164,13 +162,13 @@ def router(state: AppState) -> APIRouter:
         )
 
     @api.post("/baseline/cancel", summary="End a learning window", responses=_CONFLICT)
-    def cancel(axis: str, body: EpochNote, who: Caller) -> Epoch:
+    def cancel(axis: str, body: EpochNote, who: Admin) -> Epoch:
         """End a learning window without new values: the epoch before stays in force."""
         state.axis(axis)
         return _answer(state, axis, _baselines(state).cancel(axis, _note(state, who, body)))
 
     @api.post("/epochs/{number}/restore", summary="Roll back to an epoch", responses=_CONFLICT | _UNFIT)
-    def restore(axis: str, number: EpochNumber, body: Restoration, who: Caller) -> Epoch:
+    def restore(axis: str, number: EpochNumber, body: Restoration, who: Admin) -> Epoch:
         """Put the values of a former epoch in force again, as a new epoch."""
         state.axis(axis)
         note = _note(state, who, body)

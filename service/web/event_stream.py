@@ -117,40 +117,24 @@ class Stream:
         ]
 
     def _event(self, number: int, transition: RecordedTransition, alarm: RecordedAlarm) -> ServerSentEvent:
-        folder = self._state.recordings
-        recording = None if folder is None else folder.holding(alarm.since_us)
+        recording = self._state.recording_of(alarm.since_us)
         body = models.AlarmChange(
             alarm=views.alarm(alarm, self._state.now_us(), recording),
-            transition=views.alarm_transition(transition),
+            transition=views.body(models.AlarmTransition, transition),
         )
         return ServerSentEvent(event="alarm", id=str(number), raw_data=body.model_dump_json())
-
-
-class Slots:
-    """Limits the number of open streams."""
-
-    def __init__(self) -> None:
-        self._open = 0
-
-    async def take(self) -> AsyncIterator[None]:
-        """Take a slot until the stream has ended.
-
-        Raises:
-            HTTPException: all slots are taken.
-        """
-        if self._open >= MOST_STREAMS:
-            raise HTTPException(503, f"{MOST_STREAMS} streams are open", headers={"Retry-After": "10"})
-        self._open += 1
-        try:
-            yield
-        finally:
-            self._open -= 1
 
 
 def router(state: AppState) -> APIRouter:
     """The route of the events below /api/v1."""
     api = APIRouter()
-    slots, texts = Slots(), AxisTexts()
+    slots, texts = asyncio.Semaphore(MOST_STREAMS), AxisTexts()
+
+    async def slot() -> AsyncIterator[None]:
+        if slots.locked():
+            raise HTTPException(503, f"{MOST_STREAMS} streams are open", headers={"Retry-After": "10"})
+        async with slots:
+            yield
 
     async def known_axis(
         axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
@@ -159,7 +143,7 @@ def router(state: AppState) -> APIRouter:
 
     @api.get(
         "/events", summary="Live events", response_class=EventSourceResponse, responses=_FULL | _NOT_FOUND,
-        dependencies=[Depends(slots.take)],
+        dependencies=[Depends(slot)],
     )  # fmt: skip
     async def events(
         request: Request, axis: Annotated[str | None, Depends(known_axis)], last_id: LastId = None

@@ -204,9 +204,8 @@ class _Exchange:
             if self._endless:
                 headers["connection"] = "close"  # otherwise the server would read the whole unwanted body
         await self._send(message)
-        if (
-            self.is_stream and self.limit is not None and not self.limit.expired()
-        ):  # as long as its client reads
+        # A stream goes on as long as its client reads.
+        if self.is_stream and self.limit is not None and not self.limit.expired():
             self.limit.reschedule(asyncio.get_running_loop().time() + LONGEST_REQUEST_S)
 
 

@@ -19,7 +19,7 @@ from service.web import models
 from service.web.alarm_routes import Moment, in_order
 from service.web.app_state import AppState
 from service.web.history_json import TABLE_COLUMNS, history_json, history_table
-from service.web.problem_details import described
+from service.web.problem_details import NOT_FOUND, described
 
 MOST_READERS = 2
 """Most readers at the same time, as each takes a part of a processor"""
@@ -27,7 +27,6 @@ MOST_WAITING = 16
 """Most waiting readers; further requests are answered with 503."""
 _CHUNK = 1 << 18
 
-_NOT_FOUND = described(404, "It does not exist")
 _REVERSED = described(400, "since is not before until")
 _BUSY = described(503, "Too many ask for the history at this moment, or its file cannot be read (yet)")
 _T = TypeVar("_T")
@@ -87,7 +86,7 @@ Filters = Annotated[HistoryFilters, Depends()]
 
 def router(state: AppState) -> APIRouter:
     """The routes of the history below /api/v1/axes/{axis}."""
-    api = APIRouter(prefix="/axes/{axis}", responses=_NOT_FOUND | _REVERSED | _BUSY)
+    api = APIRouter(prefix="/axes/{axis}", responses=NOT_FOUND | _REVERSED | _BUSY)
     readers = Readers()
 
     @api.get("/history", summary="History of an axis", response_model=models.History)
@@ -148,11 +147,7 @@ def _question(state: AppState, f: HistoryFilters, points: int, resolution: Resol
 
 
 def _store(state: AppState) -> HistoryStore:
-    """The history.
-
-    Raises:
-        HTTPException: the file of the history is not open.
-    """
+    """The history."""
     store = None if state.history is None else state.history.store
     if store is None:
         raise HTTPException(503, "the file of the history is not open (yet)", headers={"Retry-After": "5"})
@@ -160,15 +155,8 @@ def _store(state: AppState) -> HistoryStore:
 
 
 def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) -> IO[bytes]:
-    """Write a temporary file, which is removed when it is closed.
-
-    Raises:
-        HTTPException: the disk is full.
-    """
-    from service.ingest.table_files import (
-        write_csv,
-        write_parquet,
-    )  # imported here: 40 MB that few daemons need
+    """Write a temporary file, which is removed when it is closed."""
+    from service.ingest.table_files import write_csv, write_parquet  # 40 MB that few daemons need
 
     write = write_csv if kind == "csv" else write_parquet
     with ExitStack() as stack:

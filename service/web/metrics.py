@@ -51,15 +51,15 @@ _GAUGES = {
     },
     "state priority": {
         "alarms": "Alarms by state and priority, except those that are over; those that are not yet recorded are "
-        "counted, too.",
+        "counted, too."
     },
     "axis parameter limit bound": {
         "limit_reached_seconds": "Time from the last entry of the long-term history until a limit is reached, in "
         "seconds: lower (low) and upper (high) end of the 90 % interval; negative where it has been reached; no upper "
-        "end where it is open.",
+        "end where it is open."
     },
     "axis parameter limit": {
-        "limit_alarm_active": "1 while an alarm is active because a limit will be reached soon, or has been, else 0.",
+        "limit_alarm_active": "1 while an alarm is active because a limit will be reached soon, or has been, else 0."
     },
     "axis detector": {
         "detector_alarms": "1 for the detector that raises the alarms, 0 for one that runs in shadow mode.",
@@ -102,15 +102,15 @@ _COUNTERS = {
     },
     "axis parameter": {
         "parameter_tested_seconds": "Time for which the parameter has been tested with its present nominal "
-        "values, over restarts of the daemon, in seconds.",
+        "values, over restarts of the daemon, in seconds."
     },
     "axis fate": {
         "samples_by_fate": "Samples by their use; starved: too little excitation; gated: excluded by operating "
-        "conditions; projected: used, and an estimate was held within its bounds.",
+        "conditions; projected: used, and an estimate was held within its bounds."
     },
     "axis reason": {"values_dropped": "Decoded values that did not become a sample."},
     "axis cause": {
-        "clock_restarts": "Restarts of the time base of the samples: the controller restarted, or a clock was set.",
+        "clock_restarts": "Restarts of the time base of the samples: the controller restarted, or a clock was set."
     },
     "reason": {"history_dropped_points": "Points of the history that were dropped."},
     "link": {"link_delivered": "Transitions of alarms that the plant link has delivered."},
@@ -148,13 +148,7 @@ _Axes = tuple[AxisSnapshot, ...]
 
 
 class Metrics:
-    """Makes the answers of /metrics.
-
-    Args:
-        snapshot: returns the newest snapshot.
-        now_us: wall clock, for ages.
-        links: returns the state of each plant link.
-    """
+    """Makes the answers of /metrics from the newest snapshot and the states of the plant links."""
 
     def __init__(
         self,
@@ -357,9 +351,8 @@ def _alarms(snapshot: Snapshot, names: _Names) -> Iterator[_Family]:
         for a in snapshot.alarms.standing
         if a.active and a.ended_us is not None and a.kind != "forecast"
     }
-    alarms = [
-        (a.id, e) for a in axes for e in a.open_alarms if e.kind != "forecast"
-    ]  # those have their own metric
+    # Forecasts have their own metric.
+    alarms = [(a.id, e) for a in axes for e in a.open_alarms if e.kind != "forecast"]
     named = {(axis, e.parameter, e.direction) for axis, e in alarms if e.stage == "named"}
     active = lasting.union((axis, e.parameter, e.direction) for axis, e in alarms)
     yield _Family("alarm_active", names.alarms, [name in active for name in names.alarms])

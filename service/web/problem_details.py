@@ -55,6 +55,7 @@ def described(status: int, description: str) -> dict[int | str, dict[str, Any]]:
     return {status: {"description": description, "content": content}}
 
 
+NOT_FOUND = described(404, "It does not exist")
 PROTECTED = described(401, "There are tokens, and none was given, or an unknown one") | described(
     403, "Its scope is too small"
 )
@@ -84,9 +85,7 @@ def add_to_schema(app: FastAPI) -> None:
         for unused in ("HTTPValidationError", "ValidationError"):
             schema["components"]["schemas"].pop(unused, None)
         for hook in schema.get("webhooks", {}).values():
-            hook["post"]["responses"].pop(
-                "422", None
-            )  # not defined here: the receiver decides what it answers
+            hook["post"]["responses"].pop("422", None)  # the receiver decides what it answers
         for method, operation in operations:
             if method == "get" and "application/json" in operation["responses"].get("200", {}).get(
                 "content", {}

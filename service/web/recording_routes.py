@@ -4,7 +4,7 @@ from concurrent.futures import TimeoutError as NotWrittenError
 from pathlib import Path
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter
 from fastapi import Path as PathParameter
 from fastapi.responses import FileResponse
 from starlette.exceptions import HTTPException
@@ -13,8 +13,8 @@ from monitor_core.wording import sentence
 from service.can.user_errors import RecordError
 from service.pipeline.recording import Extracts
 from service.web import models
-from service.web.access import Scope, needs
-from service.web.problem_details import UnknownResourceError, described
+from service.web.access import Operator
+from service.web.problem_details import NOT_FOUND, UnknownResourceError, described
 
 _WAIT_S = 20.0
 """Longest wait for the writer, as the disk may be slow"""
@@ -34,7 +34,7 @@ def router(extracts: Extracts | None) -> APIRouter:
         "", summary="Record the last minutes", status_code=201,
         responses=described(503, "There are no frames, or the disk does not take them"),
     )  # fmt: skip
-    def record(_who: Annotated[str, Depends(needs(Scope.OPERATE))]) -> models.Recording:
+    def record(_who: Operator) -> models.Recording:
         """Write the raw frames of the last minutes, as they are kept for an alarm, to a file."""
         if extracts is None:
             raise HTTPException(503, NO_FRAMES_KEPT)
@@ -46,8 +46,7 @@ def router(extracts: Extracts | None) -> APIRouter:
             raise HTTPException(503, f"the file was not written within {_WAIT_S:.0f} s") from None
 
     @api.get(
-        "/{name}", summary="One recording", response_class=FileResponse,
-        responses=described(404, "It does not exist"),
+        "/{name}", summary="One recording", response_class=FileResponse, responses=NOT_FOUND,
     )  # fmt: skip
     def recording(name: Annotated[str, PathParameter(description="as in the list")]) -> FileResponse:
         """A candump log, or .blf as configured, for `axiswatch replay`, can-utils, python-can or Vector's tools."""

@@ -15,10 +15,9 @@ from service.web import models
 from service.web.alarm_routes import Moment
 from service.web.app_state import AppState
 from service.web.history_json import numbers
-from service.web.problem_details import described
+from service.web.problem_details import NOT_FOUND
 from service.web.views import OUTPUT_UNITS
 
-_NOT_FOUND = described(404, "It does not exist")
 _DIGITS = 10
 """Digits of measured and predicted motion; many, as the error is small compared with an angle of many turns."""
 
@@ -53,7 +52,7 @@ class Signals(models.Body):
 
 def router(state: AppState) -> APIRouter:
     """The route below /api/v1/axes/{axis}."""
-    api = APIRouter(prefix="/axes/{axis}", responses=_NOT_FOUND)
+    api = APIRouter(prefix="/axes/{axis}", responses=NOT_FOUND)
 
     @api.get("/signals", summary="Last seconds of an axis", response_model=Signals)
     def signals(axis: str, since: Moment = None) -> Response:

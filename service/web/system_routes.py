@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, get_args
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import APIRouter, Query
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
@@ -19,7 +19,7 @@ from service.store.audit import Place, Subject
 from service.store.database import SQLITE_VERSION
 from service.texts.instants import iso
 from service.web import views
-from service.web.access import Scope, needs
+from service.web.access import Admin
 from service.web.app_state import AppState
 from service.web.models import Body, TextOrNull, Time
 from service.web.problem_details import described
@@ -29,9 +29,6 @@ _NO_SETUP = described(503, "The daemon does not know its configuration, or a fil
 _NO_CURSOR = described(400, "No page has given this cursor")
 _SUBJECTS: tuple[Subject, ...] = get_args(Subject)
 _LIBRARIES = ("numpy", "scipy", "numba", "python-can", "cantools", "fastapi")
-
-Admin = Annotated[str, Depends(needs(Scope.ADMIN))]
-"""Needs the scope admin: the answers have addresses, names and folders of the plant, and actions of persons."""
 
 
 class DatabaseFile(Body):
@@ -88,14 +85,14 @@ class Audit(Body):
 
 
 def router(state: AppState) -> APIRouter:
-    """The routes below /api/v1/system."""
+    """The routes below /api/v1/system; addresses and folders of the plant, and actions of persons, need admin."""
     api = APIRouter(prefix="/system")
     began = time.monotonic()
 
     @api.get("", summary="Process and files", responses=_NO_SETUP)
     def system() -> System:
         """Processor time, memory, versions, and the databases with their sizes, last writes and problems."""
-        setup = _setup(state)
+        setup = state.configured()
         folder = setup.config().service.state_dir
         return System(
             cpu_s=time.process_time(),
@@ -111,10 +108,9 @@ def router(state: AppState) -> APIRouter:
     @api.get("/configuration", summary="Configuration without secrets", responses=_NO_SETUP)
     def configuration(_who: Admin) -> PublicConfiguration:
         """The configuration in force, also after a reload by SIGHUP, without secrets."""
-        setup = _setup(state)
-        return PublicConfiguration(
-            file=str(setup.file), text=public_text(setup.config(), setup.file.absolute().parent)
-        )
+        setup = state.configured()
+        text = public_text(setup.config(), setup.file.absolute().parent)
+        return PublicConfiguration(file=str(setup.file), text=text)
 
     @api.get("/audit", summary="Who has changed what", responses=_NO_SETUP | _NO_CURSOR)
     def audit(
@@ -133,18 +129,8 @@ def router(state: AppState) -> APIRouter:
     return api
 
 
-def _setup(state: AppState) -> RobotSetup:
-    if state.setup is None:
-        raise HTTPException(503, "the configuration of this daemon is not known")
-    return state.setup
-
-
 def _place(cursor: str) -> Place:
-    """Parse a cursor to the place where its page starts.
-
-    Raises:
-        HTTPException: the text is no cursor.
-    """
+    """Parse a cursor to the place where its page starts."""
     at_us, _, rest = cursor.partition(".")
     subject, _, number = rest.partition(".")
     if subject in _SUBJECTS and all(n.isascii() and n.isdigit() and len(n) <= 18 for n in (at_us, number)):

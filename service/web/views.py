@@ -12,7 +12,6 @@ from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
 from service.pipeline.replay_reports import ReportState
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
-from service.store.alarm_statistics import AlarmStatistics
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note, RecordedTransition
 from service.texts.alarm_words import episode_words
@@ -180,16 +179,11 @@ def alarm_record(
     report: ReportState | None,
 ) -> models.AlarmRecord:
     """An alarm with its transitions, the name of its recording, and the state of its report."""
-    found = [alarm_transition(t) for t in transitions]
+    found = [body(models.AlarmTransition, t) for t in transitions]
     shown = report and models.ReplayReport(
         **report._asdict(), sentences=models.sentence_bodies((report.problem,))
     )
     return _alarm(models.AlarmRecord, a, now_us, transitions=found, recording=recording, report=shown)
-
-
-def alarm_transition(t: RecordedTransition) -> models.AlarmTransition:
-    """A transition of an alarm."""
-    return body(models.AlarmTransition, t)
 
 
 def _alarm(kind: type[_A], a: RecordedAlarm, now_us: int, **own: object) -> _A:
@@ -213,11 +207,6 @@ def alarm_message(
 ) -> models.AlarmMessage:
     """A transition of an alarm for plant links, with the alarm and the name of its recording."""
     return body(models.AlarmMessage, transition, id=message_id, alarm=alarm(a, now_us, recording))
-
-
-def alarm_statistics(found: AlarmStatistics) -> models.AlarmStatistics:
-    """Alarm statistics."""
-    return body(models.AlarmStatistics, found)
 
 
 def service(

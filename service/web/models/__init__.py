@@ -31,7 +31,6 @@ from service.web.models.bodies import (
 from service.web.models.daemon_bodies import (
     Health,
     Lack,
-    NotReady,
     Problem,
     Readiness,
     Recording,

@@ -25,11 +25,7 @@ _DATE_AND_TIME = re.compile(r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d")
 
 
 def _date_and_time(given: object) -> object:
-    """Check that a value is a text that starts like a time, as pydantic would also accept a number.
-
-    Raises:
-        ValueError: the value is no such text.
-    """
+    """Check that a value is a text that starts like a time, as pydantic would also accept a number."""
     if given is not None and not (isinstance(given, str) and _DATE_AND_TIME.match(given)):
         raise ValueError(
             "must be ISO 8601 with time zone: 2026-03-01T12:00:00Z or 2026-03-01T13:00:00+01:00"
@@ -39,11 +35,7 @@ def _date_and_time(given: object) -> object:
 
 
 def _written(text: str) -> str:
-    """Check that a text has no control characters, which could move the cursor of a terminal that prints it.
-
-    Raises:
-        ValueError: the text has one.
-    """
+    """Check that a text has no control characters, which could move the cursor of a terminal that prints it."""
     if (wrong := control_character(text)) is not None:
         raise ValueError(f"must be a text without control characters; it has U+{ord(wrong):04X}")
     return text

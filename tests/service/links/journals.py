@@ -1,20 +1,24 @@
 """A journal with alarms, and a delivery of them whose time stands still until it is moved."""
 
 import asyncio
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from monitor_core.detection import Alarm, Cause, Name
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
-from service.config.schema_links import AlarmLimits
-from service.links.delivery import Delivery, LinkName, Message
+from service.config.schema_links import AlarmLimits, LinksConfig
+from service.links.delivery import Delivery, Message
+from service.links.running import Links
+from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from service.store.outbox import Outbox
 from service.texts.instants import now_us
+from tests.service.web.conftest import whole_snapshot
 
 AXIS, SECOND = "demo.axis1", 1_000_000
 NOON_US = 1_772_366_400_000_000
@@ -65,6 +69,20 @@ class Inbox:
         return [f"{m.alarm.axis.removeprefix('demo.')} {m.transition.event}" for m in self.got]
 
 
+@contextmanager
+def linked(
+    config: LinksConfig, folder: Path, snapshot: Callable[[], Snapshot] = whole_snapshot
+) -> Iterator[tuple[Links, Journal]]:
+    """Running links, and the journal that they deliver from."""
+    with closing(Journal(folder / "alarms.sqlite")) as journal:
+        links = Links(config, folder, journal, snapshot)
+        links.start()
+        try:
+            yield links, journal
+        finally:
+            links.stop()
+
+
 class Post:
     """A journal, its outbox and one link."""
 
@@ -82,16 +100,16 @@ class Post:
         self.journal = Journal(self.folder / "alarms.sqlite")
         self.outbox = Outbox(self.folder / "links.sqlite", self.journal)
         self.delivery = Delivery(
-            LinkName("orders", "webhook"),
+            LinkSnapshot("orders", "webhook", connected=True),
             AlarmLimits.model_validate({"priorities": self.priorities, "max_age_s": 3600.0}),
             self.inbox,
             self.journal,
             self.outbox,
             self.outbox.begin(["orders"])["orders"],
+            lambda t_us: self.recording if t_us == RAISED.raised_us else None,
             lambda: self.clock_s,
             lambda: self.now_us,
             lambda: 1.0,
-            lambda t_us: self.recording if t_us == RAISED.raised_us else None,
         )
 
     def close(self) -> None:

@@ -28,6 +28,7 @@ from service.store.journal import Journal
 from service.store.tokens import TOKENS_FILE, TokenFile
 from service.texts.instants import now_us
 from tests.end_to_end.processes import PATIENCE_S, wait_for
+from tests.service.links import journals
 from tests.service.web.conftest import whole_snapshot
 
 __all__ = ["Client", "Plant", "Seen", "fresh_snapshot", "linked", "refused", "ua", "until"]
@@ -72,14 +73,10 @@ class Plant:
 
 def linked(stack: ExitStack, folder: Path, port: int, **keys: Any) -> Plant:
     """A link that is up, unless its port is taken."""
-    journal = Journal(folder / "alarms.sqlite")
-    stack.callback(journal.close)
     tokens = TokenFile(folder / TOKENS_FILE)
     config = LinksConfig.model_validate({"opcua": {"port": port, "interval_s": 0.2} | keys})
     snapshots = [fresh_snapshot()]
-    links = Links(config, folder, journal, lambda: snapshots[0])
-    stack.callback(links.stop)
-    links.start()
+    links, journal = stack.enter_context(journals.linked(config, folder, lambda: snapshots[0]))
     plant = Plant(folder, journal, port, tokens, snapshots, links)
     wait_for(lambda: plant.links.snapshots()[0].problem != "not connected yet")
     return plant

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,14 +22,11 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
 from service.config.schema_links import LinksConfig
 from service.links.mqtt import States, state_body
-from service.links.running import Links
-from service.pipeline.snapshot import Snapshot
-from service.store.journal import Journal
 from service.web import views
 from tests.conftest import ROOT
 from tests.end_to_end.processes import wait_for
 from tests.ports import own_port
-from tests.service.links.journals import just_raised, record
+from tests.service.links.journals import just_raised, linked, record
 from tests.service.web.conftest import NOON_US, whole_snapshot
 
 TLS = ROOT / "tests" / "tls"
@@ -125,20 +122,6 @@ def broker(tmp_path: Path, need: Callable[[str], str]) -> Iterator[Broker]:
     started.stop()
 
 
-@contextmanager
-def linked(
-    config: LinksConfig, folder: Path, snapshot: Callable[[], Snapshot] = whole_snapshot
-) -> Iterator[Any]:
-    """A running link, and the journal that it delivers from."""
-    with ExitStack() as stack:
-        journal = Journal(folder / "alarms.sqlite")
-        stack.callback(journal.close)
-        links = Links(config, folder, journal, snapshot)
-        stack.callback(links.stop)
-        links.start()
-        yield links, journal
-
-
 def test_status_states_and_alarms(broker: Broker, tmp_path: Path) -> None:
     with broker.observed() as seen, linked(broker.config(), tmp_path) as (links, journal):
         record(journal, just_raised(), "demo.axis1")
@@ -146,7 +129,7 @@ def test_status_states_and_alarms(broker: Broker, tmp_path: Path) -> None:
         record(journal, replace(just_raised(), parameter="fm"), "demo.axis2")
         wait_for(lambda: len(seen) == 5)
         time.sleep(1.2)  # another interval, in which no state has changed
-        wait_for(lambda: links.snapshots()[0].delivered == 2)
+        wait_for(lambda: (links.snapshots()[0].delivered, links.snapshots()[0].pending) == (2, 0))
         (link,) = links.snapshots()
         found = {topic: body for topic, body, _ in seen}
         assert found["plant/cell1/status"] == "online"

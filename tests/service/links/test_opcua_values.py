@@ -87,11 +87,7 @@ def test_what_has_changed_is_sent_and_nothing_else(plant: Plant) -> None:
             await until(lambda: len(seen.values) == 5)
             assert seen.values[3:] == [("demo.axis1/fm", 0.08), ("demo.axis1/fm", 0.09)]
             again = [(await node.read_data_value()).ServerTimestamp for node in nodes]
-            assert [old == new for old, new in zip(written, again, strict=True)] == [
-                False,
-                True,
-                True,
-            ]
+            assert [old == new for old, new in zip(written, again, strict=True)] == [False, True, True]
 
     try:
         asyncio.run(look())

@@ -19,7 +19,7 @@ from service.links.webhook import Webhook
 from service.web import views
 from tests.conftest import ROOT
 from tests.ports import own_port
-from tests.service.links.http_receiver import Answers, receiving
+from tests.service.links.http_receiver import Answers, Request, receiving
 from tests.service.links.journals import AXIS, NAMED, NOON_US, Inbox, Post, record
 
 KEY = b"0123456789abcdef0123456789abcdef"
@@ -45,11 +45,17 @@ def sent(hook: Webhook, message: Message) -> None:
     asyncio.run(hook.send([message]))
 
 
-def test_the_message_has_the_schema_of_the_api_and_a_signature(message: Message) -> None:
+def received(message: Message) -> Request:
+    """What a receiver gets of a message."""
     answers = Answers()
     with receiving(answers) as port:
         sent(webhook(port), message)
     (request,) = answers.requests
+    return request
+
+
+def test_the_message_has_the_schema_of_the_api_and_a_signature(message: Message) -> None:
+    request = received(message)
     schema = json.loads(build.SCHEMA.read_text(encoding="utf-8"))
     body = json.loads(request.body)
     stated = schema["webhooks"]["alarm"]["post"]["requestBody"]["content"]["application/json"]["schema"]
@@ -129,10 +135,7 @@ def test_no_proxy_and_no_password_of_the_environment(
     (tmp_path / "netrc").write_text("machine localhost login anna password hunter2")
     monkeypatch.setenv("NETRC", str(tmp_path / "netrc"))
     monkeypatch.setenv("HTTP_PROXY", "http://127.0.0.1:9")
-    answers = Answers()
-    with receiving(answers) as port:
-        sent(webhook(port), message)
-    assert "authorization" not in answers.requests[0].headers
+    assert "authorization" not in received(message).headers
 
 
 # --- Secrets ------------------------------------------------------------------------------------------------
@@ -186,11 +189,7 @@ def accepted(secret: str, headers: dict[str, str], body: bytes, now: float) -> A
 
 
 def test_a_receiver_as_the_documents_have_it_accepts_what_is_sent(message: Message) -> None:
-    answers = Answers()
-    with receiving(answers) as port:
-        sent(webhook(port), message)
-    (request,) = answers.requests
-    now = NOON_US / 1e6 + 10
+    request, now = received(message), NOON_US / 1e6 + 10
     assert accepted(KEY.decode(), request.headers, request.body, now)["id"] == message.id
     for wrong in (
         (KEY.decode()[1:], request.headers, request.body, now),

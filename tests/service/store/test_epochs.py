@@ -12,12 +12,12 @@ from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
 from service.store.alarm_entries import Entry
 from service.store.alarm_transitions import Note
 from service.store.database import StoreError
-from service.store.epochs import Configured, Epoch, EpochPlan, EpochValue
+from service.store.epochs import Epoch, EpochPlan, EpochValue
 from service.store.journal import Journal
 from tests.service.store.connections import Watched, connections
 
 AXIS = "cell.a3"
-FIRST = Configured(AXIS, "{}", "as built", (EpochValue("fm", "N m s/rad", 0.06),))
+FIRST = EpochPlan(AXIS, "configuration", "{}", "as built", (EpochValue("fm", "N m s/rad", 0.06),))
 NOTE = Note(2_000, "anna", "gearbox changed", "WO-7")
 PLAN = EpochPlan(
     AXIS, "files", '{"a": 1}', "as built", (EpochValue("fm", "N m s/rad", 0.07, 0.06, 1e-3),), None, 60.0

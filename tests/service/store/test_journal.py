@@ -39,7 +39,9 @@ def raised(
 
 
 def test_an_alarm_is_inserted_then_updated_then_ended(journal: Journal) -> None:
-    first = raised(journal, episode())
+    unknown = replace(episode(), size=None, size_sd=None)
+    first = raised(journal, unknown)
+    assert journal.open_alarms("demo.axis1") == [unknown]
     again = replace(episode(), updated_us=3_000_000, size=0.02, size_sd=0.001, crossings=2)
     assert raised(journal, again) == first
     assert journal.open_alarms("demo.axis1") == [again]
@@ -131,14 +133,6 @@ def test_a_batch_is_written_as_a_whole_or_not_at_all(journal: Journal) -> None:
         journal.record(entries)
     assert journal.query() == ([], 0)
     assert len(journal.record(entries[:1])) == 1
-
-
-def test_a_size_that_is_not_known_is_none(journal: Journal) -> None:
-    unknown = replace(episode(), size=None, size_sd=None)
-    alarm = journal.get(raised(journal, unknown))
-    assert alarm is not None
-    assert (alarm.size, alarm.size_sd) == (None, None)
-    assert journal.open_alarms("demo.axis1") == [unknown]
 
 
 def test_an_alarm_that_is_reopened_keeps_its_row(journal: Journal) -> None:
@@ -236,19 +230,15 @@ def filled(path: Path) -> bytes:
     return path.read_bytes()
 
 
-def noise(data: bytes, random_: random.Random) -> bytes:
-    return random_.randbytes(len(data))
-
-
-def truncated(data: bytes, random_: random.Random) -> bytes:
-    return data[: random_.randrange(1, len(data) - 4096)]
-
-
-def page_overwritten(data: bytes, random_: random.Random) -> bytes:
-    return data[:4096] + random_.randbytes(4096) + data[8192:]
-
-
-@pytest.mark.parametrize("damage", [noise, truncated, page_overwritten])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda data, random_: random_.randbytes(len(data)),
+        lambda data, random_: data[: random_.randrange(1, len(data) - 4096)],
+        lambda data, random_: data[:4096] + random_.randbytes(4096) + data[8192:],
+    ],
+    ids=["noise", "truncated", "page overwritten"],
+)
 def test_a_damaged_file_is_kept_and_a_new_one_begun(
     damage: Callable[[bytes, random.Random], bytes], tmp_path: Path, seed: int
 ) -> None:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from service.store.archive import state_files
 from service.store.database import StoreError
 from service.store.tokens import NameTakenError, NoSuchTokenError, Scope, TokenFile
 
@@ -33,6 +34,17 @@ def test_a_secret_names_its_caller_and_is_kept_nowhere(file: TokenFile) -> None:
     assert stat.S_IMODE(file.path.stat().st_mode) == 0o600
     assert [path.name for path in file.path.parent.iterdir()] == ["tokens.json"]
     assert len(anna) == len("axw_") + 43  # 32 bytes, six bits a letter
+
+
+def test_a_backup_does_not_see_a_file_that_is_being_written(
+    file: TokenFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a process that is killed there, it stays."""
+    seen = list[list[str]]()
+    monkeypatch.setattr(os, "fsync", lambda _: seen.append([*state_files(file.path.parent)]))
+    file.new("anna", Scope.READ)
+    file.new("ben", Scope.READ)
+    assert seen == [[], ["tokens.json"]]
 
 
 def test_a_change_by_another_process_holds_at_once(file: TokenFile) -> None:

@@ -34,12 +34,7 @@ from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
 from service.pipeline.replay_reports import ReplayReports
-from service.pipeline.snapshot import (
-    AxisSnapshot,
-    Histogram,
-    LinkSnapshot,
-    Snapshot,
-)
+from service.pipeline.snapshot import AxisSnapshot, Histogram, LinkSnapshot, Snapshot
 from service.store.alarm_entries import Entry as JournalEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -282,12 +277,10 @@ class _SharedState:
     stage: Stage
     access, reports, extracts, replays = Access(), None, None, None
     prepared: ClassVar[list[Latest]] = []
-    journal = property(lambda self: self.stage.journal)
-    history = property(lambda self: self.stage.history)
-    live = property(lambda self: self.stage.live)
-    setup = property(lambda self: self.stage.setup)
-    acknowledge = property(lambda self: self.stage.acknowledge)
-    axis, recordings = AppState.axis, AppState.recordings
+    axis, recording_of, configured = AppState.axis, AppState.recording_of, AppState.configured
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stage, name)
 
     def snapshot(self) -> Snapshot:
         return self.stage.snapshot

@@ -6,6 +6,8 @@ from playwright.sync_api import Locator, Page
 
 from service.web.app import STATIC
 
+ADDRESSES = ("#/", "#/axes/demo.axis1", "#/alarms", "#/alarms/1", "#/system", "#/system/commissioning")
+"""Of all pages"""
 AXE: Path = STATIC.with_name("dashboard") / "node_modules" / "axe-core" / "axe.min.js"
 """Finds what people who do not see the page, or have no mouse, cannot use"""
 

@@ -9,14 +9,14 @@ from typing import Annotated, Any
 
 import pytest
 import structlog
-from fastapi import Body, Depends, FastAPI
+from fastapi import Body, FastAPI
 from fastapi.responses import StreamingResponse
 from fastapi.testclient import TestClient
 
 from service.store.database import StoreError
 from service.store.tokens import TokenFile
 from service.web import gate
-from service.web.access import Access, Scope, UnprotectedError, needs
+from service.web.access import Access, Admin, Operator, Scope, UnprotectedError
 from service.web.gate import MOST_BODY_BYTES
 from service.web.report_pages import ReportPages
 from tests.service.web.conftest import Stage
@@ -48,17 +48,15 @@ def with_routes(app: FastAPI) -> FastAPI:
     """Routes as they are in the API, for each scope, one of them with a body, and one that fails."""
 
     @app.post("/reset")
-    def reset(who: Annotated[str, Depends(needs(Scope.OPERATE))]) -> str:
+    def reset(who: Operator) -> str:
         return who
 
     @app.post("/comment")
-    def comment(
-        who: Annotated[str, Depends(needs(Scope.OPERATE))], words: Annotated[str, Body(embed=True)]
-    ) -> str:
+    def comment(who: Operator, words: Annotated[str, Body(embed=True)]) -> str:
         return f"{who}: {words}"
 
     @app.delete("/everything")
-    def everything(who: Annotated[str, Depends(needs(Scope.ADMIN))]) -> str:
+    def everything(who: Admin) -> str:
         return who
 
     return app
@@ -273,10 +271,8 @@ def test_a_foreign_page_changes_nothing_and_its_own_does(asked: TestClient) -> N
     ):
         assert "page of another host" in refused(asked.post("/reset", headers=headers), 403), headers
         assert "access-control-allow-origin" not in asked.get("/api/v1/axes", headers=headers).headers
-    for origin in (
-        "http://localhost",
-        "https://localhost:8443",
-    ):  # of a proxy that leaves the port out of Host
+    # The second is of a proxy that leaves the port out of Host.
+    for origin in ("http://localhost", "https://localhost:8443"):
         own = {"Origin": origin, "Sec-Fetch-Site": "same-origin"}
         assert asked.post("/reset", headers=own).status_code == 200, origin
 

@@ -7,13 +7,10 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from monitor_core.detection import Alarm
-from monitor_core.modeling import DRAWINGS, reference_model
-from monitor_core.monitoring import AxisTrace, Trace
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
-from service.pipeline.snapshot import MonitoredDrive
 from tests.service.web.conftest import NOON_US, Stage, with_axis
 from tests.service.web.page_parts import serious_faults, tile
+from tests.service.web.watched_drives import reference, traced
 
 pytestmark = pytest.mark.browser
 
@@ -69,16 +66,6 @@ def changes_the_range_of_time(page: Page) -> None:
     expect(tools).to_contain_text(re.compile(r"11:37:\d\d – 2026-03-01 11:52:\d\d"))
 
 
-def watch_the_reference(stage: Stage) -> None:
-    """The first axis has the drive of the paper; the friction of its motor has grown by 30 %."""
-    watched = MonitoredDrive(
-        reference_model("angle"),
-        Settings(0.005, outlier_limit=6.0),
-        DRAWINGS["three-mass"].flat().components,
-    )
-    with_axis(stage, watched=watched)
-
-
 def add_samples(stage: Stage) -> None:
     """A second of samples, as the worker adds them; one of them is an outlier."""
     observer = stage.live.observer()
@@ -86,11 +73,8 @@ def add_samples(stage: Stage) -> None:
     k = np.arange(200)
     y = np.sin(0.05 * k)
     eps = np.where(k == 100, np.nan, 1e-3 * np.cos(k))
-    yhat = y - np.nan_to_num(eps, nan=0.01)
-    unread = dict.fromkeys(Trace._fields, np.zeros(0))
-    trace = Trace(**{**unread, "eps": eps, "yhat": yhat})
     block = SampleBlock(NOON_US - 1_000_000 + 5000 * k, np.cos(0.05 * k), y)
-    observer("demo.axis1", block, AxisTrace(trace, (), None))
+    observer("demo.axis1", block, traced(eps, y - np.nan_to_num(eps, nan=0.01)))
 
 
 def shows_the_drive(page: Page) -> None:
@@ -111,7 +95,7 @@ def shows_the_drive(page: Page) -> None:
 def test_the_drive_its_signals_and_its_bode_plot_which_are_asked_for_once_they_are_opened(
     page: Page, stage: Stage, fm_alarm: Alarm
 ) -> None:
-    watch_the_reference(stage)
+    with_axis(stage, watched=reference(outlier_limit=6.0))
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     asked: list[str] = []
     page.on("request", lambda request: asked.append(request.url.rsplit("/", 1)[-1].split("?")[0]))

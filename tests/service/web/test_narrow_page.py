@@ -10,14 +10,11 @@ from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring.unrecorded_heat import OTHER_HEAT
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import Stage
-from tests.service.web.page_parts import serious_faults, unfold
+from tests.service.web.page_parts import ADDRESSES, serious_faults, unfold
 
 pytestmark = pytest.mark.browser
 expect.set_options(timeout=PATIENCE_S * 1000)
 
-ADDRESSES = (
-    *("#/", "#/axes/demo.axis1", "#/alarms", "#/alarms/1", "#/system", "#/system/commissioning"),
-)  # fmt: skip
 FORMS = {
     "#/alarms": ("Quittieren", "Zurückstellen", "Kommentieren"),
     "#/axes/demo.axis1": ("Außer Betrieb nehmen", "Neu einlernen"),

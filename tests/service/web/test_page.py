@@ -32,7 +32,7 @@ from tests.service.web.conftest import (
     with_axis,
     with_status,
 )
-from tests.service.web.page_parts import parameter, serious_faults, tile, unfold
+from tests.service.web.page_parts import ADDRESSES, parameter, serious_faults, tile, unfold
 from tests.shares import soaked
 
 pytestmark = pytest.mark.browser
@@ -340,16 +340,9 @@ def test_an_axis_whose_samples_stop_is_no_longer_normal(page: Page, stage: Stage
 
 
 def test_axe_finds_no_serious_fault(configured: Stage, page: Page, fm_alarm: Alarm) -> None:
-    number = configured.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
+    configured.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     page.goto("/")
-    for address in (
-        "#/",
-        "#/axes/demo.axis1",
-        "#/alarms",
-        f"#/alarms/{number}",
-        "#/system",
-        "#/system/commissioning",
-    ):
+    for address in ADDRESSES:
         page.evaluate("(address) => { location.hash = address; }", address)
         expect(page.locator("main")).to_contain_text("demo.axis1")
         unfold(page)

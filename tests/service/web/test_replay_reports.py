@@ -13,7 +13,7 @@ from service.config import Config, load
 from service.config.epoch_values import content_of, fingerprint_of
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.pipeline.replay_reports import ReplayReports, ReportState
-from service.store.epochs import Configured
+from service.store.epochs import EpochPlan
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from tests.end_to_end.processes import demo_config
@@ -39,7 +39,7 @@ class Plant:
         end_us = int(frames[-1][1].t_us.max())
         content = json.loads(content_of(axis))
         content["nominal"]["fm"] = NOMINAL_FM
-        epoch = Configured(axis.id, json.dumps(content), fingerprint_of(axis), ())
+        epoch = EpochPlan(axis.id, "configuration", json.dumps(content), fingerprint_of(axis))
         stage.journal.epochs.begin_with([epoch], end_us - 3600 * S)
         self.alarm, self.later = (
             stage.record(axis.id, "N m s/rad", 0.06, replace(FM_ALARM, raised_us=t_us, ended_us=t_us + 1))
@@ -131,9 +131,8 @@ def test_a_report_ends_with_the_daemon(plant: Plant) -> None:
     assert alarm is not None
     plant.reports.stop()
     end_s = time.monotonic() + PATIENCE_S
-    while (state := plant.reports.state(alarm)) == ReportState(
-        "running"
-    ):  # without a pause: no moment is left out
+    # Without a pause: no moment is left out.
+    while (state := plant.reports.state(alarm)) == ReportState("running"):
         assert time.monotonic() < end_s
     assert state is not None
     assert state.state == "failed"

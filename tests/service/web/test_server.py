@@ -136,30 +136,6 @@ def test_the_data_layer_of_the_dashboard() -> None:
 # --- openapi.json -------------------------------------------------------------------------------------------
 
 
-PATHS = {
-    "/api/v1/service": "/api/v1/service",
-    "/api/v1/axes": "/api/v1/axes",
-    "/api/v1/axes/{axis}": "/api/v1/axes/demo.axis1",
-    "/api/v1/axes/{axis}/history": "/api/v1/axes/demo.axis1/history",
-    "/api/v1/axes/{axis}/trend": "/api/v1/axes/demo.axis1/trend",
-    "/api/v1/axes/{axis}/epochs": "/api/v1/axes/demo.axis1/epochs",
-    "/api/v1/axes/{axis}/model": "/api/v1/axes/demo.axis1/model",
-    "/api/v1/axes/{axis}/bode": "/api/v1/axes/demo.axis1/bode",
-    "/api/v1/axes/{axis}/signals": "/api/v1/axes/demo.axis1/signals",
-    "/api/v1/axes/{axis}/service": "/api/v1/axes/demo.axis1/service",
-    "/api/v1/commissioning": "/api/v1/commissioning",
-    "/api/v1/commissioning/{axis}/signals": "/api/v1/commissioning/demo.axis1/signals",
-    "/api/v1/system": "/api/v1/system",
-    "/api/v1/system/audit": "/api/v1/system/audit",
-    "/api/v1/system/configuration": "/api/v1/system/configuration",
-    "/api/v1/alarms": "/api/v1/alarms",
-    "/api/v1/alarms/statistics": "/api/v1/alarms/statistics",
-    "/api/v1/alarms/{id}": "/api/v1/alarms/1",
-    "/healthz": "/healthz",
-    "/readyz": "/readyz",
-}
-
-
 ACTIONS = {
     "acknowledge": {"comment": "seen"},
     "shelve": {"duration_s": 60},
@@ -181,13 +157,18 @@ def test_each_address_answers_as_described(
     stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, ended_us=fm_alarm.updated_us))
     stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, raised_us=0))
     stage.setup = robot_setup()
-    as_it_is, watched = stage.snapshot, replace(stage)
+    as_it_is, watched, asked = stage.snapshot, replace(stage), 0
     watch(watched, reference())
-    for path, request_path in PATHS.items():
-        stage.snapshot = watched.snapshot if request_path.endswith(("/model", "/bode")) else as_it_is
-        answer = client.get(request_path)
+    for path, methods in schema["paths"].items():
+        described = methods.get("get", {"responses": {"200": {}}})
+        if "application/json" not in described["responses"]["200"].get("content", {}):
+            continue
+        stage.snapshot = watched.snapshot if path.endswith(("/model", "/bode")) else as_it_is
+        answer = client.get(path.replace("{axis}", "demo.axis1").replace("{id}", "1"))
         assert answer.status_code == (503 if path == "/readyz" else 200), path
-        obeys_schema(answer, schema["paths"][path]["get"], schema)
+        obeys_schema(answer, described, schema)
+        asked += 1
+    assert asked > 20
 
 
 def test_each_action_answers_as_described_also_when_it_is_not_possible(
@@ -207,18 +188,7 @@ def test_each_action_answers_as_described_also_when_it_is_not_possible(
 
 
 def test_all_is_explained(schema: dict[str, Any]) -> None:
-    """All paths are covered; numbers tell their unit or what they count."""
-    actions = {f"/api/v1/alarms/{{id}}/{action}" for action in ACTIONS}
-    actions |= {
-        f"/api/v1/axes/{{axis}}/{path}"
-        for path in (
-            "baseline", "baseline/cancel", "epochs/{number}/restore", "out-of-service", "return-to-service",
-        )
-    }  # fmt: skip
-    recordings = {"/api/v1/recordings": {"get", "post"}, "/api/v1/recordings/{name}": {"get"}}
-    recordings["/api/v1/alarms/{id}/report"] = {"get", "post"}
-    files = {f"/api/v1/axes/{{axis}}/history.{kind}" for kind in ("csv", "parquet")}
-    assert set(schema["paths"]) == {*PATHS, *actions, *recordings, *files, "/metrics", "/api/v1/events"}
+    """Numbers tell their unit or what they count."""
     silent = [
         f"{name}.{field}"
         for name, body in schema["components"]["schemas"].items()
@@ -227,7 +197,6 @@ def test_all_is_explained(schema: dict[str, Any]) -> None:
     ]
     assert silent == []
     for path, methods in schema["paths"].items():
-        assert set(methods) == recordings.get(path, {"post" if path in actions else "get"}), path
         for described in methods.values():
             assert described["summary"], path
             assert described["description"], path

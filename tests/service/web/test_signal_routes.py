@@ -1,31 +1,20 @@
 """The last seconds of an axis over the API: what the worker has kept, in columns."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from monitor_core.arrays import Floats
-from monitor_core.modeling import reference_model
-from monitor_core.monitoring import AxisTrace, Trace
 from monitor_core.samples import SampleBlock
-from monitor_core.settings import Settings
 from service.pipeline.live_signals import LENGTH_S, PATIENCE_S, LiveSignals
-from service.pipeline.snapshot import MonitoredDrive
 from service.texts.instants import iso
-from tests.service.web.conftest import NOON_US, Stage
+from tests.service.web.conftest import NOON_US, Stage, with_axis
+from tests.service.web.watched_drives import reference, traced
 
 SIGNALS = "/api/v1/axes/demo.axis1/signals"
 INTERVAL_US = 5000
-
-
-def traced(eps: Floats, yhat: Floats) -> AxisTrace:
-    """A trace of which only these are read."""
-    unread = dict.fromkeys(Trace._fields, np.zeros(0))
-    return AxisTrace(Trace(**{**unread, "eps": eps, "yhat": yhat}), (), None)
 
 
 class Worker:
@@ -126,12 +115,10 @@ def test_what_is_no_number_is_null_and_an_angle_keeps_its_digits(worker: Worker,
 @pytest.mark.parametrize("lam0", [1e-12, 1.0])
 def test_the_limit_of_outliers_is_that_of_the_settings(client: TestClient, stage: Stage, lam0: float) -> None:
     """At least that of the variance of the healthy axis."""
-    model = reference_model("angle")
-    axis = stage.snapshot.axes[0]
-    watched = MonitoredDrive(model, Settings(0.005, lam=0.995, lam0=lam0, outlier_limit=6.0), ())
-    stage.snapshot = replace(stage.snapshot, axes=(replace(axis, watched=watched),))
+    with_axis(stage, watched=reference(lam=0.995, lam0=lam0, outlier_limit=6.0))
     limit = client.get(SIGNALS).json()["outlier_limit"]
-    assert limit == pytest.approx(6 * max(axis.status.innovation_variance, lam0) ** 0.5)
+    variance = stage.snapshot.axes[0].status.innovation_variance
+    assert limit == pytest.approx(6 * max(variance, lam0) ** 0.5)
 
 
 def test_an_unknown_axis_is_refused_and_not_looked_at(worker: Worker, client: TestClient) -> None:

@@ -16,7 +16,7 @@ from monitor_core.monitoring import AlarmEvent
 from service.config import Config, load
 from service.config.public_text import HIDDEN, public_text
 from service.store.alarm_transitions import Note
-from service.store.epochs import Configured, EpochPlan
+from service.store.epochs import EpochPlan
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access
 from tests.conftest import ROOT
@@ -138,7 +138,7 @@ def changed(stage: Stage, set_up: TestClient, fm_alarm: Alarm) -> TestClient:
     number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, Note(NOON_US + S, "anna", "<b>seen</b>", "WO-17"))
     stage.journal.act(number, AlarmEvent.SHELVE, Note(NOON_US + 2 * S, "otto"), NOON_US + 60 * S)
-    stage.journal.epochs.begin_with([Configured("demo.axis1", "{}", "1")], NOON_US - S)
+    stage.journal.epochs.begin_with([EpochPlan("demo.axis1", "configuration", "{}", "1")], NOON_US - S)
     plan = EpochPlan("demo.axis1", "window", "{}", "1", learn_s=60.0)
     stage.journal.epochs.learn(plan, Note(NOON_US + 2 * S, "eva", "gearbox changed"))
     stage.journal.services.change("demo.axis2", AlarmEvent.REMOVE, Note(NOON_US + 3 * S, "eva", "new brake"))

@@ -1,9 +1,13 @@
-"""Drives that the first axis of a stage is monitored by."""
+"""Drives that the first axis of a stage is monitored by, and traces of them."""
 
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from monitor_core.arrays import Floats
 from monitor_core.modeling import DRAWINGS, reference_model
+from monitor_core.monitoring import AxisTrace, Trace
 from monitor_core.settings import Settings
 from service.pipeline.snapshot import MonitoredDrive
 from tests.service.web.conftest import PARAMETERS, Stage
@@ -23,6 +27,12 @@ def watch(stage: Stage, watched: MonitoredDrive, **estimates: float) -> None:
         stage.snapshot,
         axes=(replace(axis, status=status, output=watched.model.drive.output, watched=watched),),
     )
+
+
+def traced(eps: Floats, yhat: Floats) -> AxisTrace:
+    """A trace of which only these are read."""
+    unread = dict.fromkeys(Trace._fields, np.zeros(0))
+    return AxisTrace(Trace(**{**unread, "eps": eps, "yhat": yhat}), (), None)
 
 
 def reference(**settings: Any) -> MonitoredDrive:

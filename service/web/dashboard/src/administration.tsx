@@ -2,7 +2,7 @@
 import { useEffect, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
 import { alarmLink, axisLink, Time } from "./marks";
-import { causeName, failure, whoName, Words } from "./sentences";
+import { causeName, failure, noteText, whoName, Words } from "./sentences";
 import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
@@ -71,8 +71,7 @@ function Audit() {
   );
 }
 
-function cellsOf({ at, who, subject, event, axis, number, parameter, comment, work_order }: Body<"AuditedChange">): Cells {
-  const order = work_order === null ? "" : t.workOrder(work_order);
+function cellsOf({ at, who, subject, event, axis, number, parameter, ...note }: Body<"AuditedChange">): Cells {
   return [
     <Time at={at} />,
     <bdi>{whoName(who)}</bdi>,
@@ -80,6 +79,6 @@ function cellsOf({ at, who, subject, event, axis, number, parameter, comment, wo
     <a href={axisLink(axis)}><bdi>{axis}</bdi></a>,
     subject === "alarm" ? <a href={alarmLink(number)}>{t.alarmTitle(number)} <bdi>{causeName(parameter ?? "")}</bdi></a>
       : subject === "epoch" ? `${t.epochs.columns.number} ${number}` : t.audit.alarmsOfAxis,
-    <bdi>{[comment, order].filter(Boolean).join("; ") || "–"}</bdi>,
+    <bdi>{noteText(note) || "–"}</bdi>,
   ];
 }

@@ -2,9 +2,19 @@
 import type { Body } from "./ask";
 import { count, few, percent } from "./format";
 import { arrow, axisLink, Time } from "./marks";
+import { usePolled } from "./polled";
 import { causeName } from "./sentences";
-import { Table, usePolled } from "./table";
+import { Table } from "./table";
 import { t } from "./texts";
+
+/** The number of alarms in seven days, as entries of a list. */
+export const LoadFigures = ({ found }: { found: Body<"AlarmStatistics"> }) => (
+  <>
+    <dt>{t.raisedWeek}</dt><dd>{count(found.raised)}</dd>
+    <dt>{t.perTenMinutes}</dt><dd>{few(found.mean_per_ten_minutes)}</dd>
+    <dt>{t.worstTenMinutes}</dt><dd>{count(found.most_in_ten_minutes)}{found.most_at !== null && <small><Time at={found.most_at} /></small>}</dd>
+  </>
+);
 
 export function AlarmFrequency() {
   const [found] = usePolled<Body<"AlarmStatistics">>("/api/v1/alarms/statistics");
@@ -13,9 +23,7 @@ export function AlarmFrequency() {
   return (
     <>
       <dl>
-        <dt>{t.raisedWeek}</dt><dd>{count(found.raised)}</dd>
-        <dt>{t.perTenMinutes}</dt><dd>{few(found.mean_per_ten_minutes)}</dd>
-        <dt>{t.worstTenMinutes}</dt><dd>{count(found.most_in_ten_minutes)}{found.most_at !== null && <small><Time at={found.most_at} /></small>}</dd>
+        <LoadFigures found={found} />
         <dt>{t.frequency.floods}</dt><dd>{percent(found.flood_share, false)}</dd>
       </dl>
       {found.most_frequent.length === 0 ? <p class="quiet">{t.noAlarmHere}</p> : (

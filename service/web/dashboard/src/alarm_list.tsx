@@ -1,13 +1,14 @@
 // The alarms: the active ones, or another part of the journal.
-import { useCallback, useEffect, useRef, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { AlarmFrequency } from "./alarm_frequency";
-import { ask, download, hasToken, type Alarm, type Body } from "./ask";
+import { download, hasToken, type Alarm, type Body } from "./ask";
 import { moment, percent, span, unit, withMargin } from "./format";
 import { useLive } from "./live";
 import { AlarmWords } from "./alarm_words";
 import { alarmLink, AlarmMark, arrow, axisLink, Time } from "./marks";
 import { isHidden } from "./need";
+import { useFollowed } from "./polled";
 import { causeName } from "./sentences";
 import { Z95 } from "./series";
 import { Table, type Cells } from "./table";
@@ -20,7 +21,6 @@ const QUERIES = {
 type Filter = keyof typeof QUERIES;
 const CHOICES = [...(Object.keys(QUERIES) as Filter[]), "frequent"] as const;
 const LIMIT = 100;
-const EVERY = 5; // answers of the daemon
 
 export function AlarmList() {
   const [chosen, choose] = useState<(typeof CHOICES)[number]>("active");
@@ -66,21 +66,9 @@ function Found({ filter }: { filter: Filter }) {
 
 /** The alarms of a query, requested again when the active ones change, and periodically. */
 export function useAlarms(query: string, limit: number): [Body<"Alarms"> | null, () => Promise<void>] {
-  const { active, answered } = useLive();
-  const [found, set] = useState<Body<"Alarms"> | null>(null);
+  const { active } = useLive();
   const key = JSON.stringify(active.map((alarm) => [alarm.id, alarm.state, alarm.parameter, alarm.updated, alarm.work_order, alarm.first_out]));
-  const beat = Math.floor((answered ?? 0) / (EVERY * 1000));
-  const wanted = useRef(query);
-  wanted.current = query;
-  const refresh = useCallback(async () => {
-    try {
-      const answer = await ask<Body<"Alarms">>(`/api/v1/alarms?${query}&limit=${limit}`);
-      if (wanted.current === query) set(answer);
-    } catch {
-      // The header shows that there is no answer, or that a token is needed.
-    }
-  }, [query, limit]);
-  useEffect(() => void refresh(), [refresh, key, beat]);
+  const [found, , refresh] = useFollowed<Body<"Alarms">>(`/api/v1/alarms?${query}&limit=${limit}`, key);
   return [found, refresh];
 }
 

@@ -1,5 +1,5 @@
 // One alarm for the person who goes to the axis: finding, certainty, time, and what to do. Printed on one sheet.
-import { useCallback, useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { AlarmButtons } from "./alarm_actions";
 import { Frames, OnsetRange, Saved, sizeText, State } from "./alarm_list";
 import { ask, type AlarmRecord, type Axis } from "./ask";
@@ -7,25 +7,15 @@ import { percent, stamp, zone } from "./format";
 import { useLive } from "./live";
 import { AlarmWords, Meaning, meaningOf, Reached, stepText } from "./alarm_words";
 import { arrow, axisLink, numberWithUnit, Time } from "./marks";
-import { causeName, failure, whoName, Words } from "./sentences";
+import { useFollowed } from "./polled";
+import { causeName, failure, noteText, whoName, Words } from "./sentences";
 import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
 export function AlarmPage({ id }: { id: string }) {
   const live = useLive();
-  const [alarm, set] = useState<AlarmRecord | null>(null);
-  const [problem, setProblem] = useState("");
-  const refresh = useCallback(async () => {
-    try {
-      set(await ask<AlarmRecord>(`/api/v1/alarms/${encodeURIComponent(id)}`));
-      setProblem("");
-    } catch (error) {
-      setProblem(failure(error));
-    }
-  }, [id]);
-  const beat = Math.floor((live.answered ?? 0) / 5000);
   const key = JSON.stringify(live.active.find((one) => String(one.id) === id) ?? null);
-  useEffect(() => void refresh(), [refresh, beat, key]);
+  const [alarm, problem, refresh] = useFollowed<AlarmRecord>(`/api/v1/alarms/${encodeURIComponent(id)}`, key);
   if (alarm === null) return <p class="quiet">{problem || t.waiting}</p>;
   const axis = live.axes.find((one) => one.id === alarm.axis);
   const meaning = axis?.parameters.find((p) => p.name === alarm.parameter)?.meaning ?? "";
@@ -144,7 +134,7 @@ function Transitions({ alarm }: { alarm: AlarmRecord }) {
     <Time at={step.at} />,
     stepText(step),
     <bdi>{whoName(step.who)}</bdi>,
-    (step.comment || step.work_order) && <bdi>{[step.comment, step.work_order && t.workOrder(step.work_order)].filter(Boolean).join("; ")}</bdi>,
+    noteText(step) && <bdi>{noteText(step)}</bdi>,
   ]);
   return <Table label={t.history} columns={[when, what, who, note]} rows={rows} />;
 }

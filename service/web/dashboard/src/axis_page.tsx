@@ -29,7 +29,7 @@ export function AxisPage({ id }: { id: string }) {
   const end = shown.end ?? now;
   const range: Range = [end - shown.length, end];
   const history = useHistory(id, range, shown.end === null);
-  const [epochs, loadEpochs] = useEpochs(axis);
+  const [epochs, loadEpochs] = useEpochs(id, axis?.epoch);
   const changes = changesOf(epochs);
   const [alarms, refresh] = useAlarms(`axis=${encodeURIComponent(id)}`, 100);
   if (!axis) return <p class="quiet">{live.answered === null ? t.waiting : t.notThere(id)}</p>;

@@ -4,7 +4,7 @@ import { ActionForm } from "./action_form";
 import type { Axis } from "./ask";
 import { refresh } from "./live";
 import { Time } from "./marks";
-import { whoName } from "./sentences";
+import { listed, noteText, whoName } from "./sentences";
 import { t } from "./texts";
 
 export function AxisService({ axis }: { axis: Axis }) {
@@ -12,12 +12,11 @@ export function AxisService({ axis }: { axis: Axis }) {
   const out = axis.out_of_service;
   const [action, label] = out === null ? ["out-of-service", t.service.remove] as const : ["return-to-service", t.service.giveBack] as const;
   const button = <button type="button" onClick={() => open(true)}>{label}</button>;
-  const texts = out === null ? [] : [out.comment, out.work_order && t.workOrder(out.work_order)].filter(Boolean);
   return (
     <section class="axis-service" aria-label={t.service.title}>
       {out === null ? <p>{button}</p> : (
         <p class="banner warn">
-          <b>{t.service.out}</b> {out.since !== null && <>{t.since} <Time at={out.since} /></>} (<bdi>{[whoName(out.who), ...texts].join("; ")}</bdi>). {t.service.meaning}
+          <b>{t.service.out}</b> {out.since !== null && <>{t.since} <Time at={out.since} /></>} (<bdi>{listed(whoName(out.who), noteText(out))}</bdi>). {t.service.meaning}
           {out.since !== null && <> {button}</>}
         </p>
       )}

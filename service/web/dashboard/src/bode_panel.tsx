@@ -1,9 +1,10 @@
 // Frequency responses of the nominal and of the present model, with the resonances that have moved.
-import { useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { ask, isSilence, type Axis, type Body } from "./ask";
 import { number, percent, unit } from "./format";
 import { Opened } from "./opened";
 import { Plot, type Range } from "./plot";
+import { useRepeated } from "./polled";
 import { farthest, isMoved, signsOf } from "./resonances";
 import { rangeOf, Z95 } from "./series";
 import { t } from "./texts";
@@ -16,29 +17,15 @@ export const BodePanel = ({ axis }: { axis: Axis }) => <Opened title={t.bode.tit
 function BodePlots({ axis }: { axis: Axis }) {
   const [bode, set] = useState<Body<"Bode"> | null>(null);
   const [failure, fail] = useState("");
-  useEffect(() => {
-    let timer = 0;
-    let dropped = false;
-    const load = async (): Promise<number> => {
-      if (document.hidden) return EVERY_MS;
-      try {
-        set(await ask<Body<"Bode">>(`/api/v1/axes/${encodeURIComponent(axis.id)}/bode`));
-        return EVERY_MS;
-      } catch (error) {
-        fail(isSilence(error) ? "" : (error as Error).message); // the header says for how long there is no answer
-        return isSilence(error) ? AGAIN_MS : EVERY_MS;
-      }
-    };
-    const turn = async (): Promise<void> => {
-      const wait = await load();
-      if (!dropped) timer = window.setTimeout(() => void turn(), wait);
-    };
-    void turn();
-    return () => {
-      dropped = true;
-      clearTimeout(timer);
-    };
-  }, [axis.id]);
+  useRepeated(async () => {
+    try {
+      set(await ask<Body<"Bode">>(`/api/v1/axes/${encodeURIComponent(axis.id)}/bode`));
+      return EVERY_MS;
+    } catch (error) {
+      fail(isSilence(error) ? "" : (error as Error).message); // the header says for how long there is no answer
+      return isSilence(error) ? AGAIN_MS : EVERY_MS;
+    }
+  }, EVERY_MS);
   if (bode === null) return <p class="quiet">{failure || t.waiting}</p>;
   const f = bode.frequency_hz;
   const range: Range = [f[0] ?? 1, f.at(-1) ?? 100];

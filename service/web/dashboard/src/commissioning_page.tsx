@@ -3,8 +3,9 @@ import { useRef, useState } from "preact/hooks";
 import { ask, type Body } from "./ask";
 import { number, percent } from "./format";
 import { axisLink } from "./marks";
+import { usePolled } from "./polled";
 import { failure, Words } from "./sentences";
-import { Table, usePolled, type Cells } from "./table";
+import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
 type Check = Body<"SignalCheck">;

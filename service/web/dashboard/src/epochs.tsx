@@ -1,10 +1,11 @@
 // The epochs of an axis: times and nominal values; start of a new one after a repair, or return to a former one.
-import { useEffect, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { ActionForm } from "./action_form";
-import { ask, type Axis, type Body } from "./ask";
+import type { Axis, Body } from "./ask";
 import { moment } from "./format";
 import { numberWithUnit, Time } from "./marks";
-import { whoName, Words } from "./sentences";
+import { usePolled } from "./polled";
+import { listed, noteText, whoName, Words } from "./sentences";
 import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
@@ -14,27 +15,11 @@ export type Epoch = Body<"Epoch">;
 export const epochWords = ({ epoch }: Axis): string =>
   epoch.state === "current" ? "" : (t.progress(epoch.state, epoch.done_s, epoch.length_s) ?? epoch.words);
 
-const EVERY_MS = 10_000;
-
-/** The epochs of an axis, newest first; empty while they are not known. */
-export function useEpochs(axis: Axis | undefined): [Epoch[], () => Promise<void>] {
-  const [epochs, set] = useState<Epoch[]>([]);
-  const now = axis?.epoch;
-  const id = axis?.id ?? "";
-  const load = async (): Promise<void> => {
-    try {
-      set((await ask<Body<"AxisEpochs">>(`/api/v1/axes/${encodeURIComponent(id)}/epochs`)).epochs);
-    } catch {
-      // The header shows that there is no answer.
-    }
-  };
-  useEffect(() => {
-    if (id === "") return undefined;
-    void load();
-    const timer = setInterval(() => void load(), EVERY_MS);
-    return () => clearInterval(timer);
-  }, [id, now?.number, now?.state]);
-  return [epochs, load];
+/** The epochs of an axis, newest first; empty while they are not known. `now`: the one in force, if it is known. */
+export function useEpochs(id: string, now: Axis["epoch"] | undefined): [Epoch[], () => Promise<void>] {
+  const path = `/api/v1/axes/${encodeURIComponent(id)}/epochs`;
+  const [found, , load] = usePolled<Body<"AxisEpochs">>(path, undefined, `${now?.number} ${now?.state}`);
+  return [found?.epochs ?? [], load];
 }
 
 /** When the nominal values changed [s since 1970]: the first epoch changed none. */
@@ -52,7 +37,7 @@ export function Epochs({ axis, epochs, refresh }: { axis: Axis; epochs: Epoch[];
     <>{t.epochs.state[epoch.state]}{epoch.reason !== null && <small><Words by={epoch.sentences}>{epoch.reason}</Words></small>}</>,
     t.epochs.source[epoch.source],
     <>{epoch.in_force === null ? "–" : <Time at={epoch.in_force} />}{epoch.ended !== null && <small>{t.until(moment(epoch.ended))}</small>}</>,
-    <bdi>{[whoName(epoch.who), epoch.comment, epoch.work_order && t.workOrder(epoch.work_order)].filter(Boolean).join("; ")}</bdi>,
+    <bdi>{listed(whoName(epoch.who), noteText(epoch))}</bdi>,
     <>{epoch.values.map((v) => <Value key={v.name} v={v} by={epoch.sentences} />)}</>,
     ["closed", "rolled_back"].includes(epoch.state) && now.state !== "learning" && (
       <button type="button" onClick={() => want({ action: "restore", number: epoch.number })}>{t.epochs.restore}</button>

@@ -83,7 +83,8 @@ export function span(s: number): string {
   return s < 172800 ? `${Math.round(s / 3600)} h` : `${Math.round(s / 86400)} d`;
 }
 
-const two = (n: number): string => String(n).padStart(2, "0");
+/** With a leading zero. */
+export const two = (n: number): string => String(n).padStart(2, "0");
 
 /** The date in the format of the language. */
 export function date(d: Date): string {

@@ -3,7 +3,7 @@
 import { useEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { local, ticks as tickTexts } from "./format";
+import { local, ticks as tickTexts, two } from "./format";
 import type { Sign } from "./resonances";
 import type { Mark } from "./series";
 import { language } from "./language";
@@ -127,8 +127,6 @@ function alone(u: uPlot, series: number): number[] {
 /** Frequencies below the axis: at 1, 2 and 5 times a power of ten. */
 const frequencyTexts = (_: uPlot, ticks: number[]): string[] =>
   ticks.map((f) => ([1, 2, 5].includes(Math.round(f / 10 ** Math.floor(Math.log10(f) + 1e-9))) ? local(String(Number(f.toPrecision(3)))) : ""));
-
-const two = (n: number): string => String(n).padStart(2, "0");
 
 /** Times below the axis: the clock, with the date where it changes; dates alone for long ranges. */
 function timeTexts(_: uPlot, ticks: number[]): string[] {

@@ -26,6 +26,12 @@ export const causeName = (cause: string): string => t.cause[cause] ?? cause;
 /** Author of an action: a person by name, or a part of the daemon. */
 export const whoName = (who: string): string => t.who[who] ?? who;
 
+export const listed = (...texts: (string | null)[]): string => texts.filter(Boolean).join("; ");
+
+/** Comment and work order of an action. */
+export const noteText = ({ comment, work_order }: { comment: string | null; work_order: string | null }): string =>
+  listed(comment, work_order && t.workOrder(work_order));
+
 /** A value; its name tells its kind: _s a time in seconds, `at` a point in time. */
 function shown(name: string, value: string | Sentence): string {
   if (typeof value !== "string") return inOwnWords(value) ?? value.words;

@@ -26,7 +26,7 @@ export const emptySignals = (): SignalColumns => ({ time: [], torque: [], measur
 export function joined(before: SignalColumns, answer: Signals): SignalColumns {
   if (answer.begin === null) return before;
   const begin = Date.parse(answer.begin) / 1000;
-  const to = begin > (before.time.at(-1) ?? -Infinity) ? copyOf(before) : emptySignals();
+  const to = begin > (before.time.at(-1) ?? -Infinity) ? structuredClone(before) : emptySignals();
   answer.time_s.forEach((s, i) => {
     const time = begin + s;
     const last = to.time.at(-1);
@@ -46,10 +46,6 @@ export function joined(before: SignalColumns, answer: Signals): SignalColumns {
   for (const name of NAMES) to[name].splice(0, first);
   return to;
 }
-
-const copyOf = (c: SignalColumns): SignalColumns => ({
-  time: [...c.time], torque: [...c.torque], measured: [...c.measured], predicted: [...c.predicted], error: [...c.error], passed: [...c.passed],
-});
 
 function push(to: SignalColumns, time: number, row: Partial<Record<(typeof NAMES)[number], number | null>>): void {
   to.time.push(time);

@@ -1,9 +1,10 @@
 // Torque, motion, its prediction and the prediction error over the last seconds; requested while the panel is open.
-import { useEffect, useState } from "preact/hooks";
+import { useRef, useState } from "preact/hooks";
 import { ask, isSilence, type Axis } from "./ask";
 import { number, unit } from "./format";
 import { Opened } from "./opened";
 import { Plot, type Range } from "./plot";
+import { useRepeated } from "./polled";
 import { rangeOf } from "./series";
 import { emptySignals, joined, LENGTH_S, type SignalColumns, type Signals } from "./signal_buffer";
 import { t } from "./texts";
@@ -21,32 +22,18 @@ const NOTHING: Shown = { columns: emptySignals(), limit: null, unit: "", failure
 
 function useSignals(id: string): Shown {
   const [shown, set] = useState(NOTHING);
-  useEffect(() => {
-    let dropped = false;
-    let timer = 0;
-    let latest = NOTHING;
-    let end: string | null = null;
-    const load = async (): Promise<void> => {
-      const since = end === null ? "" : `?since=${encodeURIComponent(end)}`;
-      try {
-        const answer = await ask<Signals>(`/api/v1/axes/${encodeURIComponent(id)}/signals${since}`);
-        end = answer.end ?? end;
-        latest = { columns: joined(latest.columns, answer), limit: answer.outlier_limit, unit: answer.unit, failure: "" };
-      } catch (error) {
-        latest = { ...latest, failure: isSilence(error) ? "" : (error as Error).message };
-      }
-      if (!dropped) set(latest);
-    };
-    const turn = async (): Promise<void> => {
-      if (!document.hidden) await load();
-      if (!dropped) timer = window.setTimeout(() => void turn(), EVERY_MS);
-    };
-    void turn();
-    return () => {
-      dropped = true;
-      clearTimeout(timer);
-    };
-  }, [id]);
+  const end = useRef<string | null>(null);
+  useRepeated(async () => {
+    const since = end.current === null ? "" : `?since=${encodeURIComponent(end.current)}`;
+    try {
+      const answer = await ask<Signals>(`/api/v1/axes/${encodeURIComponent(id)}/signals${since}`);
+      end.current = answer.end ?? end.current;
+      set(({ columns }) => ({ columns: joined(columns, answer), limit: answer.outlier_limit, unit: answer.unit, failure: "" }));
+    } catch (error) {
+      set((before) => ({ ...before, failure: isSilence(error) ? "" : (error as Error).message }));
+    }
+    return EVERY_MS;
+  }, EVERY_MS);
   return shown;
 }
 

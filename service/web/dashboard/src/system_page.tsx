@@ -1,13 +1,15 @@
 // The daemon itself: its load, buses, dropped values and reasons, files, clocks, recordings, versions.
 import { useRef, useState } from "preact/hooks";
 import { Administration } from "./administration";
+import { LoadFigures } from "./alarm_frequency";
 import { Frames } from "./alarm_list";
 import { ask, type Axis, type Body, type Service } from "./ask";
-import { count, few, number, percent, size, span } from "./format";
+import { count, number, percent, size, span } from "./format";
 import { useLive, type Live } from "./live";
 import { axisLink, Time } from "./marks";
+import { usePolled } from "./polled";
 import { failure, Words } from "./sentences";
-import { reasons, Table, usePolled, type Cells } from "./table";
+import { reasons, Table, type Cells } from "./table";
 import { t } from "./texts";
 
 export function SystemPage() {
@@ -150,13 +152,7 @@ function Load() {
   return (
     <section class="panel">
       <h2>{t.load}</h2>
-      {found === null ? <p class="quiet">{t.waiting}</p> : (
-        <dl>
-          <dt>{t.raisedWeek}</dt><dd>{count(found.raised)}</dd>
-          <dt>{t.perTenMinutes}</dt><dd>{few(found.mean_per_ten_minutes)}</dd>
-          <dt>{t.worstTenMinutes}</dt><dd>{count(found.most_in_ten_minutes)}{found.most_at !== null && <small><Time at={found.most_at} /></small>}</dd>
-        </dl>
-      )}
+      {found === null ? <p class="quiet">{t.waiting}</p> : <dl><LoadFigures found={found} /></dl>}
     </section>
   );
 }

@@ -1,11 +1,8 @@
-// A table whose content is requested again periodically.
-import { useEffect, useState } from "preact/hooks";
-import { ask } from "./ask";
+// A table, and counts by their reasons in its cells.
+import { useState } from "preact/hooks";
 import { count } from "./format";
-import { failure } from "./sentences";
 import { t } from "./texts";
 
-const EVERY_MS = 10_000;
 const MOST_ROWS = 50;
 
 export type Cells = preact.ComponentChildren[];
@@ -52,23 +49,3 @@ export const reasons = (counts: Record<string, number>): Cells => {
   const found = Object.entries(counts).filter(([, n]) => n > 0);
   return [found.length === 0 ? "–" : found.map(([reason, n]) => <span key={reason} class="reason" title={reason}>{t.reason[reason] ?? reason.replaceAll("_", " ")} {count(n)}</span>)];
 };
-
-/** An answer, the reason why there is none, and a function that requests it at once; the last answer stays. */
-export function usePolled<T>(path: string): [T | null, string, () => Promise<void>] {
-  const [found, set] = useState<T | null>(null);
-  const [problem, setProblem] = useState("");
-  const load = async (): Promise<void> => {
-    try {
-      set(await ask<T>(path));
-      setProblem("");
-    } catch (error) {
-      setProblem(failure(error));
-    }
-  };
-  useEffect(() => {
-    void load();
-    const timer = setInterval(() => void load(), EVERY_MS);
-    return () => clearInterval(timer);
-  }, [path]);
-  return [found, problem, load];
-}

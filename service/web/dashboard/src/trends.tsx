@@ -1,8 +1,9 @@
 // The slow trend of each parameter of an axis: hourly or daily means, the trend with its forecast band, the limits.
-import { useEffect, useState } from "preact/hooks";
-import { ask, type Body } from "./ask";
+import { useState } from "preact/hooks";
+import type { Body } from "./ask";
 import { unit } from "./format";
 import { Plot } from "./plot";
+import { usePolled } from "./polled";
 import { Words } from "./sentences";
 import { rangeOf } from "./series";
 import { t } from "./texts";
@@ -12,20 +13,7 @@ const EVERY_MS = 60_000;
 const POINTS = 400;
 
 export function Trends({ id }: { id: string }) {
-  const [trend, set] = useState<Body<"Trend"> | null>(null);
-  useEffect(() => {
-    const load = async (): Promise<void> => {
-      try {
-        set(await ask<Body<"Trend">>(`/api/v1/axes/${encodeURIComponent(id)}/trend?points=${POINTS}`));
-      } catch {
-        // The header shows that there is no answer.
-      }
-    };
-    set(null);
-    void load();
-    const timer = setInterval(() => void load(), EVERY_MS);
-    return () => clearInterval(timer);
-  }, [id]);
+  const [trend] = usePolled<Body<"Trend">>(`/api/v1/axes/${encodeURIComponent(id)}/trend?points=${POINTS}`, EVERY_MS);
   const known = trend?.parameters.filter((p) => p.drift !== null) ?? [];
   return (
     <section aria-label={t.trend}>

@@ -38,6 +38,11 @@ function alarmOf(axis: string, changes: object = {}): Alarm {
   } as unknown as Alarm;
 }
 
+beforeEach(() => {
+  globalThis.document = { documentElement: {} } as unknown as Document;
+  choose("en");
+});
+
 type Numbers = (number | null)[];
 
 function historyOf(n: number[], estimate: Numbers, others: Record<string, Numbers> = {}): History {
@@ -57,11 +62,6 @@ describe("an alarm in a sentence", () => {
     causes: [{ parameter: "fm", probability: 0.99, alike: [] }], words: "as the daemon says it",
   });
   const changed = (changes: object): Alarm => ({ ...fm, ...changes }) as unknown as Alarm;
-
-  beforeEach(() => {
-    globalThis.document = { documentElement: {} } as unknown as Document;
-    choose("en");
-  });
 
   test("is that of the daemon in English", () => {
     expect(alarmSentence(fm)).toBe("as the daemon says it");
@@ -92,7 +92,6 @@ describe("an alarm in a sentence", () => {
     expect(meaningOf("stiffness of the spring 1, arm side")).toBe("Steifigkeit der Feder 1, Armseite");
     expect(meaningOf("friction of my drive")).toBe("friction of my drive");
     expect(meaningOf("inertia of the wheel, arm side")).toBe("inertia of the wheel, arm side");
-    choose("en");
   });
 });
 
@@ -104,10 +103,7 @@ describe("the course of a parameter in German", () => {
     slope_per_day: -0.00123, slope_per_day_sd: 0.0001, change: 0.0123, change_sd: 0.001,
   };
   const course = (changes: object): string | null => t.course(history({ ...drift, ...changes }), "");
-  beforeEach(() => {
-    globalThis.document = { documentElement: {} } as unknown as Document;
-    choose("de");
-  });
+  beforeEach(() => choose("de"));
 
   test("is a sentence for each kind of course", () => {
     expect(t.course(history(null), "")).toContain("zu wenig Daten");
@@ -125,7 +121,6 @@ describe("the course of a parameter in German", () => {
     expect(t.reach({ ...reach, state: "open" }, "", from)).toBe("fm erreicht 0,09 in 30 Tagen oder später, vielleicht nie");
     const beyond = { ...reach, state: "beyond", low: "1970-01-01T00:00:00Z", high: "1970-01-01T12:00:00Z" } as const;
     expect(t.reach(beyond, "", "1970-01-02T00:00:00Z")).toBe("fm liegt seit 12 bis 24 Stunden über 0,09");
-    choose("en");
   });
 });
 
@@ -134,11 +129,6 @@ describe("what is not tested", () => {
     gated_by: "payload", not_tested: ["as the daemon says it"],
     parameters: ["not observed", null, "not observed", "operating conditions"].map((reason, k) => parameter({ name: `p${k}`, not_tested_reason: reason })),
   });
-  beforeEach(() => {
-    globalThis.document = { documentElement: {} } as unknown as Document;
-    choose("en");
-  });
-
   test("is that of the daemon in English", () => expect(t.notTestedSentences(axis, "payload")).toEqual(["as the daemon says it"]));
 
   test("is a sentence for each reason in German", () => {
@@ -147,7 +137,6 @@ describe("what is not tested", () => {
     expect(unseen).toMatch(/^p0, p2 werden nicht geprüft: die Bewegung enthält fast keine Information darüber. Nötig: Bewegung/);
     expect(gated).toMatch(/^p3 wird nicht geprüft: die Betriebsbedingungen schließen die Messwerte aus \(payload\). Nötig/);
     expect(more).toEqual([]);
-    choose("en");
   });
 });
 
@@ -326,10 +315,7 @@ describe("sentences of the daemon", () => {
   const lost = words("not used", { axis: "a.b", why: words("lost", { why: words("damaged"), parts: words("part of", { part: words("part history"), names }) }) }, "in English");
   const german = (...found: Body<"Sentence">[]) => translated(found[0]?.words ?? "", found);
 
-  beforeEach(() => {
-    globalThis.document = { documentElement: {} } as unknown as Document;
-    choose("de");
-  });
+  beforeEach(() => choose("de"));
   test("are German by their kind and values, also within each other", () => {
     expect(german(lost)).toBe(
       "a.b: der gesicherte Zustand wird nicht verwendet und wurde beiseitegelegt: er ist beschädigt (falsche Prüfsumme)"
@@ -366,10 +352,6 @@ test("events come in pieces; comments are none", () => {
 });
 
 describe("numbers and times", () => {
-  beforeEach(() => {
-    globalThis.document = { documentElement: {} } as unknown as Document;
-    choose("en");
-  });
   test.each([
     [format.number(0.06), "0.06000"],
     [format.number(95.717), "95.72"],
