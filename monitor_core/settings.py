@@ -233,17 +233,12 @@ class Settings:
         Raises:
             ValueError: the number of states, or of gains, does not fit.
         """
-        return _gain_table(self.gain(n), self.K_after)
-
-
-def _gain_table(K: Floats, later: tuple[tuple[float, ...], ...]) -> Floats:
-    """Gains (GAINS, n) by number of intervals: ``later`` has those after 0, 2, 3 .. intervals; K (n,) is for 1."""
-    if not later:
-        return np.tile(K, (GAINS, 1))
-    gains = np.array(later)
-    if gains.shape != (GAINS - 1, len(K)):
-        raise ValueError(f"K_after has the shape {gains.shape}: need {(GAINS - 1, len(K))}")
-    return np.insert(gains, 1, K, axis=0)
+        K, later = self.gain(n), np.array(self.K_after)
+        if not self.K_after:
+            return np.tile(K, (GAINS, 1))
+        if later.shape != (GAINS - 1, n):
+            raise ValueError(f"K_after has the shape {later.shape}: need {(GAINS - 1, n)}")
+        return np.insert(later, 1, K, axis=0)  # K is for one interval
 
 
 def _is_in_range(threshold: Threshold) -> bool:
