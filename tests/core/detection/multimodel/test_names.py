@@ -45,6 +45,7 @@ from monitor_core.settings import Settings
 from tests.core import lasting_changes
 from tests.core.figures import settings_of
 from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s, model_of, settings_for
+from tests.core.simulated import changing_output
 from tests.shares import soaked
 
 H_FOR_A_DAY = 17.6
@@ -324,12 +325,9 @@ def two_faults(seed: int) -> Experiment:
         faulty(REFERENCE_VALUES, {"kT": 1.2, "1/Ja": 1.2}),
         REFERENCE_VALUES,
     ]
-    x, parts = None, []
-    for held, (a, b) in zip(values, ((0, 1000), (1000, 12000), (12000, 24000), (24000, 36000)), strict=True):
-        y, x = simulate_linear(three_mass("speed"), held, healthy.u[a:b, np.newaxis], INTERVAL_S, x)
-        parts.append(y[:, 0])
+    parts = zip(values, np.split(healthy.u, (1000, 12000, 24000)), strict=True)
     noise = np.random.default_rng(seed).standard_normal(36000)
-    return Experiment(healthy.t_us, healthy.u, np.concatenate(parts) + noise)
+    return Experiment(healthy.t_us, healthy.u, changing_output(three_mass("speed"), parts) + noise)
 
 
 def test_a_nominal_value_that_may_be_off_turns_no_change_into_a_larger_one(seed: int) -> None:
