@@ -164,9 +164,8 @@ def test_what_changes_while_a_size_is_corrected_is_not_taken_for_its_error(
         y, x = simulate_linear(drive, values, u[:, np.newaxis], INTERVAL_S, x)
         new = bank.run(SampleBlock(healthy.t_us[k : k + step], u, y[:, 0] + rng.standard_normal(len(u))))
         if corrects and any(isinstance(event, ChangeDetected) for event in new):
-            assert not bank.memory.sums[
-                SINCE_DETECTION
-            ].any()  # what was before is no evidence of the next size
+            # What was before is no evidence of the next size.
+            assert not bank.memory.sums[SINCE_DETECTION].any()
             assert new[0].time_us - changed_us < 1e6 * SOON_S
         events, k = [*events, *new], k + step
     print([(type(e).__name__, e.time_us * 1e-6) for e in events])
