@@ -9,13 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.full_bus_robot import (
-    AXES,
-    RATE_HZ,
-    WATCHED_S,
-    configured,
-    frames,
-)
+from tests.bench.full_bus_robot import AXES, RATE_HZ, WATCHED_S, configured, frames
 from tests.bench.measure import Say, cpu, memory_mb
 from tests.end_to_end.processes import Daemon, daemon, wait_for
 from tests.ports import own_port
