@@ -4,8 +4,6 @@ Frames are received late, never early.  So the smallest delay of many frames det
 delay of a single frame.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

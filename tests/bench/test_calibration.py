@@ -1,7 +1,5 @@
 """What it costs to calibrate an axis on ten minutes."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter, process_time

@@ -1,7 +1,5 @@
 """The daemon as a process of its own, a simulated robot as another: CPU, memory, time to the first estimate."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path

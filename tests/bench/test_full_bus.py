@@ -1,7 +1,5 @@
 """The daemon with 20 000 frames a second, all of which it needs, by SocketCAN's reader."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -4,8 +4,6 @@ A rigid axis in a position loop, integrated ten times finer than it is sampled. 
 of each interval makes kT, fv and fc 1 to 3 % too low.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

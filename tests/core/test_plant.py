@@ -3,8 +3,6 @@
 Also of inputs that depend on the motion at a flange that is not the sensor's: gravity, Coulomb friction of the arm.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The heat of an axis without a thermometer: its equation, pauses, what is not known, and parameters that follow it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

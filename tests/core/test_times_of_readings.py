@@ -4,8 +4,6 @@ The averaged speed is exactly that, and not the speed at the sample; a skew betw
 is, not as an inertia.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ Gearboxes of another law than that of the monitor (tests/core/warming.py), redra
 axes, ``AXISWATCH_DAYS`` that of days.  Each fault is tried on the first, the fourth and the last day, cold and warm.
 """
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Sequence

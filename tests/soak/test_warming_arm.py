@@ -6,8 +6,6 @@ has a pause at noon, and the daemon restarts after each stop.  ``AXISWATCH_PLANT
 ``AXISWATCH_DAYS`` that of days.  Each change is tried on the first and the last day, cold and warm.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

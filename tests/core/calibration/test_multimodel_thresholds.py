@@ -1,7 +1,5 @@
 """Thresholds of the multi-model detector from healthy records: a budget kept, also where innovations are coloured."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Innovations that never were: of the record's colour and spread, and with bursts that the record did not have."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import freqz, lfilter

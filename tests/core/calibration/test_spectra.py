@@ -1,7 +1,5 @@
 """How steeply g falls, and how well a record knows that: for exact models 1, and as many records scatter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter

@@ -1,7 +1,5 @@
 """When a limit is reached, how often the truth lies in the interval, and the band that is drawn with it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import norm
