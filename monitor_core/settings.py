@@ -242,9 +242,5 @@ class Settings:
 
 
 def _is_in_range(threshold: Threshold) -> bool:
-    return (
-        0 <= threshold.alpha1 < math.inf
-        and 0 < threshold.alpha2 < math.inf
-        and 0 <= threshold.allowance < math.inf
-        and 0 <= threshold.size_error < math.inf
-    )
+    may_be_zero = (threshold.alpha1, threshold.allowance, threshold.size_error)
+    return 0 < threshold.alpha2 < math.inf and all(0 <= value < math.inf for value in may_be_zero)

@@ -36,9 +36,7 @@ def count(plant: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples:
     bank = HypothesisBank(plant.model, plant.settings, default_hypotheses(plant.model, plant.settings))
     axes = Axes(plant, np.random.default_rng(seed), 1)
     allowance, h = (
-        np.ascontiguousarray(
-            [[getattr(limit, field) for limit in own] for own in limits], np.float32
-        ).T.copy()
+        np.array([[getattr(limit, field) for limit in own] for own in limits], np.float32).T.copy()
         for field in ("allowance", "h")
     )
     g, alarms, seen = np.zeros_like(h), np.zeros(len(limits), np.int64), 0
