@@ -108,15 +108,14 @@ _NAMES = {
     "trend": "SlowHistory forecast trend_of",
 }
 """The names on the face of each package."""
-_HOME = {name: (package, name) for package, names in _NAMES.items() for name in names.split()}
+_HOME = {name: package for package, names in _NAMES.items() for name in names.split()}
 __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    package, attribute = _HOME[name]
-    value = getattr(import_module(f"{__name__}.{package}"), attribute)
+    value = getattr(import_module(f"{__name__}.{_HOME[name]}"), name)
     globals()[name] = value
     return value
 

@@ -233,23 +233,14 @@ class Settings:
         Raises:
             ValueError: the number of states, or of gains, does not fit.
         """
-        return _gain_table(self.gain(n), self.K_after)
-
-
-def _gain_table(K: Floats, later: tuple[tuple[float, ...], ...]) -> Floats:
-    """Gains (GAINS, n) by number of intervals: ``later`` has those after 0, 2, 3 .. intervals; K (n,) is for 1."""
-    if not later:
-        return np.tile(K, (GAINS, 1))
-    gains = np.array(later)
-    if gains.shape != (GAINS - 1, len(K)):
-        raise ValueError(f"K_after has the shape {gains.shape}: need {(GAINS - 1, len(K))}")
-    return np.insert(gains, 1, K, axis=0)
+        K, later = self.gain(n), np.array(self.K_after)
+        if not self.K_after:
+            return np.tile(K, (GAINS, 1))
+        if later.shape != (GAINS - 1, n):
+            raise ValueError(f"K_after has the shape {later.shape}: need {(GAINS - 1, n)}")
+        return np.insert(later, 1, K, axis=0)  # K is for one interval
 
 
 def _is_in_range(threshold: Threshold) -> bool:
-    return (
-        0 <= threshold.alpha1 < math.inf
-        and 0 < threshold.alpha2 < math.inf
-        and 0 <= threshold.allowance < math.inf
-        and 0 <= threshold.size_error < math.inf
-    )
+    may_be_zero = (threshold.alpha1, threshold.allowance, threshold.size_error)
+    return 0 < threshold.alpha2 < math.inf and all(0 <= value < math.inf for value in may_be_zero)

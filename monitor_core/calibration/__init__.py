@@ -18,8 +18,4 @@
 from monitor_core.calibration.calibration_procedure import CalibrationOptions, Progress, calibrate
 from monitor_core.calibration.fault_trials import TrialResult
 from monitor_core.calibration.record_doubts import CalibrationError
-from monitor_core.calibration.result import (
-    FOUND_SHARE,
-    CalibrationResult,
-    DetectorResult,
-)
+from monitor_core.calibration.result import FOUND_SHARE, CalibrationResult, DetectorResult

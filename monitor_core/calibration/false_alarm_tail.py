@@ -91,9 +91,9 @@ class Tail:
         """Drift of the test, in sizes."""
         return self.k * self.sigma
 
-    def most_likely(self, h: float, offset: float, spare: float = 0.0) -> float:
+    def most_likely(self, h: float, offset: float) -> float:
         """``log_rate`` at the most likely fit."""
-        return float(self.log_rate(h, np.array([offset]), np.ones(1), spare)[0])
+        return float(self.log_rate(h, np.array([offset]), np.ones(1))[0])
 
     def log_rate(
         self, h: float, offset: Floats, power: Floats, spare: float = 0.0, chance: Floats | None = None
@@ -170,13 +170,12 @@ def fit_peaks(k: float, heights: Floats, memory: float, samples: float) -> PeakF
     best: Floats = minimize(loss, np.zeros(2), method="Nelder-Mead", options={"initial_simplex": simplex}).x
     if len(h) < MIN_EXCURSIONS and (abs(best) > _MAX_PRIOR_SIGMAS * known).any():
         return PeakFit(np.array([math.log(memory), 0.0]), np.diag(known))
-    covariance = np.linalg.inv(second_derivatives(loss, best, _STEP))
+    covariance = np.linalg.inv(_second_derivatives(loss, best))
     return PeakFit(np.array([math.log(memory), 0.0]) + best, np.linalg.cholesky(covariance))
 
 
-def second_derivatives(f: Callable[[Floats], float], x: Floats, step: float) -> Floats:
+def _second_derivatives(f: Callable[[Floats], float], x: Floats) -> Floats:
     """Second derivatives of f at x."""
-    d = step * np.eye(len(x))
-    return np.array([[(f(x + a + b) - f(x + a - b) - f(x - a + b) + f(x - a - b)) for b in d] for a in d]) / (
-        4 * step**2
-    )
+    d = _STEP * np.eye(len(x))
+    four = np.array([[(f(x + a + b) - f(x + a - b) - f(x - a + b) + f(x - a - b)) for b in d] for a in d])
+    return four / (4 * _STEP**2)

@@ -113,11 +113,8 @@ def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> Equivalent
 def _share(change: Floats, b: Floats) -> float | None:
     """The factor with which b gives the vector ``change``; None: there is none."""
     share = float(change @ b / (b @ b))
-    return (
-        share
-        if np.allclose(change, share * b, rtol=_SAME, atol=_SAME * np.abs(change).max(initial=0.0))
-        else None
-    )
+    same = np.allclose(change, share * b, rtol=_SAME, atol=_SAME * np.abs(change).max(initial=0.0))
+    return share if same else None
 
 
 def _outer(change: Floats, b: Floats, speed: Floats) -> float | None:

@@ -17,7 +17,6 @@ from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.calibration.spectra import Spectra
 from monitor_core.calibration.surrogate_records import LANES, block_length, bootstrap_copies, copy_source
-from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import MEMORIES, HypothesisBank
 from monitor_core.detection.multimodel.naming import CausePosterior
@@ -62,7 +61,7 @@ def multimodel_statistics(
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
     """
-    bank = HypothesisBank(*axis, default_hypotheses(*axis))
+    bank = HypothesisBank(*axis)
     found = [healthy_evidence(bank, moved) for moved in _with_moved_nominal(axis, records)]
     allowance = np.max([each.allowance for each in found], axis=0)
     bank = HypothesisBank(*axis, bank.hypotheses, allowance=allowance)

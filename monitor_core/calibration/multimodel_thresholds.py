@@ -94,11 +94,8 @@ def limits_for_budget(
     def excess(less: float) -> float:
         return float(np.quantile(total(h_for(less)), UPPER)) - log_budget
 
-    less = (
-        root(excess, -_MAX_LOG, _MAX_LOG, xtol=_LOG_TOLERANCE)
-        if excess(-_MAX_LOG) > 0 > excess(_MAX_LOG)
-        else 0.0
-    )
+    found = excess(-_MAX_LOG) > 0 > excess(_MAX_LOG)
+    less = root(excess, -_MAX_LOG, _MAX_LOG, xtol=_LOG_TOLERANCE) if found else 0.0
     h = h_for(less)
     own = tuple(
         Limit(hypothesis.cause, hypothesis.size, height, allowance, hypothesis.alike, size_error)

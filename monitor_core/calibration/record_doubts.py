@@ -153,26 +153,23 @@ def _check_length(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested
         # With another memory, P(0) takes another part of the records.
         slowest_s = time_constant(model, h, settings.K)
         usable_s = (tested_samples + SEEDING_MEMORIES * memory * len(found)) * h
-        shorter, joint = fitting_memory(
-            slowest_s, settings, usable_s / (MIN_MEMORIES + SEEDING_MEMORIES * len(found) + 1)
-        )
+        memories = MIN_MEMORIES + SEEDING_MEMORIES * len(found)
+        shorter, joint = fitting_memory(slowest_s, settings, usable_s / (memories + 1))
         way = (
             ""
             if shorter is None
             else f", or memory_s = {shorter:g}{' with joint_state = true' if joint else ''}"
         )
         gated = sum(deviations.gated for deviations in found)
-        in_all_s = (
-            (MIN_MEMORIES + SEEDING_MEMORIES * len(found)) * memory * h * len(tested) / (len(tested) - gated)
-        )
+        in_all_s = memories * memory * h * len(tested) / (len(tested) - gated)
         in_all = (
             f"; the axis is at rest, or a gate is closed, for {100 * gated / len(tested):.0f} % of the time, so give"
             f" records of about {duration(in_all_s)}"
         )
         raise CalibrationError(
             f"{tested_samples * h:.3g} s of the records can be used, {tested_samples / memory:.0f} memories of"
-            f" {memory * h:.3g} s:"
-            f" at least {MIN_MEMORIES} are needed, {MIN_MEMORIES * memory * h:.3g} s{in_all if gated else ''}{way}",
+            f" {memory * h:.3g} s: at least {MIN_MEMORIES} are needed,"
+            f" {MIN_MEMORIES * memory * h:.3g} s{in_all if gated else ''}{way}",
             memory_s=shorter,
             joint_state=joint,
         )

@@ -320,13 +320,8 @@ def compile_parts(
     """
     T, n, p, W = tables, tables.n, tables.p, len(lanes)
     con, st = constant_views(C[:, :W].copy(), T), state_views(F[:, :W].copy(), I[:, :W].copy(), n, p, T.m)
-    x, xs, N, k, ks = (
-        np.zeros(W),
-        np.zeros((p, W)),
-        np.zeros((p, p)),
-        np.zeros(W, np.int64),
-        np.zeros((p, W), np.int64),
-    )
+    x, xs, N = np.zeros(W), np.zeros((p, W)), np.zeros((p, p))
+    k, ks = np.zeros(W, np.int64), np.zeros((p, W), np.int64)
     w = Work(Roles(k, k, k, k), k, x, x, x, x, x, x, xs, xs, xs, xs, xs, k, k, k, ks, (N, N, N))
     compile_part(propagate, lanes, T.product, x, x, x, k, k, x, x, x)
     compile_part(update_estimates, lanes, con, st, w, xs)

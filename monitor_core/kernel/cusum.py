@@ -88,14 +88,7 @@ def update_cusum(
 
 @outlined
 def note_crossings(
-    lanes: Any,
-    con: TestConstants,
-    st: TestState,
-    t: Ints,
-    on: Ints,
-    a0: int,
-    reset: bool,
-    events: Events,
+    lanes: Any, con: TestConstants, st: TestState, t: Ints, on: Ints, a0: int, reset: bool, events: Events
 ) -> None:
     """Note every g > h (eq. 23).  Then g restarts from 0 if ``reset``, the paper's rule; in its Figure 6 g continues.
 

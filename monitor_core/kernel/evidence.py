@@ -147,12 +147,8 @@ def _note(
             continue
         c = noted.filled[0]
         noted.filled[0] = c + 1
-        noted.what[0, c], noted.what[1, c], noted.what[2, c], noted.what[3, c] = (
-            noting[a],
-            a0 + a,
-            t[a],
-            events[0],
-        )
+        noted.what[0, c], noted.what[1, c] = noting[a], a0 + a
+        noted.what[2, c], noted.what[3, c] = t[a], events[0]
         noted.value[0, c] = st.lam0_running[a]
         for i in range(p):
             noted.value[1 + i, c] = theta[i, a]

@@ -146,12 +146,8 @@ def _over(
     scale_torque(lanes, T.kind, P.own, torque, u)
     evaluate_inputs(lanes, T.inputs, P.V0, u, du, GX)
     choose_substeps(lanes, T.A_row, P.weight, P.V0, h, steps, terms, norm)
-    F, V, G, X_flat = (
-        strided_product(T.product, 0, EIGHT, H),
-        P.V0.reshape(P.V0.size),
-        GX.reshape(GX.size),
-        X.reshape(X.size),
-    )
+    F, V = strided_product(T.product, 0, EIGHT, H), P.V0.reshape(P.V0.size)
+    G, X_flat = GX.reshape(GX.size), X.reshape(X.size)
     propagate(lanes, F, V, G, h, steps, terms, X_flat, work, more)
 
 

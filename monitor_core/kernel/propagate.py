@@ -54,14 +54,7 @@ def _norms(lanes: Any, A_row: Ints, weight: Floats, V: Floats, norm: Floats) -> 
 
 @kernel
 def choose_substeps(
-    lanes: Any,
-    A_row: Ints,
-    weight: Floats,
-    V: Floats,
-    h: Floats,
-    steps: Ints,
-    terms: Ints,
-    norm: Floats,
+    lanes: Any, A_row: Ints, weight: Floats, V: Floats, h: Floats, steps: Ints, terms: Ints, norm: Floats
 ) -> None:
     """Number of substeps and of Taylor terms that each lane needs for its interval h (W,) in s.
 

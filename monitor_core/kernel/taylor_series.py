@@ -66,15 +66,7 @@ def _times_one(
 
 @outlined
 def advance_one(
-    F: Product,
-    V: Floats,
-    G: Floats,
-    h: float,
-    steps: int,
-    terms: int,
-    X: Floats,
-    work: Floats,
-    more: Floats,
+    F: Product, V: Floats, G: Floats, h: float, steps: int, terms: int, X: Floats, work: Floats, more: Floats
 ) -> None:
     """Propagate X of one axis over h, in ``steps`` substeps with ``terms`` terms; ``work`` and ``more`` are scratch."""
     n, p, blocks, more_slot = F.n, F.p, F.blocks, F.more_slot

@@ -22,15 +22,7 @@ from monitor_core.kernel.outliers import (
 )
 from monitor_core.kernel.recursion import find_P0, update_P, update_theta
 from monitor_core.kernel.state import GATED as GATED_COUNT
-from monitor_core.kernel.state import (
-    OUTLIER,
-    PROJECTED,
-    SEEDING,
-    SETTLING,
-    STARVED,
-    USED,
-    State,
-)
+from monitor_core.kernel.state import OUTLIER, PROJECTED, SEEDING, SETTLING, STARVED, USED, State
 from monitor_core.kernel.supervision import (
     FloorConstants,
     Observation,

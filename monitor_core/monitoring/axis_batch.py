@@ -172,11 +172,8 @@ class AxisBatch:
         return sorted(self._named(*self._advance(samples, trace)), key=lambda pair: pair[0])
 
     def _advance(self, samples: BatchSamples, trace: Trace) -> tuple[Events, EvidenceColumns]:
-        events, noted, reset = (
-            self._events(len(samples.t)),
-            self._noted(len(samples.t)),
-            not self.settings[0].run_on,
-        )
+        events, noted = self._events(len(samples.t)), self._noted(len(samples.t))
+        reset = not self.settings[0].run_on
         run(
             _lanes(len(self.models)), self._tables, self._constants, *self._parts, *self._kept,
             samples, reset, events, noted, trace,

@@ -22,9 +22,7 @@ class Status(StrEnum):
     TRACKING = "tracking"
     WEAK = "weakly observed"  # tracking, with less information than at commissioning
     UNSEEN = "not observed"  # the last samples have almost no information on the parameter
-    INVALID = (
-        "invalid"  # the model is wrong: an estimate at a bound, or prediction errors far larger than expected
-    )
+    INVALID = "invalid"  # the model is wrong: an estimate at a bound, or far larger errors than expected
     ALARM = "alarm"  # an alarm is open
     SILENT = "silent"  # the samples have stopped; the estimate is the last one
 

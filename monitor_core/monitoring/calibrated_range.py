@@ -6,7 +6,7 @@ condition, as a fault changes it.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
@@ -126,17 +126,18 @@ class CalibratedRange:
     @property
     def outside(self) -> tuple[str, ...]:
         """Conditions that were outside at the last sample, as "temperature = 41, calibrated from 20 to 35"."""
-        return tuple(self._outside())
-
-    def _outside(self) -> Iterator[str]:
-        for column, r in self._ranges if self._last is not None else ():
-            assert self._last is not None
-            if not r.holds(self._last[column : column + 1]).all():
-                yield sentence(
-                    "not calibrated",
-                    "{name} = {value}, calibrated from {low} to {high}",
-                    name=r.condition,
-                    value=f"{self._last[column]:.3g}",
-                    low=f"{r.low:.3g}",
-                    high=f"{r.high:.3g}",
-                )
+        last = self._last
+        if last is None:
+            return ()
+        return tuple(
+            sentence(
+                "not calibrated",
+                "{name} = {value}, calibrated from {low} to {high}",
+                name=r.condition,
+                value=f"{last[column]:.3g}",
+                low=f"{r.low:.3g}",
+                high=f"{r.high:.3g}",
+            )
+            for column, r in self._ranges
+            if not r.holds(last[column : column + 1]).all()
+        )

@@ -65,10 +65,8 @@ class WarmUp:
         monitor.look_alike = lambda _: following
         s = monitor.settings
         self._every_us = max(1, round(1e6 * s.memory * s.interval_s / LOOKS_PER_MEMORY))
-        self._needed, self._widen_us = (
-            round(SETTLING_MEMORIES * s.memory),
-            self._every_us * LOOKS_PER_MEMORY * SETTLING_MEMORIES,
-        )
+        self._needed = round(SETTLING_MEMORIES * s.memory)
+        self._widen_us = self._every_us * LOOKS_PER_MEMORY * SETTLING_MEMORIES
         self._since_us: int | None = None  # time at which the heat became unknown
         self._learned = 0  # number of learned samples at that time, or at the last observation
         self._last_us: int | None = None
@@ -190,20 +188,16 @@ def conditioned_records(
     An unknown heat at the first sample of a record is computed back from the heat observed later, so that no part of
     the record is lost.  If no heat can be observed, the gate of the record is closed throughout.
     """
-    operating, conditioned = Operating(model, conditions), list[SampleBlock]()
-    for record in records:
-        if operating.thermal is None or record.size < 2:
-            conditioned.append(operating.conditioned(record))
-        else:
-            conditioned.append(_conditioned(model, settings, conditions, operating, record))
-    return conditioned
+    operating = Operating(model, conditions)
+    return [_conditioned(model, settings, conditions, operating, record) for record in records]
 
 
 def _conditioned(
     model: AxisModel, settings: Settings, conditions: Conditions, operating: Operating, record: SampleBlock
 ) -> SampleBlock:
     thermal = operating.thermal
-    assert thermal is not None
+    if thermal is None or record.size < 2:
+        return operating.conditioned(record)
     first = operating.conditioned(record.select(slice(1)))
     if thermal.known:
         return concatenate([first, operating.conditioned(record.select(slice(1, None)))])

@@ -193,13 +193,11 @@ class LaneStatus:
         return self._multimodel.bank.causes
 
     def _remedy(self) -> Remedy | None:
-        seed_left, counts = (
-            int(self._batch.state.seed_left[self._lane]),
-            self._batch.state.counts[:, self._lane],
-        )
-        if not seed_left or self._by_models:
+        st, a = self._batch.state, self._lane
+        if not st.seed_left[a] or self._by_models:
             return None
-        return remedy(self._slowest_s, self._settings, seed_left, int(counts[SEEDING] + counts[USED]))
+        moved = int(st.counts[SEEDING, a] + st.counts[USED, a])
+        return remedy(self._slowest_s, self._settings, int(st.seed_left[a]), moved)
 
     @cached_property
     def _slowest_s(self) -> float:

@@ -4,8 +4,6 @@ Frames are received late, never early.  So the smallest delay of many frames det
 delay of a single frame.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -153,11 +151,8 @@ def add_delay(clock: Any, place_us: float, delay_us: float) -> None:
         return
     k = n
     while k > 0 and _is_before(clock, over_us, place_us, delay_us, k - 1):
-        clock.earliest[k, 0], clock.earliest[k, 1], clock.earliest[k, 2] = (
-            clock.earliest[k - 1, 0],
-            clock.earliest[k - 1, 1],
-            clock.earliest[k - 1, 2],
-        )
+        for i in range(3):
+            clock.earliest[k, i] = clock.earliest[k - 1, i]
         k -= 1
     clock.earliest[k, 0], clock.earliest[k, 1], clock.earliest[k, 2] = over_us, place_us, delay_us
     clock.early = min(n + 1, clock.most)
@@ -167,11 +162,9 @@ def add_delay(clock: Any, place_us: float, delay_us: float) -> None:
 def _is_before(clock: Any, over_us: float, place_us: float, delay_us: float, k: int) -> Any:
     if over_us != clock.earliest[k, 0]:
         return over_us < clock.earliest[k, 0]
-    return (
-        place_us < clock.earliest[k, 1]
-        if place_us != clock.earliest[k, 1]
-        else delay_us < clock.earliest[k, 2]
-    )
+    if place_us != clock.earliest[k, 1]:
+        return place_us < clock.earliest[k, 1]
+    return delay_us < clock.earliest[k, 2]
 
 
 @outlined

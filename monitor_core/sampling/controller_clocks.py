@@ -3,8 +3,6 @@
 The times depend only on counts and times of receipt, so a replay gives the same times.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

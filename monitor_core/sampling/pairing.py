@@ -1,7 +1,5 @@
 """Pairs torque and motion values of one axis into samples.  Values that fit into no sample are dropped and counted."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Scatter of the time stamps of an axis, updated with each frame."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

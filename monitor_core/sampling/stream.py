@@ -1,7 +1,5 @@
 """Compiled conversion of blocks of frames of one axis to samples: frame by frame through its clock and its pairing."""
 
-from __future__ import annotations
-
 from functools import partial
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """Tables past pytest's capture."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 
 import pytest

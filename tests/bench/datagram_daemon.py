@@ -3,8 +3,6 @@
 Each has the bytes of a frame as the kernel gives it.  So all of the daemon can be measured where there is no CAN.
 """
 
-from __future__ import annotations
-
 import socket
 import sys
 from typing import Any

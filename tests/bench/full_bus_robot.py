@@ -1,7 +1,5 @@
 """A robot of many axes that fills its bus: its configuration and its frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

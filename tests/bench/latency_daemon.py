@@ -4,8 +4,6 @@ From the receipt of each frame, by its time stamp, to the end of the update that
 that port.
 """
 
-from __future__ import annotations
-
 import atexit
 import sys
 import time

@@ -5,8 +5,6 @@ is what remains of it without the time for which the kernel had no processor for
 hold the interpreter meanwhile: of both the longer one, as they may overlap.  Frames are datagrams of that port.
 """
 
-from __future__ import annotations
-
 import asyncio
 import atexit
 import os

@@ -1,7 +1,5 @@
 """What it costs to calibrate an axis on ten minutes."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 from pathlib import Path
 from time import perf_counter, process_time
@@ -36,9 +34,8 @@ def test_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
         calibrate_axis(config, config.axes[0], [text], wishes, Provenance("", "", ""), note_time)
         note_time("the rest", 0.0, 0.0)
 
-    run(
-        f"{record}@0:60", CalibrationOptions(600.0, None, (0.2,), 4, copies=100_000, bank_copies=25_000)
-    )  # compiles
+    few = CalibrationOptions(600.0, None, (0.2,), 4, copies=100_000, bank_copies=25_000)
+    run(f"{record}@0:60", few)  # compiles
     run(str(record), CalibrationOptions(BUDGET_S, None, SIZES, ONSETS))
     rows: list[tuple[str, str, str]] = [
         (part, f"{cpu1 - cpu0:.1f}", f"{wall1 - wall0:.1f}")

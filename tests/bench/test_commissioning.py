@@ -1,7 +1,5 @@
 """The way from one table of six axes, with columns as a vendor names them, to a configuration that ``run`` takes."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

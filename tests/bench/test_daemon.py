@@ -1,7 +1,5 @@
 """The daemon as a process of its own, a simulated robot as another: CPU, memory, time to the first estimate."""
 
-from __future__ import annotations
-
 import sys
 import time
 from pathlib import Path
@@ -98,15 +96,7 @@ def test_time_to_the_first_estimate(
             before = cpu(sender.pid)
             found = first_estimate(config, port)
             rows.append((cache, *found, cpu(sender.pid).share_since(before), target))
-    header = (
-        "compile cache",
-        "page s",
-        "estimate s",
-        "resident MB",
-        "most MB",
-        "robot, of a core",
-        "target s",
-    )
+    header = "compile cache", "page s", "estimate s", "resident MB", "most MB", "robot, of a core", "target s"
     say(f"from the start of the daemon to the first estimate, {AXES} axes, without settling", header, rows)
 
 

@@ -1,7 +1,5 @@
 """What the dashboard costs a browser with 300 axes at 10 Hz: processor, heap, tasks, first paint."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading

@@ -1,7 +1,5 @@
 """The paper's Figures 5 and 6 over many seeds: what comes out.  The limits on it are in make soak."""
 
-from __future__ import annotations
-
 from time import perf_counter
 
 import pytest

@@ -1,7 +1,5 @@
 """What a frame costs from the bus or a log to a sample, beside cantools with the objects of python-can."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The daemon with 20 000 frames a second, all of which it needs, by SocketCAN's reader."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time
@@ -9,13 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.bench.full_bus_robot import (
-    AXES,
-    RATE_HZ,
-    WATCHED_S,
-    configured,
-    frames,
-)
+from tests.bench.full_bus_robot import AXES, RATE_HZ, WATCHED_S, configured, frames
 from tests.bench.measure import Say, cpu, memory_mb
 from tests.end_to_end.processes import Daemon, daemon, wait_for
 from tests.ports import own_port

@@ -3,8 +3,6 @@
 The paper's has thresholds for a rate of false alarms, and names its alarms in two stages.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence

@@ -4,8 +4,6 @@ The bench is a stiff three-mass drive on the motor side, motor speed at 200 Hz, 
 from 0.5 to 40 Hz with white torque, white noise 30 dB below the speed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the kernel costs: a sample of the reference axis, and to compile it."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """How long it takes from a Modelica file to the kernel's arrays, and what the command says of it."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from itertools import pairwise

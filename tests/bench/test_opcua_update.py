@@ -1,7 +1,5 @@
 """What the OPC UA server costs for 300 axes: its start, and an update with and without a client that listens."""
 
-from __future__ import annotations
-
 import asyncio
 import gc
 import resource

@@ -1,7 +1,5 @@
 """What the web answers for a thousand axes: of a new snapshot, of one that was asked for before, by a busy daemon."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Iterator

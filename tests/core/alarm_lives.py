@@ -3,11 +3,7 @@
 from collections.abc import Iterable
 from functools import reduce
 
-from monitor_core.monitoring import (
-    AlarmEvent,
-    AlarmLife,
-    transition,
-)
+from monitor_core.monitoring import AlarmEvent, AlarmLife, transition
 
 
 def replayed(events: Iterable[tuple[AlarmEvent, int | None]]) -> AlarmLife:

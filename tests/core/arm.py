@@ -5,8 +5,6 @@ friction, a Stribeck part, ripple of the torque and a disturbance that is not wh
 motions of both axes at once.  Angles are counted from the horizontal, that of the elbow from the upper arm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Chains of any number of masses: a motor, a gear, masses on springs, friction and a weight on the last."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Literal
 

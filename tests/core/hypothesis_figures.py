@@ -1,7 +1,5 @@
 """The reference experiment seen by the multi-model detector: how fast, and how often named right."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

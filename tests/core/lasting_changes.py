@@ -5,8 +5,6 @@ are those that ``identify`` and ``calibrate`` found in a minute of excitation an
 is 1 s: the estimates scatter by a third of a change of 30 %.
 """
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """An axis whose weight turns with the pose, as an input of its drive: model, settings, and samples."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Records of linear drives: torques of the reference experiment, noise on torque and output."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -27,6 +27,14 @@ def simulated(
 ) -> Experiment:
     """What is measured of an axis under a torque u (N,), or of axes side by side (N, W), from rest."""
     acting = u + torque_noise * rng.standard_normal(u.shape)
-    y, _ = simulate_linear(drive, values, acting.reshape(len(u), -1), INTERVAL_S)
-    y = y.reshape(u.shape) + output_noise * rng.standard_normal(u.shape)
+    y = changing_output(drive, [(values, acting)]) + output_noise * rng.standard_normal(u.shape)
     return Experiment(np.arange(len(u), dtype=np.int64) * round(INTERVAL_S * 1e6), u, y)
+
+
+def changing_output(drive: Drive, parts: Iterable[tuple[Mapping[str, float], Floats]]) -> Floats:
+    """The output without noise, from rest, of an axis (or axes side by side) with new values for each part of u."""
+    x, outputs = None, []
+    for values, u in parts:
+        y, x = simulate_linear(drive, values, u.reshape(len(u), -1), INTERVAL_S, x)
+        outputs.append(y.reshape(u.shape))
+    return np.concatenate(outputs)

@@ -1,7 +1,5 @@
 """The kernel computes what the paper says: against the plain transcription, sample by sample, in both its shapes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

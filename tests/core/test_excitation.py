@@ -1,7 +1,5 @@
 """Multisines: power, period, band, low peaks; planned experiments: within all limits, telling what was predicted."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from itertools import pairwise, product

@@ -4,8 +4,6 @@ A rigid axis in a position loop, integrated ten times finer than it is sampled. 
 of each interval makes kT, fv and fc 1 to 3 % too low.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -35,10 +33,7 @@ LIMITS = {"kT": 0.002, "fv": 0.005, "fc": 0.002}
 def moved(seed: int, speed: float, scale: float, faster: float) -> tuple[Floats, Floats]:
     """Torque and angle (axes, N) of axes that follow six sines; each sees a torque and an encoder noise of its own."""
     rng = np.random.default_rng(seed)
-    t, f = (
-        np.asarray(H * np.arange(SAMPLES), np.float64),
-        faster * np.array([0.31, 0.57, 0.9, 1.37, 2.1, 3.3]),
-    )
+    t, f = H * np.arange(SAMPLES, dtype=float), faster * np.array([0.31, 0.57, 0.9, 1.37, 2.1, 3.3])
     phase = rng.uniform(0, 2 * np.pi, (AXES, 6, 1))
     wanted = (
         speed / (2 * np.pi * f)[:, np.newaxis] / 3**0.5 * np.sin(2 * np.pi * np.outer(f, t) + phase)

@@ -1,7 +1,5 @@
 """Which parameters of a drive are friction, whatever they are called, and what brakes a lasting motion."""
 
-from __future__ import annotations
-
 import pytest
 
 from monitor_core.drive.friction_roles import braking, friction_of

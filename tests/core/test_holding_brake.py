@@ -1,7 +1,5 @@
 """An axis that its brake holds is not tested; one that is controlled, moves, falls or has a stuck sensor is."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

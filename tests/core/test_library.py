@@ -1,7 +1,5 @@
 """The face of the core: every name is there, and importing it loads nothing."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The weight as an input of the drive: how much of it acts, the load, is estimated and tested like any parameter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

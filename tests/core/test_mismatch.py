@@ -7,10 +7,7 @@ tests/soak/test_mismatch.py has them found for twenty plants and ten hours each.
 import numpy as np
 
 from tests.core.mismatch import FAULTS, NOMINAL, MismatchPlant, after_fault, right
-from tests.core.mismatch_monitor import (
-    FRICTION,
-    watch,
-)
+from tests.core.mismatch_monitor import FRICTION, watch
 
 MINUTES, BLOCK_S = 30, 300.0
 

@@ -162,14 +162,7 @@ def test_with_the_state_that_moves_it_is_the_joint_filter(
     Friedland's separation but for a term of second order, and for K, which moves with theta there.
     """
     s = Settings.paper(
-        INTERVAL_S,
-        lam=LAM,
-        lam0=LAM0,
-        K=K,
-        P0=tuple(P0),
-        settle_s=0.0,
-        alpha2=1e9,
-        joint_state=True,
+        INTERVAL_S, lam=LAM, lam0=LAM0, K=K, P0=tuple(P0), settle_s=0.0, alpha2=1e9, joint_state=True
     )
     late, (theta, variance) = slice(500, None), expected
     apart = []

@@ -1,7 +1,5 @@
 """Nominal values that follow signals, and gates: what each sample gets."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -3,8 +3,6 @@
 Also of inputs that depend on the motion at a flange that is not the sensor's: gravity, Coulomb friction of the arm.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -117,9 +115,8 @@ def test_the_plant_converges_to_newtons_law(sensor: Sensor, seed: int) -> None:
     assert (errors[1] < 0.1).all()
     assert (errors[1] < errors[0] / 2).all()
     assert (errors[2] < errors[1] / 5).all()
-    assert (
-        off({**values(2), **dict.fromkeys(("fc", "fa", "gc", "gs"), 0.0)}, 1) < 1e-8
-    ).all()  # linear: exact
+    linear = {**values(2), **dict.fromkeys(("fc", "fa", "gc", "gs"), 0.0)}
+    assert (off(linear, 1) < 1e-8).all()
 
 
 @pytest.mark.parametrize("name", ["fc", "fa", "gc", "gs"])

@@ -1,7 +1,5 @@
 """Terms that nominal values follow: how they are read, and their values."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -203,11 +203,8 @@ def test_numbers_of_a_parameter(own: tuple[Threshold, ...], seed: int) -> None:
     st, status = monitor.batch.state, monitor.status()
     assert np.array(status.covariance) == pytest.approx(settings.lam0 * st.P[..., 0] / 1.97)
     for i, p in enumerate(status.parameters):
-        P_ii, size, threshold = (
-            float(st.P[i, i, 0]),
-            case.model.scale[i],
-            own[i] if own else Threshold(0.7, 0.9),
-        )
+        P_ii, size = float(st.P[i, i, 0]), case.model.scale[i]
+        threshold = own[i] if own else Threshold(0.7, 0.9)
         assert (p.name, p.nominal, p.estimate) == (case.monitored[i], case.model.theta0[i], st.theta[i, 0])
         assert p.p_diagonal == P_ii
         assert p.standard_deviation == pytest.approx(math.sqrt(settings.lam0 * P_ii / 1.97))

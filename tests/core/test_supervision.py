@@ -9,13 +9,13 @@ from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment, faulty
 from monitor_core.kernel.block import Trace
-from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor, Observation, Status
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from tests.core.figures import side_by_side, steady_p
 from tests.core.laws import part
+from tests.core.simulated import changing_output
 from tests.core.supervised import FLOOR, MODEL, SUPERVISED, TORQUE_NOISE, H, lively_then_still, moved
 from tests.shares import soaked
 
@@ -49,13 +49,11 @@ def through_a_pause(
     pause = [torque_of(kind, r) if kind else np.zeros(0) for r in rngs]
     u = np.stack([np.concatenate(parts) for parts in zip(first, pause, last, strict=True)], axis=1)
     at = len(u) - AGAIN + FAULT
-    drive = three_mass("speed")
     acting = u + TORQUE_NOISE * np.stack([r.standard_normal(len(u)) for r in rngs], axis=1)
-    before, x = simulate_linear(drive, REFERENCE_VALUES, acting[:at], H)
-    after, _ = simulate_linear(drive, faulty(REFERENCE_VALUES, fault), acting[at:], H, x)
+    parts = ((REFERENCE_VALUES, acting[:at]), (faulty(REFERENCE_VALUES, fault), acting[at:]))
+    y = changing_output(three_mass("speed"), parts)
     noise = np.stack([r.standard_normal(len(u)) for r in rngs], axis=1)
-    t_us = np.arange(len(u), dtype=np.int64) * round(H * 1e6)
-    rec = Experiment(t_us, u, np.concatenate([before, after]) + noise)
+    rec = Experiment(np.arange(len(u), dtype=np.int64) * round(H * 1e6), u, y + noise)
     return side_by_side(MODEL, settings, rec)[1], at
 
 

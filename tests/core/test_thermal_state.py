@@ -1,7 +1,5 @@
 """The heat of an axis without a thermometer: its equation, pauses, what is not known, and parameters that follow it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise
@@ -288,10 +286,8 @@ def test_a_damaged_state_is_refused(heat: np.ndarray) -> None:
 
 def test_a_friction_with_no_error_of_its_own_is_tested_all_the_same(seed: int) -> None:
     """Which kind of friction gets what no heat explains is chance; what got nothing would never be tested."""
-    model, settings = (
-        reference_model(),
-        replace(Settings(interval_s=INTERVAL_S), model_error=(0.0, 2e-8, 0.013)),
-    )
+    model = reference_model()
+    settings = replace(Settings(interval_s=INTERVAL_S), model_error=(0.0, 2e-8, 0.013))
     monitor = AxisMonitor(model, settings, MultiModelDetector(model, settings, Limits(1e6)), "multimodel")
     monitor.update(SampleBlock(*experiment(seed, samples=4_000)))
     found = monitor.deviations()

@@ -4,8 +4,6 @@ The averaged speed is exactly that, and not the speed at the sample; a skew betw
 is, not as an inertia.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -101,10 +99,8 @@ def test_over_lost_samples_it_is_the_mean_of_the_last_interval(delay_s: float, s
 
 
 def test_disturbance_and_mean_go_together() -> None:
-    mean_first, disturbance_first = (
-        AVERAGED.with_disturbance(),
-        three_mass("speed").with_disturbance().with_mean_speed(),
-    )
+    mean_first = AVERAGED.with_disturbance()
+    disturbance_first = three_mass("speed").with_disturbance().with_mean_speed()
     assert (mean_first.mean_state, disturbance_first.mean_state) == (5, 6)
     values = {**REFERENCE_VALUES, "Td": 0.1}
     lam0 = [

@@ -5,8 +5,6 @@ exponentially, each by another amount: another law than the monitor's, which has
 The axis can also be switched off: no sample comes, and it cools.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

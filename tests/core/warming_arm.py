@@ -4,8 +4,6 @@ Each gearbox warms up as that of ``warming`` does: with two time constants, fric
 be switched off: no sample comes, and it cools.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 

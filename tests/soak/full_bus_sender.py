@@ -6,8 +6,6 @@ Each line of the file is the time of a frame, s, and its record in hexadecimal d
 until so many seconds have passed; then it prints how many there were, how long it took, and how late the latest was, s.
 """
 
-from __future__ import annotations
-
 import ctypes
 import errno
 import os

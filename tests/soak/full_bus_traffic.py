@@ -1,7 +1,5 @@
 """Frames in a file, and a process that sends them as fast as a bus may carry."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Schemathesis against a running daemon: whatever it is asked, the answer is as the description of the API says."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -4,8 +4,6 @@ The truth is counted: healthy axes, watched for hundreds of hours with each of t
 that were found.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 

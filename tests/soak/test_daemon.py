@@ -1,7 +1,5 @@
 """The daemon over minutes, killed many times, and from an empty kernel cache."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

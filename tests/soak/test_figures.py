@@ -1,7 +1,5 @@
 """Statistics of tests/core over many more records: the paper's Figure 6, and scatter of the estimates as reported."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

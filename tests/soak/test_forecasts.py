@@ -1,7 +1,5 @@
 """How often the truth lies in the 90 % interval of a forecast, over many histories with autocorrelated scatter."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

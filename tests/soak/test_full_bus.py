@@ -3,8 +3,6 @@
 Run by `tools/with-vcan.sh .venv/bin/python -m pytest -s -m "soak and vcan" tests/soak/test_full_bus.py`.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

@@ -4,8 +4,6 @@ Means within three standard errors, for all parameters and experiments together 
 within 10 %, four and a half of the deviation of such a one: by luck it fails once in 350 runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

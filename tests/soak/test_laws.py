@@ -1,7 +1,5 @@
 """Every law that hypothesis looks for exceptions to, with many more examples; elimination with longer drives."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 from collections.abc import Callable, Iterator

@@ -3,8 +3,6 @@
 tools/with-vcan.sh .venv/bin/python -m pytest -s -m "soak and vcan" tests/soak
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -13,8 +13,6 @@ In other 200 h (seed 1) there was one, of fc on plant 14 after 9.4 h: no drift, 
 standard deviations, and chance again.
 """
 
-from __future__ import annotations
-
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path

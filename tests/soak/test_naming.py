@@ -1,7 +1,5 @@
 """Six hundred faults of the reference experiment: how many are found, named, and named right; onsets and sizes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -7,8 +7,6 @@ Measured (twenty arms each, seeds 2629470460 and 1906227341): no false alarm in 
 one alarm of each axis that shows them, none named wrong; all of 80 payloads right in all that they raised.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 And from records of an axis that follows a temperature and another axis to its nominal values, and to its alarms.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from itertools import islice

@@ -3,8 +3,6 @@
 ``-s`` prints the table of docs/validation.md.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path

@@ -3,8 +3,6 @@
 ``-s`` prints the table of docs/validation.md.  Nothing here was tuned on the half that is watched.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple

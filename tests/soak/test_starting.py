@@ -1,7 +1,5 @@
 """How many of a hundred fits without a guess end at the optimum, how many chains grow right, and how long they take."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ Gearboxes of another law than that of the monitor (tests/core/warming.py), redra
 axes, ``AXISWATCH_DAYS`` that of days.  Each fault is tried on the first, the fourth and the last day, cold and warm.
 """
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Sequence
@@ -26,9 +24,8 @@ from tests.service.warming_axis import Watcher, after_fault, calibrated, identif
 
 pytestmark = pytest.mark.soak
 
-PLANTS, DAYS = (
-    int(os.environ.get(f"AXISWATCH_{name}", most)) for name, most in (("PLANTS", 20), ("DAYS", 10))
-)
+PLANTS = int(os.environ.get("AXISWATCH_PLANTS", 20))
+DAYS = int(os.environ.get("AXISWATCH_DAYS", 10))
 EXCITE_S, RECORD_S, DAY_S, NIGHT_S, LUNCH_S = 60.0, 2700.0, 7200.0, 14 * 3600.0, 1800.0
 """Two records of three quarters of an hour; days of two hours with a pause in the middle."""
 FAULTS: dict[str, tuple[str, float, float]] = {

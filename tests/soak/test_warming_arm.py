@@ -6,8 +6,6 @@ has a pause at noon, and the daemon restarts after each stop.  ``AXISWATCH_PLANT
 ``AXISWATCH_DAYS`` that of days.  Each change is tried on the first and the last day, cold and warm.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 
@@ -21,9 +19,8 @@ from tests.service.arm_changes import CASES, FAULTS, PAYLOADS, Tried, table, try
 
 pytestmark = pytest.mark.soak
 
-PLANTS, DAYS = (
-    int(os.environ.get(f"AXISWATCH_{name}", most)) for name, most in (("PLANTS", 20), ("DAYS", 10))
-)
+PLANTS = int(os.environ.get("AXISWATCH_PLANTS", 20))
+DAYS = int(os.environ.get("AXISWATCH_DAYS", 10))
 RECORD_S, HALF_DAY_S, NIGHT_S, LUNCH_S, WATCH_S = 2400.0, 2400.0, 14 * 3600.0, 1800.0, 300.0
 BUDGET = CalibrationOptions(3.15576e7, 60.0, (0.2,), 1, copies=4_000_000, bank_copies=20_000)
 LEAST = 0.95

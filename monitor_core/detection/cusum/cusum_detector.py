@@ -36,12 +36,7 @@ from monitor_core.detection.alarm import (
     Onset,
     direction_of,
 )
-from monitor_core.detection.cusum.cusum_evidence import (
-    INVALID,
-    Crossing,
-    CusumEvent,
-    Evidence,
-)
+from monitor_core.detection.cusum.cusum_evidence import INVALID, Crossing, CusumEvent, Evidence
 from monitor_core.detection.isolation import Causes, single_faults, sizes
 from monitor_core.detection.onset import SURE, change_of, scatters
 from monitor_core.drive.structure import LOAD

@@ -25,10 +25,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel.hypotheses import BankTrace, Block, Memory, run_hypotheses
-from monitor_core.kernel.likelihood import (
-    SINCE_DETECTION,
-    G,
-)
+from monitor_core.kernel.likelihood import SINCE_DETECTION, G
 from monitor_core.kernel.predictors import SETTLES, Predictors
 from monitor_core.kernel.state import NEVER, USED
 from monitor_core.kernel.tables import Tables
@@ -65,7 +62,6 @@ class HypothesisBank:
         h: thresholds, one or (len(hypotheses),).
         allowance: subtracted from each log-likelihood ratio for differences between healthy records; one or
             (len(hypotheses),).
-        sure: probability from which a cause is named.
 
     Raises:
         ValueError: thresholds that do not fit, a hypothesis that the drive cannot have, or a predictor that is not
@@ -79,9 +75,8 @@ class HypothesisBank:
         hypotheses: Sequence[Hypothesis] | None = None,
         h: float | Floats = math.inf,
         allowance: float | Floats = 0.0,
-        sure: float = SURE_ENOUGH,
     ) -> None:
-        self.model, self.settings, self.sure = model, settings, sure
+        self.model, self.settings = model, settings
         chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
         self.active_faults = ActiveFaults(model, settings, chosen)
         """Active faults"""
@@ -203,7 +198,7 @@ class HypothesisBank:
         for name, array in self._memory._asdict().items():
             if saved[name].shape != array.shape or not np.isfinite(saved[name]).all():
                 raise ValueError(f"{name} of shape {saved[name].shape} does not fit, or is not finite")
-        moved = np.asarray(arrays.get("moved", self.moved), np.int64)
+        moved = np.asarray(arrays["moved"], np.int64)
         if moved.shape != (len(self.moved),):
             raise ValueError(f"moved of shape {moved.shape} does not fit")
         self.active_faults.from_array(np.asarray(arrays["standing"], float))
@@ -288,7 +283,7 @@ class HypothesisBank:
         # Until the state has settled after the change, no hypothesis is right, and the least wrong one seems certain.
         early = now_us - since < self._slowest_us
         cause, probability = found.likeliest()
-        sure, resort = probability >= self.sure, cause in self._last_resort
+        sure, resort = probability >= SURE_ENOUGH, cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
             shares = self.active_faults.with_total_sizes(found.shares())
             self._wait(kernel.REFINING, MEMORIES)
@@ -308,15 +303,9 @@ class HypothesisBank:
         best = shares[0]
         lane, lasts = found.lane(best.cause), found.lasts(best.cause)
         over = self.active_faults.ended(best) if lasts else [HEALTHY]
-        joined = best.cause != HEALTHY and not over
-        if joined:
-            yield CauseIdentified(
-                now_us,
-                since,
-                onset,
-                self.active_faults.with_total_sizes(shares),
-                best.probability >= self.sure,
-            )
+        if best.cause != HEALTHY and not over:
+            total, sure = self.active_faults.with_total_sizes(shares), best.probability >= SURE_ENOUGH
+            yield CauseIdentified(now_us, since, onset, total, sure)
             self.active_faults.join(best, self._hypotheses[lane])
         for cause in over:
             self.active_faults.end(cause)
@@ -368,15 +357,10 @@ class HypothesisBank:
         self._build()
         M.x[:] = M.x[:, lane : lane + 1]
         M.sums[:], M.when[:] = 0.0, M.integers[kernel.LAST, 0]
-        M.integers[kernel.PHASE, 0], M.integers[kernel.WAIT, 0], M.integers[kernel.CHECKS, 0] = (
-            kernel.WATCHING,
-            1,
-            0,
-        )
-        if M.integers[kernel.LAST, 0] != NEVER:
-            M.integers[kernel.SETTLED, 0] = M.integers[kernel.LAST, 0] + int(
-                self._predictors.axis[SETTLES, 0]
-            )
+        M.integers[[kernel.PHASE, kernel.WAIT, kernel.CHECKS], 0] = kernel.WATCHING, 1, 0
+        last_us = M.integers[kernel.LAST, 0]
+        if last_us != NEVER:
+            M.integers[kernel.SETTLED, 0] = last_us + int(self._predictors.axis[SETTLES, 0])
 
 
 def _copy(memory: Memory) -> Memory:

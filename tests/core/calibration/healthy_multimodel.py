@@ -19,8 +19,6 @@ from tests.core.calibration.healthy_axes import Axes, Plant
 
 Singles = NDArray[np.float32]
 CHUNK = 20_000
-_PIECE = 250
-"""Samples over which no bank alarms, most often."""
 
 
 def excursions_of(g: Floats, place: Ints, origin: Ints, pieces: int = 1) -> ExcursionPeaks:
@@ -38,9 +36,7 @@ def count(plant: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples:
     bank = HypothesisBank(plant.model, plant.settings, default_hypotheses(plant.model, plant.settings))
     axes = Axes(plant, np.random.default_rng(seed), 1)
     allowance, h = (
-        np.ascontiguousarray(
-            [[getattr(limit, field) for limit in own] for own in limits], np.float32
-        ).T.copy()
+        np.array([[getattr(limit, field) for limit in own] for own in limits], np.float32).T.copy()
         for field in ("allowance", "h")
     )
     g, alarms, seen = np.zeros_like(h), np.zeros(len(limits), np.int64), 0
@@ -58,41 +54,14 @@ def count(plant: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples:
 def _watch(llr: Singles, allowance: Singles, h: Singles, g: Singles, alarms: Ints) -> None:
     """llr (N, H); allowance, h and g (H, banks)."""
     H, banks = g.shape
-    largest, before = np.zeros(banks, np.float32), np.zeros_like(g)
-    for start in range(0, len(llr), _PIECE):
-        stop = min(start + _PIECE, len(llr))
-        before[:] = g
-        crossed = np.zeros(banks, np.int64)
-        for a in range(H):  # as if there was no alarm
-            largest[:] = 0.0
-            for k in range(start, stop):
-                _step(llr[k, a], allowance[a], g[a], largest)
-            for c in range(banks):
-                crossed[c] += largest[c] > h[a, c]
+    crossed = np.zeros(banks, np.bool_)
+    for k in range(len(llr)):
+        crossed[:] = False
+        for a in range(H):
+            for c in range(banks):  # innermost: side by side
+                g[a, c] = max(np.float32(0.0), g[a, c] + llr[k, a] - allowance[a, c])
+                crossed[c] |= g[a, c] > h[a, c]
         for c in range(banks):
             if crossed[c]:
-                g[:, c] = before[:, c]
-                alarms[c] += _with_alarms(llr, start, stop, allowance, h, g, c)
-
-
-@entry
-def _step(llr: float, allowance: Singles, g: Singles, largest: Singles) -> None:
-    for c in range(g.size):
-        g[c] = max(np.float32(0.0), g[c] + llr - allowance[c])
-        largest[c] = max(largest[c], g[c])
-
-
-@entry
-def _with_alarms(
-    llr: Singles, start: int, stop: int, allowance: Singles, h: Singles, g: Singles, c: int
-) -> int:  # fmt: skip
-    alarms = 0
-    for k in range(start, stop):
-        alarm = False
-        for a in range(len(g)):
-            g[a, c] = max(np.float32(0.0), g[a, c] + llr[k, a] - allowance[a, c])
-            alarm |= g[a, c] > h[a, c]
-        if alarm:
-            alarms += 1
-            g[:, c] = 0.0
-    return alarms
+                alarms[c] += 1
+                g[:, c] = 0.0

@@ -1,7 +1,5 @@
 """Excursions of a bank's g: found as by hand, in whatever pieces, and the highest are all there."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from monitor_core.arrays import Floats

@@ -14,13 +14,13 @@ from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import Limit
 from monitor_core.detection.multimodel.naming import Event
 from monitor_core.drive.structure import Output
-from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Threshold
 from tests.core.calibration.healthy_axes import plant_with, record
 from tests.core.cases import Case
+from tests.core.simulated import changing_output
 
 OWN = (Threshold(1.0, 30.0), Threshold(1.0, 12.0), Threshold(1.0, 80.0))
 PLANT = plant_with(0.0, memory=100)
@@ -136,9 +136,8 @@ def test_the_simulated_fault_is_the_plant_with_the_fault(seed: int) -> None:
     rng = np.random.default_rng(seed)
     u = rng.standard_normal((600, 1))
     faulty = changed_values(MODEL, "1/Ja", 0.5)
-    before, x = simulate_linear(MODEL.drive, MODEL.nominal, u[:300], INTERVAL_S)
-    after, _ = simulate_linear(MODEL.drive, faulty, u[300:], INTERVAL_S, x)
+    expected = changing_output(MODEL.drive, ((MODEL.nominal, u[:300]), (faulty, u[300:])))
     plants = Plants(AXIS, [MODEL.nominal, faulty])
     y0, state = plants.run(np.zeros(1, np.int64), np.zeros((1, 5)), np.zeros(1), u[:300], np.zeros((300, 1)))
     y1, _ = plants.run(np.ones(1, np.int64), state, u[299], u[300:], np.zeros((300, 1)))
-    assert np.concatenate([y0, y1]) == pytest.approx(np.concatenate([before, after]), abs=1e-10)
+    assert np.concatenate([y0, y1]) == pytest.approx(expected, abs=1e-10)

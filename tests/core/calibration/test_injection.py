@@ -60,8 +60,7 @@ OUTPUTS: tuple[Output, ...] = ("angle", "speed")
 
 
 @pytest.mark.parametrize(
-    ("output", "name", "change"),
-    [(OUTPUTS[k % 2], *change) for k, change in enumerate(CHANGES)],
+    ("output", "name", "change"), [(OUTPUTS[k % 2], *change) for k, change in enumerate(CHANGES)]
 )
 def test_the_faulty_plant_moves_as_the_record_says(
     output: Output, name: str, change: float, seed: int

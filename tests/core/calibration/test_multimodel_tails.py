@@ -1,7 +1,5 @@
 """Tails of a bank's excursions: far beyond the highest as they truly are, and as uncertain as they scatter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

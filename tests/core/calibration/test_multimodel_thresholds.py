@@ -1,7 +1,5 @@
 """Thresholds of the multi-model detector from healthy records: a budget kept, also where innovations are coloured."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import replace
@@ -130,10 +128,7 @@ def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(seed: int) ->
     scaled.u[number // 2 : number // 2 + number // RECORD_PARTS] *= 1.25
     bank = HypothesisBank(plant.model, plant.settings)
     causes = [(hypothesis.cause, hypothesis.size) for hypothesis in bank.hypotheses]
-    same, beside = (
-        healthy_evidence(bank, [healthy]).allowance,
-        healthy_evidence(bank, [healthy, scaled]).allowance,
-    )
+    same, beside = (healthy_evidence(bank, given).allowance for given in ([healthy], [healthy, scaled]))
     assert (beside >= same).all()
     grown = [cause for cause, much, little in zip(causes, beside, same, strict=True) if much > little + 0.01]
     assert ("kT", -0.2) in grown

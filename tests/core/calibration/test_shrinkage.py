@@ -57,9 +57,8 @@ def test_copies_of_another_model_are_not_believed(seed: int) -> None:
     assert shrunk.mean_d == pytest.approx(raw.mean_d, abs=0.2 * raw.off.std(axis=0).max())
     assert shrunk.sigma == pytest.approx(raw.sigma, rel=0.03)
     assert shrunk.off.std(axis=0) == pytest.approx(raw.off.std(axis=0), rel=0.05)
-    assert (
-        abs(shrunk.off.mean(axis=0)) < 0.2 * shrunk.off.std(axis=0)
-    ).all()  # the mean is no part of what it may be off by
+    # The mean is no part of what it may be off by.
+    assert (abs(shrunk.off.mean(axis=0)) < 0.2 * shrunk.off.std(axis=0)).all()
 
 
 @pytest.mark.parametrize("own", soaked([0.02, 0.05], 0.05))
@@ -116,7 +115,6 @@ def moments(e: float, tau: Floats) -> Floats:
 @pytest.mark.parametrize("e", [(0.0, 0.7), (-2.0, 0.3), (4.0, 3.0), (0.1, -5.0)])
 def test_draws_are_of_the_posterior(e: tuple[float, float], seed: int) -> None:
     """Mean and standard deviation of two numbers, by quadrature over their scales and the one that they share."""
-
     tau, weight = scales(EXPECTED_DIFFERENCES / (2 - EXPECTED_DIFFERENCES), 600)
     each = [moments(number, tau) for number in e]
     draws = seen(np.array(e), np.random.default_rng(seed), 40_000)

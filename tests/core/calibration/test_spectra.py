@@ -1,7 +1,5 @@
 """How steeply g falls, and how well a record knows that: for exact models 1, and as many records scatter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -113,9 +111,8 @@ def test_the_covariance_of_log_r_is_that_of_many_records(colour: float, seed: in
     own, stated_sd = np.std(found, axis=0) / _TAPERED, np.sqrt(np.diag(mean))
     print(np.exp(np.mean(found, axis=0)), own, stated_sd)
     np.testing.assert_allclose(stated_sd, own, rtol=0.4)
-    assert stated_sd[0] > 3 * np.sqrt(
-        2 / N
-    )  # more power alone, with nothing but noise: five times what it is off by
+    # More power alone, with nothing but noise: five times what it is off by.
+    assert stated_sd[0] > 3 * np.sqrt(2 / N)
     np.testing.assert_allclose(
         mean / np.outer(stated_sd, stated_sd), np.corrcoef(np.transpose(found)), atol=0.25
     )

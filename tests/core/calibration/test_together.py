@@ -1,7 +1,5 @@
 """Alarms of several hypotheses that are one alarm: counted, and told beforehand from lower thresholds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Simulated slow histories: a course, and what scatters about it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Means of autocorrelated estimates, merged and thinned."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,12 +1,10 @@
 """When a limit is reached, how often the truth lies in the interval, and the band that is drawn with it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import norm
 
-from monitor_core.trend.limit_forecast import Forecast, forecast
+from monitor_core.trend.limit_forecast import forecast
 from monitor_core.trend.trend import Mixture, Trend, trend_of
 from tests.core.trend.courses_of_months import HOUR_US, SIZE, START_US, months
 
@@ -22,14 +20,10 @@ def trend(rng: np.random.Generator, per_hour: float = PER_HOUR) -> Trend:
     return found
 
 
-def forecast_with(rng: np.random.Generator, limit: float, upper: bool, per_hour: float) -> Forecast:
-    return forecast(trend(rng, per_hour), limit, upper)
-
-
 def test_a_drift_reaches_its_limit_in_the_interval(seed: int) -> None:
     """The truth is 480 h; one interval may miss it, the median of several ends hardly."""
     rng = np.random.default_rng(seed)
-    found = [forecast_with(rng, 0.09, True, PER_HOUR) for _ in range(9)]
+    found = [forecast(trend(rng), 0.09, upper=True) for _ in range(9)]
     assert {f.state for f in found} <= {"ahead", "open"}
     truth = START_US + 480 * HOUR_US
     highs = [f.high_us or 10**18 for f in found]
@@ -40,14 +34,14 @@ def test_a_drift_reaches_its_limit_in_the_interval(seed: int) -> None:
 
 def test_a_limit_below_and_one_on_the_other_side(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    down = forecast_with(rng, 0.03, False, -PER_HOUR)
+    down = forecast(trend(rng, -PER_HOUR), 0.03, upper=False)
     assert down.state in ("ahead", "open")
-    away = forecast_with(rng, 0.03, False, PER_HOUR)
+    away = forecast(trend(rng), 0.03, upper=False)
     assert (away.state, away.high_us) == ("far", None)
 
 
 def test_beyond_a_limit_it_says_since_when(seed: int) -> None:
-    found = forecast_with(np.random.default_rng(seed), 0.066, True, PER_HOUR)
+    found = forecast(trend(np.random.default_rng(seed)), 0.066, upper=True)
     assert found.state == "beyond"
     assert found.high_us is not None
     assert START_US + 30 * HOUR_US < found.low_us <= found.high_us < START_US + 180 * HOUR_US

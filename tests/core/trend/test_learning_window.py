@@ -1,7 +1,5 @@
 """New nominal values of repaired axes, of which the truth is known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 

@@ -1,7 +1,5 @@
 """From samples to readings: when they come, what they hold, and how their means scatter."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The bounded year of a parameter."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Steady, drift or step, with known truth."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

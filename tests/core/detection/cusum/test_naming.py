@@ -16,7 +16,6 @@ from monitor_core.excitation.reference_experiment import (
     experiments,
     faulty,
 )
-from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
@@ -32,6 +31,7 @@ from tests.core.naming import (
     histories,
     outcomes,
 )
+from tests.core.simulated import changing_output
 from tests.shares import soaked
 
 
@@ -55,13 +55,11 @@ def two_faults(seed: int, first: Mapping[str, float], second: Mapping[str, float
     rngs = [np.random.default_rng(seed + k) for k in range(W)]
     N, at = 8000, (FAULT_AT, 4000)
     u = np.stack([multisine(rng, N, INTERVAL_S, BAND_HZ, TORQUE_RMS) for rng in rngs], axis=1)
-    drive, values, x, parts = three_mass("speed"), dict(REFERENCE_VALUES), None, []
-    for part, fault in zip(np.split(u, at), ({}, first, second), strict=True):
-        values = faulty(values, fault)
-        y, x = simulate_linear(drive, values, part, INTERVAL_S, x)
-        parts.append(y)
+    with_first = faulty(REFERENCE_VALUES, first)
+    values = (REFERENCE_VALUES, with_first, faulty(with_first, second))
+    y = changing_output(three_mass("speed"), zip(values, np.split(u, at), strict=True))
     noise = np.stack([rng.standard_normal(N) for rng in rngs], axis=1)
-    return Experiment(np.arange(N, dtype=np.int64) * H_US, u, np.concatenate(parts) + noise)
+    return Experiment(np.arange(N, dtype=np.int64) * H_US, u, y + noise)
 
 
 @pytest.mark.parametrize(

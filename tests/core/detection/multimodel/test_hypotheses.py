@@ -147,7 +147,7 @@ def test_the_usual_intervals_give_what_any_interval_gives(
 def lively(case: Case, h: float = 3.0) -> HypothesisBank:
     """Low thresholds, a short memory: much happens in few samples."""
     s = case.settings(lam=0.9, settle_s=0.05, outlier_limit=6.0)
-    return HypothesisBank(case.model, s, few(case.name), h=h, sure=0.6)
+    return HypothesisBank(case.model, s, few(case.name), h=h)
 
 
 @cache

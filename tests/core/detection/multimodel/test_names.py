@@ -45,6 +45,7 @@ from monitor_core.settings import Settings
 from tests.core import lasting_changes
 from tests.core.figures import settings_of
 from tests.core.hypothesis_figures import DAY, bank_of, delays, limit_s, model_of, settings_for
+from tests.core.simulated import changing_output
 from tests.shares import soaked
 
 H_FOR_A_DAY = 17.6
@@ -163,9 +164,8 @@ def test_what_changes_while_a_size_is_corrected_is_not_taken_for_its_error(
         y, x = simulate_linear(drive, values, u[:, np.newaxis], INTERVAL_S, x)
         new = bank.run(SampleBlock(healthy.t_us[k : k + step], u, y[:, 0] + rng.standard_normal(len(u))))
         if corrects and any(isinstance(event, ChangeDetected) for event in new):
-            assert not bank.memory.sums[
-                SINCE_DETECTION
-            ].any()  # what was before is no evidence of the next size
+            # What was before is no evidence of the next size.
+            assert not bank.memory.sums[SINCE_DETECTION].any()
             assert new[0].time_us - changed_us < 1e6 * SOON_S
         events, k = [*events, *new], k + step
     print([(type(e).__name__, e.time_us * 1e-6) for e in events])
@@ -324,12 +324,9 @@ def two_faults(seed: int) -> Experiment:
         faulty(REFERENCE_VALUES, {"kT": 1.2, "1/Ja": 1.2}),
         REFERENCE_VALUES,
     ]
-    x, parts = None, []
-    for held, (a, b) in zip(values, ((0, 1000), (1000, 12000), (12000, 24000), (24000, 36000)), strict=True):
-        y, x = simulate_linear(three_mass("speed"), held, healthy.u[a:b, np.newaxis], INTERVAL_S, x)
-        parts.append(y[:, 0])
+    parts = zip(values, np.split(healthy.u, (1000, 12000, 24000)), strict=True)
     noise = np.random.default_rng(seed).standard_normal(36000)
-    return Experiment(healthy.t_us, healthy.u, np.concatenate(parts) + noise)
+    return Experiment(healthy.t_us, healthy.u, changing_output(three_mass("speed"), parts) + noise)
 
 
 def test_a_nominal_value_that_may_be_off_turns_no_change_into_a_larger_one(seed: int) -> None:

@@ -1,7 +1,5 @@
 """Shares and sizes, of evidence made by hand."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

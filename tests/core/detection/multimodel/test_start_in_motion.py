@@ -1,7 +1,5 @@
 """Monitoring that begins in the middle of a motion: the speed is unknown then, and that is no change of the axis."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
