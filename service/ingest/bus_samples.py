@@ -41,7 +41,6 @@ class Ingest:
 
     Raises:
         DescriptionError: the messages of the bus cannot be read, or it has no such message or signal.
-        IngestError: settings of an axis contradict each other.
     """
 
     def __init__(self, config: Config, bus: str, carried: Carried | None = None) -> None:
@@ -55,7 +54,7 @@ class Ingest:
         """Read exactly these axes from now on.  Axes in ``replaced`` get a new input; the others keep theirs.
 
         Raises:
-            DescriptionError, IngestError: as the constructor.
+            DescriptionError: as the constructor.
         """
         self.axes = {
             axis.id: AxisInput(axis, self.decoder, needed(axis))

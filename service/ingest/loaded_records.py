@@ -67,7 +67,7 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
 
     Raises:
         RecordError: there is no such axis; the file cannot be read, is damaged, or has too few samples of the axis.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     axis = _axis_named(config, axis_id)
     signals = _signals_in(wanted(text).path, axis)
@@ -98,7 +98,7 @@ def load_samples(
 
     Raises:
         RecordError: a file cannot be read, or has no samples of the axis.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     samples, sources = [], []
     for number, text in enumerate(texts):
@@ -126,7 +126,7 @@ def samples_in(
 
     Raises:
         RecordError: the file cannot be read, or has fewer than two samples of the axis in the range.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     want = wanted(text)
     block, dropped, left_out = axis_record(want.path, config, axis, signals, progress)

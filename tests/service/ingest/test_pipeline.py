@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from service.can.frames import Frame, FrameBlock
-from service.can.user_errors import IngestError
 from service.ingest.bus_samples import Ingest
 from tests.service.ingest.plant import (
     ANGLE_ID,
@@ -17,7 +16,6 @@ from tests.service.ingest.plant import (
     axis1,
     axis2,
     axis3,
-    axis4,
     axis_drops,
     both2,
     counted,
@@ -152,19 +150,3 @@ def test_values_as_decoded(tmp_path: Path) -> None:
         ("r.two", "counter", "Both2", "Count", times, [7.0, 8.0], [7.0, 8.0]),
     ]
     assert drops(ingest) == {"unwanted": 1}
-
-
-@pytest.mark.parametrize(
-    ("axis", "message"),
-    [
-        (axis1(time=counted("Both2")), r"axis r\.one: counter_message is Both2, but .* Torque1, .* Angle1"),
-        (
-            axis4(time={"counter_message": "Wide4", "counter_signal": "Speed"}),
-            r"axis r\.four: a sample counter must be an integer .* Speed is a float",
-        ),
-        (axis1(pairing_tolerance_s=0.003), r"axis r\.one: pairing_tolerance_s = 0\.003 must be below half"),
-    ],
-)
-def test_settings_that_do_not_go_together(tmp_path: Path, axis: dict[str, object], message: str) -> None:
-    with pytest.raises(IngestError, match=message):
-        Ingest(make_config(tmp_path, axis), "bus0")
