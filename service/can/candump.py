@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
-from service.can.frames import CLASSIC_BYTES, EXTENDED, FD_BYTES, FrameBlock
+from service.can.frames import CLASSIC_BYTES, EXTENDED, FD_BYTES, ID_BITS, FrameBlock
 
-_ID = 0x1FFFFFFF
 ERROR = 0x20000000
 """Flag in the id of an error frame"""
 _NAME = 16
@@ -154,7 +153,7 @@ def parse_lines(text: bytes) -> Parsed:
     sound &= paired & named
     errors = sound & (ids & ERROR != 0) & (marks.id_end - marks.name_end > 4)
     good = sound & ~errors
-    ids = np.where(marks.id_end - marks.name_end > 4, ids & _ID | EXTENDED, ids)
+    ids = np.where(marks.id_end - marks.name_end > 4, ids & ID_BITS | EXTENDED, ids)
     flags = np.where(wide, _HEX[letters[marks.data - 1]], 0)
     frames = FrameBlock.from_columns(t_us[good], ids[good], length[good] // 2, data[good], flags[good])
     odd = np.ones(len(ends), np.bool_)
