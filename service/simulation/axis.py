@@ -104,8 +104,8 @@ class ControlledAxis:
         if self._conditions and k % self._follows_every == 0:
             values = AxisModel(self._model.drive, self._given, ()).nominal
             motion = self._drive.angle if self._output == "angle" else self._drive.speed
-            moment = Followed(k * self.interval_s, motion, signals)
-            self._drive.set(dict(self._conditions.followed(moment, values)))
+            followed = self._conditions.followed(k * self.interval_s, motion, signals, values)
+            self._drive.set(dict(followed))
         torque = self._command(k)
         reading = Reading(torque, self._moved() + self._noise * self._rng.standard_normal(), signals)
         self._move(torque + self._ripple * self._rng.standard_normal())
@@ -179,14 +179,6 @@ _SIGNAL_SWING = 0.45
 _BACK = {"cos": math.acos, "sin": math.asin, "square": math.sqrt}
 
 
-class Followed(NamedTuple):
-    """Inputs of the schedules: time [s], angle or speed of the axis, and its signals."""
-
-    time_s: float
-    motion: float
-    signals: tuple[float, ...]
-
-
 class SimulatedConditions:
     """Signals that keep the gates of an axis open, and parameters that follow them; the thermal state starts cold.
 
@@ -234,11 +226,12 @@ class SimulatedConditions:
             values.append(value)
         return tuple(values)
 
-    def followed(self, moment: Followed, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-        """The parameters that follow signals and heat, at each time; with these values at the references."""
-        t_us = np.array([round(moment.time_s * 1e6)], np.int64)
-        signals = np.array([moment.signals], np.float64)
-        block = SampleBlock(t_us, np.zeros(1), np.array([moment.motion]), signals=signals)
+    def followed(
+        self, time_s: float, motion: float, signals: tuple[float, ...], values: Mapping[str, float]
+    ) -> Iterator[tuple[str, float]]:
+        """The parameters that follow signals and heat, at a time; ``values``: all parameters at the references."""
+        t_us, row = np.array([round(time_s * 1e6)], np.int64), np.array([signals], np.float64)
+        block = SampleBlock(t_us, np.zeros(1), np.array([motion]), signals=row)
         now = self._operating.conditioned(block)
         if now.weight is not None and math.isfinite(now.weight[0]):
             offset, nominal = self._weight[0].parameter, sum(v.slope * v.reference for v in self._weight)

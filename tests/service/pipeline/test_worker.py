@@ -222,7 +222,7 @@ class Seen(NamedTuple):
 
 def seen(bench: StandingCore) -> Seen:
     assert bench.worker.error is None
-    states = (state for axis in bench.core.monitors.by_id.items() for state in states_of(*axis))
+    states = (state for axis in bench.core.monitors.axes.values() for state in states_of(axis))
     saved = {state.name: (state.arrays() or {}) for state in states}
     content = {name: b"".join(array.tobytes() for array in a.values()) for name, a in saved.items()}
     return Seen(content, bench.journal.query()[0])
