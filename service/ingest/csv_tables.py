@@ -180,12 +180,12 @@ class CsvTable:
             return f"{len(row)} cells in a table of {len(self.names)} columns"
         for name in names:
             cell = row[self.names.index(name)]
-            if not (
-                cell in _EMPTY or self._is_key(name) or self._is_number(cell) or self._is_date(name, cell)
-            ):
+            number, is_date = plain(cell, self._decimal), name in self._dates
+            date = seconds_of(cell, self._day_first) if is_date else None
+            if not (cell in _EMPTY or self._is_key(name) or is_number(number) or date is not None):
                 hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
                 hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
-                kind = "date" if name in self._dates else "number"
+                kind = "date" if is_date else "number"
                 return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
         return ""
 
@@ -194,12 +194,6 @@ class CsvTable:
 
     def _is_key(self, name: str) -> bool:
         return self.keys is not None and name in (self.keys[1], self.unit)
-
-    def _is_number(self, cell: str) -> bool:
-        return is_number(plain(cell, self._decimal))
-
-    def _is_date(self, name: str, cell: str) -> bool:
-        return name in self._dates and seconds_of(cell, self._day_first) is not None
 
     def _number(self, name: str, cell: str) -> float:
         if cell in _EMPTY:

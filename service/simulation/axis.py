@@ -158,9 +158,8 @@ def _test_signal(plant: Plant, kp: float, kd: float, rng: np.random.Generator) -
 def _speed_rms(plant: Plant, kp: float, kd: float, frequency_hz: Floats) -> float:
     """Speed [rad/s rms] of the controlled drive at a torque of 1 N m rms on these lines (L,)."""
     s = 2j * np.pi * frequency_hz
-    held = -np.expm1(-s * plant.interval_s) / (
-        s * plant.interval_s
-    )  # the response is that of the held torque
+    # The response is that of the held torque.
+    held = -np.expm1(-s * plant.interval_s) / (s * plant.interval_s)
     angle = plant.response(frequency_hz)[0] / held
     forwards, backwards = plant.countered(np.zeros(2), np.array([_FAST, -_FAST]))
     # Of fc sign(w) at a random speed with SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS is proportional to the speed.

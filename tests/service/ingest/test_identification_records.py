@@ -149,19 +149,10 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     assert np.array_equal(block.u, found.record.u), "calibration has the same samples"
 
 
-@pytest.mark.parametrize(
-    ("name", "axis", "problem"),
-    [
-        ("there.csv", "r.two", "no axis r.two in the configuration; there is r.one"),
-        ("short.csv", "r.one", "1 samples of axis r.one in it; dropped: 1 not_finite"),
-    ],
-)
-def test_mistakes_in_words(tmp_path: Path, name: str, axis: str, problem: str) -> None:
-    head = "t,torque_one,angle_one,w\n"
-    (tmp_path / "there.csv").write_text(head)
-    (tmp_path / "short.csv").write_text(f"{head}0,1,1,1\n1,nan,1,1\n")
-    with pytest.raises(RecordError, match=problem):
-        load(str(tmp_path / name), timed(tmp_path), axis)
+def test_a_record_of_one_sample(tmp_path: Path) -> None:
+    (tmp_path / "short.csv").write_text("t,torque_one,angle_one,w\n0,1,1,1\n1,nan,1,1\n")
+    with pytest.raises(RecordError, match=r"1 samples of axis r\.one in it; dropped: 1 not_finite"):
+        load(str(tmp_path / "short.csv"), timed(tmp_path), "r.one")
 
 
 def log_of(path: Path, count: int = 200) -> Path:

@@ -56,7 +56,8 @@ class Bench:
         )
 
     def take(self, status: AxisStatus, paused: bool = False) -> None:
-        self.recording.take(AXIS, status, paused)
+        if self.recording.is_due(AXIS, status.time_us):
+            self.recording.take(AXIS, status, paused)
 
     def write(self) -> None:
         """After the time of a retry."""
