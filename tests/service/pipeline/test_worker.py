@@ -134,10 +134,14 @@ def test_stopping_processes_all_frames_and_saves(bench: StandingCore, frames: Se
         assert (found.arrays["floats"] == monitor.to_arrays()["floats"]).all()
 
 
+@pytest.mark.parametrize("out_of_service", [False, True])
 def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_alarm_changes(
-    bench: StandingCore, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
+    bench: StandingCore, monkeypatch: pytest.MonkeyPatch, out_of_service: bool
 ) -> None:
+    """An axis out of service, which is a message, too, is no news."""
     clock = 0.0
+    if out_of_service:
+        bench.journal.services.change("demo.axis2", AlarmEvent.REMOVE, Note(NOW_US, "anna"))
     monkeypatch.setattr(publishing, "perf_counter", lambda: clock)
     worker, new = bench.worker, list[float]()
     bench.compile()
