@@ -89,6 +89,7 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
     assert (fm.former, fm.kept) == (0.06, "")
     wait_for(lambda: d.axis().epoch.number == 2)
     assert d.axis().status.parameters[2].nominal == fm.value
+    wait_for(lambda: d.worker.snapshot.checkpoint_us == d.now_us)  # long before one is due
     after = d.journal.get(alarm.id)
     assert after is not None
     assert (after.state, after.ended_us) == (AlarmState.NORMAL, d.now_us)
@@ -98,7 +99,7 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
 
     d.feed(seconds(frames, 58, 70))
     assert d.axis().open_alarms == ()
-    # That it is the same to the last bit is shown in test_worker.py.
+    # That it is the same to the last bit is shown in test_reloading.py.
     assert (d.axis(OTHER).status.samples, d.axis(OTHER).status.counters["started"]) == (14_000, 1)
     d.baselines.finish_windows()
     assert d.epochs()[0].state == "current"
