@@ -94,11 +94,6 @@ def test_a_fault_waits_until_it_may_happen(tmp_path: Path, seed: int) -> None:
     assert happened == [fault]
 
 
-def test_the_same_seed_is_the_same_robot(tmp_path: Path, seed: int) -> None:
-    first, second, other = (SimulatedRobot(demo(tmp_path, 2), s).moments() for s in (seed, seed, seed + 1))
-    assert next(first) == next(second) != next(other)
-
-
 def test_sending_ends_by_time_or_when_told(tmp_path: Path, seed: int) -> None:
     sent: list[float] = []
 
