@@ -57,22 +57,6 @@ def test_what_is_decoded_of_a_frame(tmp_path: Path) -> None:
     assert samples["r.one"] == [Sample(START_US, 1.5, 1.0)]
 
 
-def test_frames_that_give_nothing_are_counted(tmp_path: Path) -> None:
-    ingest = Ingest(make_config(tmp_path, axis1(), axis3()), "bus0")
-    assert not fed(
-        ingest,
-        [
-            Frame(START_US, 0x140, False, bytes(8)),  # of no axis
-            Frame(START_US, 0x100, True, bytes(8)),  # the number of a wanted one, but extended
-            Frame(START_US, 0x100, False, bytes(3)),
-            Frame(START_US, 0x100, False, b""),
-            Frame(START_US, 0x120, False, bytes([9, *bytes(7)])),  # a page that the DBC does not have
-        ],
-    )
-    assert drops(ingest) == {"unwanted": 2, "too_short": 2, "undecodable": 1}
-    assert axis_drops(ingest, "r.one") == {}
-
-
 def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
     ingest = Ingest(make_config(tmp_path, axis3()), "bus0")
     frames = [
