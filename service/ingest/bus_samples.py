@@ -64,15 +64,10 @@ class Ingest:
         }
 
     @property
-    def keys(self) -> tuple[FrameKey, ...]:
-        """Keys of the needed frames."""
-        return self.decoder.keys
-
-    @property
     def filter(self) -> tuple[FrameFilter, ...]:
         """The filters that let all needed frames through."""
         masks = self.decoder.known.masks
-        return tuple(FrameFilter(key, masks.get(key, ID_BITS)) for key in self.keys)
+        return tuple(FrameFilter(key, masks.get(key, ID_BITS)) for key in self.decoder.keys)
 
     @property
     def dropped(self) -> Mapping[str, int]:

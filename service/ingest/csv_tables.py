@@ -38,6 +38,14 @@ class Rows(NamedTuple):
     done: float
 
 
+def in_blocks(columns: Mapping[str, Floats]) -> Iterator[Rows]:
+    """The rows of columns of equal length (N,), in blocks."""
+    total = len(next(iter(columns.values())))
+    for i in range(0, total, ROWS):
+        block = {name: column[i : i + ROWS] for name, column in columns.items()}
+        yield Rows(block, min(1.0, (i + ROWS) / total))
+
+
 class CsvTable:
     """A CSV file.  Without a line of names, the columns are called "0", "1", ...
 
@@ -247,10 +255,7 @@ class LongTable:
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
         """See CsvTable."""
-        total = len(self._columns[self._time])
-        for i in range(0, total, ROWS):
-            block = {name: self._columns[name][i : i + ROWS] for name in names}
-            yield Rows(block, min(1.0, (i + ROWS) / total))
+        return in_blocks({name: self._columns[name] for name in names})
 
     @cached_property
     def _columns(self) -> Mapping[str, Floats]:

@@ -32,7 +32,7 @@ def drops(ingest: Ingest) -> dict[str, int]:
 def test_two_axes_of_one_bus(tmp_path: Path) -> None:
     ingest = Ingest(make_config(tmp_path, axis1(), axis2()), "bus0")
     assert tuple(ingest.axes) == ("r.one", "r.two")
-    assert set(ingest.keys) == {(0x100, False), (ANGLE_ID, True), (0x110, False)}
+    assert set(ingest.decoder.keys) == {(0x100, False), (ANGLE_ID, True), (0x110, False)}
     samples = fed(
         ingest, [torque1(START_US, 1.5), both2(START_US + 100, -0.25, 12.5), angle1(START_US + 200, -3.0)]
     )
