@@ -5,14 +5,13 @@ cycles), pairing, stamp_meter, stream (the loop over frames that uses all of the
 """
 
 from monitor_core.sampling.controller_clocks import (
-    Clock,
     counted_interval_s,
     counter_clock,
     cyclic_clock,
     cyclic_interval_s,
     time_per_count_s,
 )
-from monitor_core.sampling.pairing import DROP_REASONS, Pairing, new_pairing
+from monitor_core.sampling.pairing import DROP_REASONS, new_pairing
 from monitor_core.sampling.stamp_meter import new_meter
 from monitor_core.sampling.stream import (
     COUNTER,

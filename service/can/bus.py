@@ -14,7 +14,7 @@ import can.interfaces
 from can.typechecking import CanFilter
 
 from monitor_core.wording import did_you_mean, sentence
-from service.can.frames import FrameFilter, FrameKey
+from service.can.frames import ID_BITS, STANDARD_BITS, FrameFilter, FrameKey
 from service.can.user_errors import BusError
 
 Bus = can.BusABC
@@ -51,7 +51,6 @@ FD_INTERFACES = ("socketcan", *_WITHOUT_ADAPTER)
 """Interfaces that receive CAN FD frames without further options"""
 _LAST_NUMBER = re.compile(r"(?<!\d)\d{1,4}$")
 _VIRTUAL_DEVICE = re.compile(r"vx?can\d*")
-_STANDARD_MASK, _EXTENDED_MASK = 0x7FF, 0x1FFFFFFF
 _ARPHRD_CAN = "280"
 """Device type of CAN interfaces in Linux"""
 _SEND_TIMEOUT_S = 1.0
@@ -176,7 +175,7 @@ def send(bus: Bus, key: FrameKey, data: bytes, at_s: float = 0.0) -> None:
 
 def _filter(wanted: FrameFilter) -> CanFilter:
     key = wanted.key
-    mask = wanted.mask & (_EXTENDED_MASK if key.extended else _STANDARD_MASK)
+    mask = wanted.mask & (ID_BITS if key.extended else STANDARD_BITS)
     return {"can_id": key.can_id & mask, "can_mask": mask, "extended": key.extended}
 
 
@@ -201,11 +200,8 @@ def _refused(config: BusSettings, error: OSError) -> str:
 
 
 def _cannot_open(config: BusSettings, why: str) -> str:
-    return sentence("cannot open", "cannot open {where}: {why}", where=_where(config), why=why)
-
-
-def _where(config: BusSettings) -> str:
-    return f"{config.interface} {config.channel}"
+    where = f"{config.interface} {config.channel}"
+    return sentence("cannot open", "cannot open {where}: {why}", where=where, why=why)
 
 
 def interface_names() -> tuple[str, ...]:

@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
-from service.can.frames import CLASSIC_BYTES, EXTENDED, FD_BYTES, FrameBlock
+from service.can.frames import CLASSIC_BYTES, EXTENDED, FD_BYTES, ID_BITS, FrameBlock
 
-_ID = 0x1FFFFFFF
 ERROR = 0x20000000
 """Flag in the id of an error frame"""
 _NAME = 16
@@ -28,10 +27,8 @@ _HEX[np.frombuffer(b"0123456789", np.uint8)] = np.arange(10)
 _HEX[np.frombuffer(b"abcdef", np.uint8)] = _HEX[np.frombuffer(b"ABCDEF", np.uint8)] = np.arange(10, 16)
 _DIRECTIONS = np.frombuffer(b"RTrt", np.uint8)
 
-CSV_HEAD, SAVVYCAN_HEAD = (
-    b"timestamp,arbitration_id,extended,remote,error,dlc,data",
-    b"Time Stamp,ID,Extended,",
-)
+CSV_HEAD = b"timestamp,arbitration_id,extended,remote,error,dlc,data"
+SAVVYCAN_HEAD = b"Time Stamp,ID,Extended,"
 """First lines of the .csv logs that python-can and SavvyCAN write"""
 _SHOWN = re.compile(
     rb"^ *\((\d[\d :.-]*)\) +(\S+) +(?:[RT]X +[-A-Z] [-A-Z] +)?([0-9A-F]{3}|[0-9A-F]{8}) +\[(\d+)\]"
@@ -154,7 +151,7 @@ def parse_lines(text: bytes) -> Parsed:
     sound &= paired & named
     errors = sound & (ids & ERROR != 0) & (marks.id_end - marks.name_end > 4)
     good = sound & ~errors
-    ids = np.where(marks.id_end - marks.name_end > 4, ids & _ID | EXTENDED, ids)
+    ids = np.where(marks.id_end - marks.name_end > 4, ids & ID_BITS | EXTENDED, ids)
     flags = np.where(wide, _HEX[letters[marks.data - 1]], 0)
     frames = FrameBlock.from_columns(t_us[good], ids[good], length[good] // 2, data[good], flags[good])
     odd = np.ones(len(ends), np.bool_)
@@ -188,9 +185,8 @@ def _times(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
     t_us = np.zeros(len(marks.start), np.int64)
     good = (letters[marks.stamp_end - 1] == ord(")")) & (letters[marks.stamp_end - 8] == ord("."))
     good &= marks.stamp_end - 9 - marks.start <= _DIGITS
-    for place in range(
-        6 + _DIGITS
-    ):  # from the last digit on; place by place is faster than all digits of all lines
+    # From the last digit on; place by place is faster than all digits of all lines.
+    for place in range(6 + _DIGITS):
         at = marks.stamp_end - 2 - place - (place >= 6)
         digit = np.where(at > marks.start, _HEX[letters[np.maximum(at, 0)]], np.uint8(0))
         good &= digit < 10

@@ -25,8 +25,8 @@ def _record(data_bytes: int) -> np.dtype[np.void]:
 CLASSIC_RECORD, FD_RECORD = _record(CLASSIC_BYTES), _record(FD_BYTES)
 
 
-ID_BITS = 0x1FFFFFFF
-"""Bits of an id without the flag"""
+ID_BITS, STANDARD_BITS = 0x1FFFFFFF, 0x7FF
+"""Bits of an id without the flag, and of a standard one"""
 
 
 class FrameKey(NamedTuple):

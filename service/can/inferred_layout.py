@@ -142,9 +142,8 @@ def _division(
     ``bytes_read``: cache of the readings of whole bytes, which are the same in both orders.
     """
     edges = _edges(data, order)
-    best: dict[int, tuple[float, tuple[Field, ...]]] = {
-        0: (0.0, ())
-    }  # cost and numbers of the first bits, by end
+    # Cost and numbers of the first bits, by end.
+    best: dict[int, tuple[float, tuple[Field, ...]]] = {0: (0.0, ())}
     for end in edges[1:]:
         ways = []
         for start in edges[: edges.index(end)]:
@@ -287,9 +286,8 @@ def _is_signed(raw: NDArray[np.uint64], length: int) -> bool:
     crossings = np.flatnonzero(upper[1:] != upper[:-1])
     if not crossings.size:
         return bool(np.all(numbers >= limit * 1.5))
-    at_zero = (
-        np.minimum(numbers, 2 * limit - 1 - numbers) < limit / 2
-    )  # nearer to 0 or to the last number than to the middle
+    # Nearer to 0 or to the last number than to the middle.
+    at_zero = np.minimum(numbers, 2 * limit - 1 - numbers) < limit / 2
     return float(np.mean(at_zero[crossings])) > 0.5
 
 

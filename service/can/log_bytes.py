@@ -190,9 +190,8 @@ class LogLines(io.TextIOWrapper):
 
     def repeat_head(self) -> None:
         """Return the lines of the head again, then the remaining lines."""
-        self._repeated = iter(
-            [*self._head, b"\n"]
-        )  # python-can reads the head up to a line that does not belong to it
+        # python-can reads the head up to a line that does not belong to it.
+        self._repeated = iter([*self._head, b"\n"])
 
     @property
     def torn(self) -> bool:

@@ -4,33 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from can.util import dlc2len
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Ints
-from service.can.frames import EXTENDED, FD_BYTES, FrameBlock, concatenate_frames
+from service.can.frames import EXTENDED, FD_BYTES, ID_BITS, FrameBlock, concatenate_frames
 from service.can.user_errors import RecordError
 
 _ROWS = 8192
 _HEAD = 68
 """Bytes of the identification block and the name of the next block"""
-_ID = 0x1FFFFFFF
 _LATEST_S = 2**42
 _DATA, _REJECTED = "CAN_DataFrame", {"CAN_ErrorFrame": "error_frame", "CAN_RemoteFrame": "remote_frame"}
 _LENGTHS = np.array([dlc2len(dlc) for dlc in range(16)])
-
-
-class Mf4Part(NamedTuple):
-    """A part of the frames, in the order of time."""
-
-    frames: FrameBlock
-    channels: Ints
-    """Number of the channel of each frame (N,)"""
-    done: float
-    """Part of the file that has been read, 0 to 1"""
 
 
 class Mf4Frames:
@@ -62,8 +51,10 @@ class Mf4Frames:
                 self.rejected[_REJECTED[name]] += count
         self._start_us = round(self._mdf.header.start_time.timestamp() * 1e6)
 
-    def parts(self) -> Iterator[Mf4Part]:
-        """All frames in the order of time; several groups are merged.
+    def parts(self) -> Iterator[tuple[FrameBlock, Ints, float]]:
+        """All frames in the order of time, their channel numbers (N,), and the part that has been read, 0 to 1.
+
+        Several groups are merged.
 
         Raises:
             Exception: whatever asammdf raises of a damaged file.
@@ -71,9 +62,9 @@ class Mf4Frames:
         sizes = [int(self._mdf.groups[number].channel_group.cycles_nr) for number in self._groups]
         groups = [self._group(number, size) for number, size in zip(self._groups, sizes, strict=True)]
         read = 0
-        for records, channels in merged(groups):
-            read += len(records)
-            yield Mf4Part(FrameBlock(records), channels, min(1.0, read / sum(sizes)))
+        for frames, channels in merged(groups):
+            read += frames.size
+            yield frames, channels, min(1.0, read / sum(sizes))
 
     def close(self) -> None:
         """Close the file."""
@@ -100,31 +91,31 @@ class Mf4Frames:
         if "IDE" in names:
             extended = samples[names["IDE"]] != 0
         t_us = self._start_us + np.rint(t_s * 1e6).astype(np.int64)
-        ids = np.where(extended, frame_id & _ID | EXTENDED, frame_id & _ID)
+        ids = np.where(extended, frame_id & ID_BITS | EXTENDED, frame_id & ID_BITS)
         channels = np.zeros(len(samples), np.int64)
         if "BusChannel" in names:
             channels = samples[names["BusChannel"]].astype(np.int64)
-        return FrameBlock.from_columns(t_us, ids, length, data).records, channels
+        return FrameBlock.from_columns(t_us, ids, length, data), channels
 
 
-_Rows = tuple[NDArray[np.void], Ints]
-"""Records of frames and their channel numbers"""
+_Rows = tuple[FrameBlock, Ints]
+"""Frames and their channel numbers"""
 
 
 def merged(groups: Sequence[Iterator[_Rows]]) -> Iterator[_Rows]:
     """Merge groups that are each in the order of time."""
     waiting = {k: part for k, group in enumerate(groups) if (part := next(group, None)) is not None}
     while waiting:
-        limit = min(int(records["t_us"].max()) for records, _ in waiting.values())
+        limit = min(int(frames.t_us.max()) for frames, _ in waiting.values())
         ready = list[_Rows]()
-        for k, (records, channels) in list(waiting.items()):
-            now = records["t_us"] <= limit
-            ready.append((records[now], channels[now]))
-            waiting[k] = records[~now], channels[~now]
+        for k, (frames, channels) in list(waiting.items()):
+            now = frames.t_us <= limit
+            ready.append((frames.select(now), channels[now]))
+            waiting[k] = frames.select(~now), channels[~now]
             if now.all():
                 del waiting[k]
                 if (part := next(groups[k], None)) is not None:
                     waiting[k] = part
-        block = concatenate_frames([FrameBlock(records) for records, _ in ready])
+        block = concatenate_frames([frames for frames, _ in ready])
         order = np.argsort(block.t_us, kind="stable")
-        yield block.records[order], np.concatenate([channels for _, channels in ready])[order]
+        yield block.select(order), np.concatenate([channels for _, channels in ready])[order]

@@ -21,12 +21,11 @@ from can.interfaces.udp_multicast import UdpMulticastBus
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
-from service.can.frames import EXTENDED, FD_BYTES, ID_BITS, Frame, FrameBlock
+from service.can.frames import EXTENDED, FD_BYTES, ID_BITS, STANDARD_BITS, Frame, FrameBlock
 from service.can.receivers import IDLE_S, NOTHING, Received, Receiver, Rejected
 
 BLOCK_FRAMES = 256
 """Most frames of a block; a kernel may buffer only 555"""
-_STANDARD_ID = 0x7FF
 # Constants that Python's socket module lacks (include/uapi/asm-generic/socket.h).
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_TIMESTAMPING, _SO_RXQ_OVFL = 33, 35, 37, 40
 _HARDWARE = 1 << 2 | 1 << 6
@@ -201,7 +200,7 @@ class DatagramReceiver(BlockReceiver):
     def _frame(self, packed: Mapping[str, Any], at_us: int) -> Frame | Rejected | None:
         """The frame in a datagram; None: the filters refuse it."""
         can_id, extended, data = packed["arbitration_id"], bool(packed["is_extended_id"]), packed["data"]
-        if not 0 <= can_id <= (ID_BITS if extended else _STANDARD_ID) or len(data) > FD_BYTES:
+        if not 0 <= can_id <= (ID_BITS if extended else STANDARD_BITS) or len(data) > FD_BYTES:
             raise ValueError("no frame has such an id or length")
         if not self._passes(can_id, extended) or (self._classic and packed["is_fd"]):
             return None
@@ -285,7 +284,7 @@ def _nanoseconds(at: NDArray[np.void]) -> Ints:
 
 def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:
     ids, lengths, flags = raw["id"], raw["length"].astype(np.int64), raw["flags"] & ~np.uint8(_FDF)
-    ids = np.where(ids & EXTENDED, ids & (EXTENDED | ID_BITS), ids & _STANDARD_ID)
+    ids = np.where(ids & EXTENDED, ids & (EXTENDED | ID_BITS), ids & STANDARD_BITS)
     # Data beyond the length is from an older frame; from_columns replaces it by zeros.
     return FrameBlock.from_columns(t_us, ids.astype(np.int64), lengths, raw["data"], flags.astype(np.int64))
 

@@ -9,8 +9,7 @@ from monitor_core import sampling
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
-from service.can.messages import DescriptionError, find_counter
-from service.can.user_errors import IngestError
+from service.can.messages import find_signal
 from service.config.schema import FurtherSignalConfig, NamedAxis
 from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldSignal, Quantity, quantity_of
@@ -28,7 +27,6 @@ class AxisInput:
 
     Raises:
         DescriptionError: the bus has no such message or signal.
-        IngestError: the counter or the tolerance of this axis cannot be used.
     """
 
     def __init__(self, axis: NamedAxis, decoder: Decoder, signals: Sequence[FurtherSignalConfig]) -> None:
@@ -42,24 +40,21 @@ class AxisInput:
         self._late = LateValues(config, signals)
         self.keys = {self.torque.key, self.motion.key}
         """Keys of the frames that carry values of this axis"""
-        interval_s, kind = config.sample_interval_s, sampling.RECEIPT
+        interval_s, kind, patience = config.sample_interval_s, sampling.RECEIPT, 1.0
         clocks = sampling.counter_clock(interval_s, 1), sampling.counter_clock(interval_s, 1)
         message, signal = config.time.counter_message, config.time.counter_signal
         if message and signal:
             self.counter = Quantity("counter", decoder.want(message, signal), message, signal)
-            kind, clocks = sampling.COUNTER, (self._counting(self.counter, decoder, interval_s), clocks[1])
+            _, counter = find_signal(decoder.known, message, signal)
+            kind = sampling.COUNTER
+            clocks = sampling.counter_clock(interval_s, counter.length, counter.offset), clocks[1]
         elif config.time.clock == "cyclic":
-            kind, clocks = (
-                sampling.CYCLIC,
-                (sampling.cyclic_clock(interval_s), sampling.cyclic_clock(interval_s)),
-            )
-        patience = _CYCLIC_PATIENCE if config.time.clock == "cyclic" else 1.0
-        try:
-            pairing = pairing_of(
-                interval_s, config.pairing_tolerance_s, config.max_gap_s, patience, config.output
-            )
-        except IngestError as error:
-            raise IngestError(f"axis {axis.id}: {error}") from None
+            kind, patience = sampling.CYCLIC, _CYCLIC_PATIENCE
+            clocks = sampling.cyclic_clock(interval_s), sampling.cyclic_clock(interval_s)
+        limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[config.output]
+        pairing = sampling.new_pairing(
+            interval_s, config.pairing_tolerance_s, config.max_gap_s, patience, limits
+        )
         bits = sampling.HAS_TORQUE, sampling.HAS_MOTION, sampling.HAS_COUNT
         self._columns = tuple(zip(self.sampled, ("torque", "motion", "counter"), bits, strict=False))
         """Each quantity with its column name and its bit in FRAME"""
@@ -132,32 +127,3 @@ class AxisInput:
         block = SampleBlock(t_us, torque, motion, signals=np.stack(held, axis=1) if held else None)
         paired = self._late.paired(block)
         return paired if paired.size else None
-
-    def _counting(self, counter: Quantity, decoder: Decoder, interval_s: float) -> sampling.Clock:
-        if counter.key not in self.keys:
-            raise IngestError(
-                f"axis {self.id}: counter_message is {counter.message}, but the counter must be in the "
-                f"message of the torque, {self.torque.message}, or of the {self.motion.name}, "
-                f"{self.motion.message}"
-            )
-        try:
-            _, signal = find_counter(decoder.known, counter.message, counter.signal)
-        except DescriptionError as error:
-            raise IngestError(f"axis {self.id}: {error}") from None
-        return sampling.counter_clock(interval_s, signal.length, signal.offset)
-
-
-def pairing_of(
-    interval_s: float, tolerance_s: float, max_gap_s: float, patience: float = 1.0, motion: str = "angle"
-) -> sampling.Pairing:
-    """The pairing of torque and motion of an axis; see monitor_core.sampling.new_pairing.
-
-    Raises:
-        IngestError: the tolerance is not below half an interval.
-    """
-    if not 0 < tolerance_s < interval_s / 2:
-        raise IngestError(
-            f"pairing_tolerance_s = {tolerance_s:g} must be below half of sample_interval_s = {interval_s:g}"
-        )
-    limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[motion]
-    return sampling.new_pairing(interval_s, tolerance_s, max_gap_s, patience, limits)

@@ -86,7 +86,7 @@ def silent_in(path: Path, config: Config) -> dict[str, Mapping[str, int]]:
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     if is_table(path) or not config.bus:
         return {}
@@ -110,7 +110,7 @@ def axis_record(
 
     Raises:
         RecordError: the file cannot be read, or is damaged.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     if is_table(path):
         record = _table_record(path, axis, signals, progress)
@@ -186,7 +186,7 @@ def no_samples_words(path: Path, config: Config, axis: NamedAxis, dropped: Mappi
     """Why a record gives no samples of an axis, as far as the record shows it; otherwise the counts of dropped values.
 
     Raises:
-        RecordError, DescriptionError, IngestError: as of LogRecord.
+        RecordError, DescriptionError: as of LogRecord.
     """
     if dropped.get("absurd"):
         torque, motion = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[axis.config.output]
@@ -205,7 +205,7 @@ def absence_words(path: Path, config: Config, axis: NamedAxis) -> str:
     """Differences between the frames of a log and the described messages of an axis; empty: none.
 
     Raises:
-        RecordError, DescriptionError, IngestError: as of LogRecord.
+        RecordError, DescriptionError: as of LogRecord.
     """
     counts, longest = Counter[FrameKey](), dict[FrameKey, int]()
     for of_bus, _ in LogRecord(path, config, {axis.id: ()}).frames():

@@ -41,7 +41,6 @@ class Ingest:
 
     Raises:
         DescriptionError: the messages of the bus cannot be read, or it has no such message or signal.
-        IngestError: settings of an axis contradict each other.
     """
 
     def __init__(self, config: Config, bus: str, carried: Carried | None = None) -> None:
@@ -55,7 +54,7 @@ class Ingest:
         """Read exactly these axes from now on.  Axes in ``replaced`` get a new input; the others keep theirs.
 
         Raises:
-            DescriptionError, IngestError: as the constructor.
+            DescriptionError: as the constructor.
         """
         self.axes = {
             axis.id: AxisInput(axis, self.decoder, needed(axis))
@@ -65,15 +64,10 @@ class Ingest:
         }
 
     @property
-    def keys(self) -> tuple[FrameKey, ...]:
-        """Keys of the needed frames."""
-        return self.decoder.keys
-
-    @property
     def filter(self) -> tuple[FrameFilter, ...]:
         """The filters that let all needed frames through."""
         masks = self.decoder.known.masks
-        return tuple(FrameFilter(key, masks.get(key, ID_BITS)) for key in self.keys)
+        return tuple(FrameFilter(key, masks.get(key, ID_BITS)) for key in self.decoder.keys)
 
     @property
     def dropped(self) -> Mapping[str, int]:

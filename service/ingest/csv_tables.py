@@ -38,6 +38,14 @@ class Rows(NamedTuple):
     done: float
 
 
+def in_blocks(columns: Mapping[str, Floats]) -> Iterator[Rows]:
+    """The rows of columns of equal length (N,), in blocks."""
+    total = len(next(iter(columns.values())))
+    for i in range(0, total, ROWS):
+        block = {name: column[i : i + ROWS] for name, column in columns.items()}
+        yield Rows(block, min(1.0, (i + ROWS) / total))
+
+
 class CsvTable:
     """A CSV file.  Without a line of names, the columns are called "0", "1", ...
 
@@ -180,12 +188,12 @@ class CsvTable:
             return f"{len(row)} cells in a table of {len(self.names)} columns"
         for name in names:
             cell = row[self.names.index(name)]
-            if not (
-                cell in _EMPTY or self._is_key(name) or self._is_number(cell) or self._is_date(name, cell)
-            ):
+            number, is_date = plain(cell, self._decimal), name in self._dates
+            date = seconds_of(cell, self._day_first) if is_date else None
+            if not (cell in _EMPTY or self._is_key(name) or is_number(number) or date is not None):
                 hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
                 hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
-                kind = "date" if name in self._dates else "number"
+                kind = "date" if is_date else "number"
                 return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
         return ""
 
@@ -194,12 +202,6 @@ class CsvTable:
 
     def _is_key(self, name: str) -> bool:
         return self.keys is not None and name in (self.keys[1], self.unit)
-
-    def _is_number(self, cell: str) -> bool:
-        return is_number(plain(cell, self._decimal))
-
-    def _is_date(self, name: str, cell: str) -> bool:
-        return name in self._dates and seconds_of(cell, self._day_first) is not None
 
     def _number(self, name: str, cell: str) -> float:
         if cell in _EMPTY:
@@ -253,10 +255,7 @@ class LongTable:
 
     def rows(self, names: Sequence[str]) -> Iterator[Rows]:
         """See CsvTable."""
-        total = len(self._columns[self._time])
-        for i in range(0, total, ROWS):
-            block = {name: self._columns[name][i : i + ROWS] for name in names}
-            yield Rows(block, min(1.0, (i + ROWS) / total))
+        return in_blocks({name: self._columns[name] for name in names})
 
     @cached_property
     def _columns(self) -> Mapping[str, Floats]:

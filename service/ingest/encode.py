@@ -34,7 +34,7 @@ class FrameEncoder:
     Signals that no axis needs get their initial value, or the raw value 0.
 
     Raises:
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
 
     def __init__(self, config: Config, bus: str) -> None:

@@ -61,15 +61,15 @@ class Loaded(NamedTuple):
 
 
 def load(text: str, config: Config, axis_id: str) -> Loaded:
-    """Load the record of one axis ("robot.axis"), with those of its auxiliary signals that the file has.
+    """Load the record of a configured axis ("robot.axis"), with those of its auxiliary signals that the file has.
 
     ``text``: a file, with or without a range; see ``wanted``.
 
     Raises:
-        RecordError: there is no such axis; the file cannot be read, is damaged, or has too few samples of the axis.
-        DescriptionError, IngestError: the configuration cannot be used.
+        RecordError: the file cannot be read, is damaged, or has too few samples of the axis.
+        DescriptionError: the configuration cannot be used.
     """
-    axis = _axis_named(config, axis_id)
+    axis = next(axis for axis in config.axes if axis.id == axis_id)
     signals = _signals_in(wanted(text).path, axis)
     block, source = samples_in(text, config, axis, signals)
     block = block._replace(name=source.path.name)
@@ -98,7 +98,7 @@ def load_samples(
 
     Raises:
         RecordError: a file cannot be read, or has no samples of the axis.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     samples, sources = [], []
     for number, text in enumerate(texts):
@@ -126,7 +126,7 @@ def samples_in(
 
     Raises:
         RecordError: the file cannot be read, or has fewer than two samples of the axis in the range.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     want = wanted(text)
     block, dropped, left_out = axis_record(want.path, config, axis, signals, progress)
@@ -156,15 +156,6 @@ def samples_in(
         left_out,
     )
     return used, source
-
-
-def _axis_named(config: Config, axis_id: str) -> NamedAxis:
-    for axis in config.axes:
-        if axis.id == axis_id:
-            return axis
-    raise RecordError(
-        f"no axis {axis_id} in the configuration; there is {', '.join(a.id for a in config.axes)}"
-    )
 
 
 def _signals_in(path: Path, axis: NamedAxis) -> Sequence[FurtherSignalConfig]:

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.samples import forward_fill
 from service.can.decode_plan import Column
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
@@ -53,39 +52,51 @@ def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: 
     return Quantity(name, decoder.want(message, signal), message, signal, *source.scale, wrap_period)
 
 
-class HeldSignal:
-    """The last value of an auxiliary signal on the bus, with the time of its receipt.
+class _Held:
+    """The last value of an auxiliary signal; ``interval_s``: between the samples of the axis."""
 
-    ``interval_s``: between the samples of the axis.
-    """
+    def __init__(self, source: FurtherSignalConfig, interval_s: float) -> None:
+        self._derivative = derivative_of(source, interval_s)
+        self._most_us = source.max_age_s * 1e6
+        self._value = self._t_us = np.array([math.nan])
+
+    def take(self, values: Floats, t_us: Floats | Ints, received: Ints, at_us: Floats | Ints) -> Floats:
+        """The values for samples (M,); NaN: no value, or too old.
+
+        Args:
+            values: new values (N,), all finite; the last one is kept for the next samples.
+            t_us: their times (N,) [us].
+            received: number of these values that were there when each sample was complete (M,).
+            at_us: times of the samples (M,) [us].
+        """
+        if self._derivative is not None:
+            return self._derivative.take(values, t_us, received, at_us)
+        known, known_us = np.concatenate([self._value, values]), np.concatenate([self._t_us, t_us])
+        self._value, self._t_us = known[-1:], known_us[-1:]
+        return np.where(np.abs(at_us - known_us[received]) <= self._most_us, known[received], math.nan)
+
+
+class HeldSignal:
+    """An auxiliary signal on the bus; ``interval_s``: between the samples of the axis."""
 
     def __init__(self, source: FurtherSignalConfig, decoder: Decoder, interval_s: float) -> None:
         self.quantity = quantity_of(f"signal {source.name}", source, decoder)
-        self._derivative = derivative_of(source, interval_s)
-        self._most_us = source.max_age_s * 1e6
-        self._value, self._t_us = math.nan, 0
+        self._held = _Held(source, interval_s)
 
     def take(self, decoded: Mapping[FrameKey, Decoded], places: Ints, t_us: Ints) -> Floats:
         """The values (N,) for samples completed by the frames at these places of a block; NaN: no value, or too old.
 
         Args:
-            decoded: decoded messages of the block; the last finite value is kept for the next blocks.
+            decoded: decoded messages of the block.
             places: positions of frames in the block (N,), increasing; a value in the same frame counts.
             t_us: times of receipt of these frames (N,).
         """
-        values, times, since = [self._value], [self._t_us], np.zeros(0, np.int64)
-        if (found := decoded.get(self.quantity.key)) is not None:
-            raw, column = found.signals[self.quantity.signal], self.quantity.column(found.signals)
-            known = np.flatnonzero(raw.present & np.isfinite(raw.values))
-            since = found.places[known]
-            values += column.values[known].tolist()
-            times += found.t_us[known].tolist()
-            self._value, self._t_us = values[-1], times[-1]
-        last = np.searchsorted(since, places, "right")
-        if self._derivative is not None:
-            return self._derivative.take(np.array(values[1:]), np.array(times[1:], np.int64), last, t_us)
-        age_us = np.abs(t_us - np.array(times, np.int64)[last])
-        return np.where(age_us <= self._most_us, np.array(values)[last], math.nan)
+        if (found := decoded.get(self.quantity.key)) is None:
+            return self._held.take(np.zeros(0), np.zeros(0), np.zeros(len(places), np.int64), t_us)
+        raw, column = found.signals[self.quantity.signal], self.quantity.column(found.signals)
+        known = np.flatnonzero(raw.present & np.isfinite(raw.values))
+        received = np.searchsorted(found.places[known], places, "right")
+        return self._held.take(column.values[known], found.t_us[known], received, t_us)
 
 
 class HeldColumns:
@@ -95,11 +106,7 @@ class HeldColumns:
     """
 
     def __init__(self, sources: Sequence[FurtherSignalConfig], interval_s: float) -> None:
-        self._sources = tuple(sources)
-        self._most_us = 1e6 * np.array([source.max_age_s for source in sources])
-        found = {k: derivative_of(source, interval_s) for k, source in enumerate(sources)}
-        self._derivatives = {k: derivative for k, derivative in found.items() if derivative}
-        self._values = self._times = np.full(len(self._sources), np.nan)
+        self._signals = [(source, _Held(source, interval_s)) for source in sources]
 
     def take(self, time_us: Floats, columns: Mapping[str, Floats]) -> Floats:
         """The signals (N, S) at these rows; NaN: unknown.
@@ -108,14 +115,9 @@ class HeldColumns:
             time_us: times of the rows (N,) [us]; rows with NaN are ignored.
             columns: columns of these rows (N,), by name.
         """
-        raw = np.stack([s.factor * columns[str(s.column)] + s.offset for s in self._sources], axis=1)
-        known_us = np.where(np.isfinite(raw), time_us[:, np.newaxis], np.nan)
-        values = forward_fill(np.where(np.isfinite(known_us), raw, np.nan), self._values)
-        times = forward_fill(known_us, self._times)
-        if len(values):
-            self._values, self._times = values[-1], times[-1]
-        found = np.where(np.abs(time_us[:, np.newaxis] - times) <= self._most_us, values, np.nan)
-        for k, derivative in self._derivatives.items():
-            known = np.isfinite(raw[:, k]) & np.isfinite(time_us)
-            found[:, k] = derivative.take(raw[known, k], time_us[known], np.cumsum(known), time_us)
-        return found
+        found = []
+        for source, held in self._signals:
+            values = source.factor * columns[str(source.column)] + source.offset
+            known = np.isfinite(values) & np.isfinite(time_us)
+            found.append(held.take(values[known], time_us[known], np.cumsum(known), time_us))
+        return np.stack(found, axis=1)

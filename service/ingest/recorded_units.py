@@ -21,7 +21,7 @@ def unit_text(config: Config, axis: NamedAxis, signal: Signal, path: Path) -> st
 
     Raises:
         RecordError: the file cannot be read.
-        DescriptionError, IngestError: the bus cannot be decoded as configured.
+        DescriptionError: the bus cannot be decoded as configured.
     """
     source = axis.config.torque if signal == "torque" else axis.config.motion
     if is_table(path):
@@ -35,7 +35,7 @@ def units_as_recorded(config: Config, axis: NamedAxis, path: Path) -> Iterator[s
     """Remarks on signals that are not in SI units, as a factor is missing, so that units in reports are wrong.
 
     Raises:
-        RecordError, DescriptionError, IngestError: as of ``unit_text``.
+        RecordError, DescriptionError: as of ``unit_text``.
     """
     own = axis.config
     motion: Quantity = "angle" if own.output == "angle" else "speed"

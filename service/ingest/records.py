@@ -52,7 +52,7 @@ def read_record(path: Path, config: Config) -> Record:
 
     Raises:
         RecordError: the file cannot be read, has an unknown suffix, or lacks a column.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
     return TableRecord(path, config) if is_table(path) else LogRecord(path, config)
 
@@ -144,7 +144,7 @@ class LogRecord:
 
     Raises:
         RecordError: the log cannot be opened, or the configuration has no bus.
-        DescriptionError, IngestError: the configuration cannot be used.
+        DescriptionError: the configuration cannot be used.
     """
 
     def __init__(self, path: Path, config: Config, carried: Carried | None = None) -> None:

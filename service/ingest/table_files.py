@@ -17,7 +17,7 @@ from scipy.io.matlab import MatReadError
 from monitor_core.arrays import Floats
 from monitor_core.wording import did_you_mean
 from service.can.user_errors import RecordError
-from service.ingest.csv_tables import ROWS, CsvTable, LongTable, Rows, numbers
+from service.ingest.csv_tables import ROWS, CsvTable, LongTable, Rows, in_blocks, numbers
 
 TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
 _MOST_COLUMNS = 100
@@ -121,10 +121,7 @@ class MatTable:
         lengths = {name: len(column) for name, column in columns.items()}
         if len(set(lengths.values())) > 1:
             raise RecordError(f"{self._path}: the variables differ in length: {lengths}")
-        total = next(iter(lengths.values()))
-        for i in range(0, total, ROWS):
-            block = {name: column[i : i + ROWS] for name, column in columns.items()}
-            yield Rows(block, min(1.0, (i + ROWS) / total))
+        return in_blocks(columns)
 
     def _vector(self, name: str) -> Floats:
         array = np.asarray(self._arrays[name])

@@ -6,7 +6,7 @@ Exports of drives and spreadsheets start with remarks, the names of the columns,
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import lru_cache
 from itertools import islice
@@ -19,10 +19,8 @@ _SAMPLE_LINES = 300
 """Lines read to find where the numbers start, and the format of numbers and dates."""
 _BELOW_NAMES = 3
 """Most lines between the names and the numbers: units, descriptions."""
-_DECIMAL_COMMA, _DECIMAL_POINT = (
-    re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*"),
-    re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*"),
-)
+_DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*")
+_DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
 _OTHER_MARK = {".": ",", ",": "."}
 _GROUPED = {
     mark: re.compile(
@@ -88,13 +86,11 @@ class Head(NamedTuple):
     @property
     def taken(self) -> tuple[str, ...]:
         """Assumptions about dates and numbers that are ambiguous in the first rows."""
-        words, days, cells = list[str](), self._slashed_days, self._cells
+        words, days = list[str](), self._slashed_days
         if days and max(int(number) for day in days for number in day) <= _MONTHS:
             order = "day/month" if self.day_first else "month/day"
             words.append(f"dates such as {'/'.join(days[0])}/... are taken as {order}/year")
-        commas = (
-            [cell for cell in cells if _DECIMAL_COMMA.fullmatch(cell)] if self.decimal_mark == "," else []
-        )
+        commas = list(filter(_DECIMAL_COMMA.fullmatch, self._cells if self.decimal_mark == "," else []))
         if commas and all(map(_THREE_DIGITS.fullmatch, commas)):
             words.append(
                 f"{commas[0]} is taken as {commas[0].replace(',', '.')}; if commas separate thousands, leave them out"
@@ -253,12 +249,9 @@ def _is_date(cell: str) -> bool:
 
 def _has_numbers(row: Sequence[str]) -> bool:
     """Whether a row has a number or a date; a lone "1" may be a unit."""
-    numbers = [is_number(cell.replace(",", ".")) or _is_date(cell) for cell in row if cell]
-    return any(numbers) and (all(numbers) or any(n and cell != "1" for n, cell in _with(numbers, row)))
-
-
-def _with(numbers: Sequence[bool], row: Sequence[str]) -> Iterable[tuple[bool, str]]:
-    return zip(numbers, [cell for cell in row if cell], strict=True)
+    cells = [cell for cell in row if cell]
+    numbers = [cell for cell in cells if is_number(cell.replace(",", ".")) or _is_date(cell)]
+    return bool(numbers) and (len(numbers) == len(cells) or any(cell != "1" for cell in numbers))
 
 
 def _could_be_names(row: Sequence[str]) -> bool:

@@ -165,7 +165,7 @@ class FramePipeline:
 
     Raises:
         AxisError: an axis cannot be monitored as configured.
-        DescriptionError, IngestError: a bus cannot be decoded as configured.
+        DescriptionError: a bus cannot be decoded as configured.
     """
 
     def __init__(self, config: Config, axes: Sequence[NamedAxis] | None = None) -> None:

@@ -7,9 +7,9 @@ the new epoch.
 """
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from typing import TypeVar
 
 import structlog
@@ -132,11 +132,9 @@ class Baselines:
         if self._thread.is_alive():
             self._thread.join()
 
-    @contextmanager
-    def held(self) -> Iterator[None]:
-        """Lock the epochs: none begins or ends inside the ``with`` block."""
-        with self._lock:
-            yield
+    def held(self) -> AbstractContextManager[bool]:
+        """The lock of the epochs: none begins or ends inside a ``with`` block of it."""
+        return self._lock
 
     def in_force(self, axis_id: str) -> NamedAxis:
         """An axis with the nominal values that are in force."""

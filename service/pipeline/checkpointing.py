@@ -10,13 +10,12 @@ import structlog
 
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm
-from monitor_core.drive import Operating
-from monitor_core.monitoring import Arrays, AxisMonitor, UnrecordedHeat
+from monitor_core.monitoring import Arrays, AxisMonitor
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import joined, sentence
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.epoch_progress import EpochProgress
+from service.pipeline.axis_pipeline import AxisPipeline
 from service.pipeline.giving_way import giving_way
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
@@ -35,8 +34,6 @@ MOST_REOPENED = 20
 """Number of the latest ended alarms that the monitor of an axis gets at the start, as it may reopen them"""
 
 Part = Literal["estimates", "multimodel", "thermal", "learning", "history"]
-FIRST = EpochProgress(1)
-"""Epoch of an axis that has always had the nominal values of its configuration"""
 
 
 class SavedState(NamedTuple):
@@ -50,18 +47,13 @@ class SavedState(NamedTuple):
     restore: Callable[[Arrays], None]
 
 
-def states_of(
-    axis_id: str,
-    monitor: AxisMonitor,
-    operating: Operating | None = None,
-    unrecorded_heat: UnrecordedHeat | None = None,
-    epoch: EpochProgress = FIRST,
-) -> Iterator[SavedState]:
+def states_of(axis: AxisPipeline) -> Iterator[SavedState]:
     """The saved states of an axis: estimates, evidence of the multi-model detector, learning window, warm-up state.
 
     An axis without a warm-up state has the starts of its motion instead.  All but these two belong to one epoch and
     have it in their keys.
     """
+    axis_id, monitor, epoch = axis.config.id, axis.monitor, axis.epoch
     key = epoch.key(monitor.key)
     yield SavedState("estimates", axis_id, key, monitor.to_arrays, monitor.from_arrays)
     multimodel = monitor.multimodel
@@ -78,17 +70,16 @@ def states_of(
         key = f"learning window 1 for epoch {number} of {window.length_s:g} s {monitor.key}"
         name = f"{axis_id} (learning window)"
         yield SavedState("learning", name, key, window.to_arrays, window.from_arrays)
+    operating, starts = axis.operating, axis.unrecorded_heat
     if operating is not None and operating.thermal is not None:
         m = operating.thermal.model
         tau = " ".join(f"tau={tau_s}" for tau_s, _ in m.parts)
         key = f"{THERMAL_SCHEMA} {tau} fm={m.fm} fc={m.fc} largest={m.largest}"
         name = f"{axis_id} (warm-up state)"
         yield SavedState("thermal", name, key, operating.to_arrays, operating.from_arrays)
-    if unrecorded_heat is not None:
+    if starts is not None:
         name = f"{axis_id} (starts of the motion)"
-        yield SavedState(
-            "thermal", name, STARTS_SCHEMA, unrecorded_heat.to_arrays, unrecorded_heat.from_arrays
-        )
+        yield SavedState("thermal", name, STARTS_SCHEMA, starts.to_arrays, starts.from_arrays)
 
 
 class Checkpointer:
@@ -145,8 +136,8 @@ class Checkpointer:
         self._monitors.trends.saved()
 
     def _states(self) -> Iterator[AxisState]:
-        for axis_id, axis in self._monitors.axes.items():
-            for state in states_of(axis_id, axis.monitor, axis.operating, axis.unrecorded_heat, axis.epoch):
+        for axis in self._monitors.axes.values():
+            for state in states_of(axis):
                 arrays = state.arrays()
                 if arrays is not None:
                     yield AxisState(state.name, state.key, arrays)
@@ -237,7 +228,7 @@ def restore(
     changes: list[AxisAlarm] = []
     for axis_id, axis in monitors.axes.items():
         monitor = axis.monitor
-        for state in states_of(axis_id, monitor, axis.operating, axis.unrecorded_heat, axis.epoch):
+        for state in states_of(axis):
             loss = Loss(axis_id, state.part, "")
             found = loader.load(loss, state.name, state.key)
             if found is not None and loader.use(loss, state.name, state.restore, found.arrays):
@@ -245,9 +236,7 @@ def restore(
         messages += _close_unmonitored(axis_id, monitor.causes, journal, now_us)
         recorded = journal.open_alarms(axis_id)
         opened += [AxisAlarm(axis_id, alarm) for alarm in recorded]
-        own = [
-            alarm for alarm in recorded if alarm.kind != "forecast"
-        ]  # forecast alarms belong to the trends
+        own = [alarm for alarm in recorded if alarm.kind != "forecast"]  # those belong to the trends
         changes += [AxisAlarm(axis_id, alarm) for alarm in _adopt(axis_id, monitor, own, journal)]
     for axis_id in sorted({a.axis for a in journal.standing()}.difference(configured or monitors.by_id)):
         messages += _close_unmonitored(axis_id, (), journal, now_us)

@@ -106,17 +106,12 @@ class HistoryRecording:
         return looked_us is None or abs(time_us - looked_us) >= self.interval_s * 1e6 / CHECKS_PER_INTERVAL
 
     def take(self, axis_id: str, status: AxisStatus, paused: bool) -> None:
-        """Keep a point of each parameter, unless this interval (of the samples' time) already has one.
+        """Keep a point of each parameter, for an axis for which ``is_due`` is true.
 
-        A parameter without a present estimate gets no point: no sample yet, settling, invalid, or the axis is
-            ``paused``.
+        A parameter without a present estimate gets no point: settling, invalid, or the axis is ``paused``.
         """
-        if status.time_us is None:
-            return
-        self._looked_us[axis_id] = status.time_us
-        slot = self._slot(status.time_us)
-        if self._slots.get(axis_id) == slot:
-            return
+        assert status.time_us is not None  # otherwise none is due
+        self._looked_us[axis_id], slot = status.time_us, self._slot(status.time_us)
         t = math.floor(slot * self.interval_s)
         found = [] if paused else [_point(axis_id, t, p) for p in status.parameters if _is_known(p)]
         if not found:  # estimates may become available later in this interval

@@ -71,10 +71,10 @@ class _Surroundings(NamedTuple):
     history: HistoryState
     messages: tuple[str, ...]
 
-    def is_urgent(self, shown: Snapshot) -> bool:
-        """Whether alarms, messages or bus states differ from the published snapshot."""
-        states, shown_states = ([bus.state for bus in buses] for buses in (self.buses, shown.buses))
-        return (self.alarms, self.messages, states) != (shown.alarms, shown.messages, shown_states)
+    @property
+    def urgent(self) -> tuple[object, ...]:
+        """What is published at once when it changes: alarms, messages, bus states."""
+        return self.alarms, self.messages, [bus.state for bus in self.buses]
 
 
 class Publisher:
@@ -92,6 +92,7 @@ class Publisher:
         self._views = dict[str, AxisView]()
         self._silence = SilenceWatch(parts.pipeline.messages_of)
         self._was_read = False
+        self._shown: _Surroundings
         self.newest: Snapshot
         """The newest snapshot.  Reading it here does not make snapshots more frequent, as reading ``snapshot`` does"""
         self._published_s = self._making_s = 0.0
@@ -134,7 +135,7 @@ class Publisher:
         news = self._news(buses, compiling)
         age_s = perf_counter() - self._published_s
         due_s = min(UNREAD_S, max(READ_S, PAUSE_FACTOR * self._making_s)) if self._was_read else UNREAD_S
-        if at_once or age_s >= due_s or news.is_urgent(self.newest):
+        if at_once or age_s >= due_s or news.urgent != self._shown.urgent:
             self._was_read = False
             self._replace(news, prepare=age_s >= UNREAD_S / 2)
             self._silence.report(self.newest, takes)
@@ -144,7 +145,7 @@ class Publisher:
         new = self._snapshot(news)
         if prepare:
             self.prepare(new)
-        self.newest = new
+        self.newest, self._shown = new, news
         self._published_s = perf_counter()
         self._making_s = self._published_s - start
 

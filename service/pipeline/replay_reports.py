@@ -92,9 +92,8 @@ class ReplayReports:
         page = self.page(alarm)
         if page is None:
             return None
-        with (
-            self._lock
-        ):  # read both together: a process that has just ended has either made the report or failed
+        # Read both together: a process that has just ended has either made the report or failed.
+        with self._lock:
             if self._running == alarm.id:
                 return ReportState("running")
             problem = self._failed.get(alarm.id)

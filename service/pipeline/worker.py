@@ -13,7 +13,6 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import structlog
 
 from monitor_core.wording import sentence
-from service.can.bus_reader import BusSnapshot
 from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
@@ -158,7 +157,7 @@ class Worker:
     def change(self, axes: Sequence[NamedAxis], new: AxisMonitors) -> None:
         """Monitor exactly these axes from now on; to be called between two blocks.
 
-        Axes in ``made`` get its monitors.  The others keep their monitors and states, and miss no sample.
+        Axes in ``new`` get its monitors.  The others keep their monitors and states, and miss no sample.
         """
         ids = [axis.id for axis in axes]
         gone = self.pipeline.monitors.axes.keys() - set(ids)
@@ -279,10 +278,8 @@ class Worker:
         self._publish(at_once=True)
 
     def _publish(self, at_once: bool) -> None:
-        self.publisher.publish(self._bus_snapshots(), self._compiling(), at_once, not self._waits())
-
-    def _bus_snapshots(self) -> Iterator[BusSnapshot]:
-        return (bus.snapshot() for bus in self._buses)
+        buses = (bus.snapshot() for bus in self._buses)
+        self.publisher.publish(buses, self._compiling(), at_once, not self._waits())
 
     def _compiling(self) -> Iterator[str]:
         """Messages to the operator about kernels that are not ready."""

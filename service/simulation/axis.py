@@ -104,8 +104,8 @@ class ControlledAxis:
         if self._conditions and k % self._follows_every == 0:
             values = AxisModel(self._model.drive, self._given, ()).nominal
             motion = self._drive.angle if self._output == "angle" else self._drive.speed
-            moment = Followed(k * self.interval_s, motion, signals)
-            self._drive.set(dict(self._conditions.followed(moment, values)))
+            followed = self._conditions.followed(k * self.interval_s, motion, signals, values)
+            self._drive.set(dict(followed))
         torque = self._command(k)
         reading = Reading(torque, self._moved() + self._noise * self._rng.standard_normal(), signals)
         self._move(torque + self._ripple * self._rng.standard_normal())
@@ -158,9 +158,8 @@ def _test_signal(plant: Plant, kp: float, kd: float, rng: np.random.Generator) -
 def _speed_rms(plant: Plant, kp: float, kd: float, frequency_hz: Floats) -> float:
     """Speed [rad/s rms] of the controlled drive at a torque of 1 N m rms on these lines (L,)."""
     s = 2j * np.pi * frequency_hz
-    held = -np.expm1(-s * plant.interval_s) / (
-        s * plant.interval_s
-    )  # the response is that of the held torque
+    # The response is that of the held torque.
+    held = -np.expm1(-s * plant.interval_s) / (s * plant.interval_s)
     angle = plant.response(frequency_hz)[0] / held
     forwards, backwards = plant.countered(np.zeros(2), np.array([_FAST, -_FAST]))
     # Of fc sign(w) at a random speed with SPEED_RMS, the part sqrt(2/pi) fc / SPEED_RMS is proportional to the speed.
@@ -177,14 +176,6 @@ SIGNAL_PERIOD_S = 60.0
 _SIGNAL_SWING = 0.45
 """Amplitude as a share of the width of the range, to either side of its middle."""
 _BACK = {"cos": math.acos, "sin": math.asin, "square": math.sqrt}
-
-
-class Followed(NamedTuple):
-    """Inputs of the schedules: time [s], angle or speed of the axis, and its signals."""
-
-    time_s: float
-    motion: float
-    signals: tuple[float, ...]
 
 
 class SimulatedConditions:
@@ -234,11 +225,12 @@ class SimulatedConditions:
             values.append(value)
         return tuple(values)
 
-    def followed(self, moment: Followed, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-        """The parameters that follow signals and heat, at each time; with these values at the references."""
-        t_us = np.array([round(moment.time_s * 1e6)], np.int64)
-        signals = np.array([moment.signals], np.float64)
-        block = SampleBlock(t_us, np.zeros(1), np.array([moment.motion]), signals=signals)
+    def followed(
+        self, time_s: float, motion: float, signals: tuple[float, ...], values: Mapping[str, float]
+    ) -> Iterator[tuple[str, float]]:
+        """The parameters that follow signals and heat, at a time; ``values``: all parameters at the references."""
+        t_us, row = np.array([round(time_s * 1e6)], np.int64), np.array([signals], np.float64)
+        block = SampleBlock(t_us, np.zeros(1), np.array([motion]), signals=row)
         now = self._operating.conditioned(block)
         if now.weight is not None and math.isfinite(now.weight[0]):
             offset, nominal = self._weight[0].parameter, sum(v.slope * v.reference for v in self._weight)

@@ -28,6 +28,7 @@ from tests.service.commands.commissioned_demo import as_shipped
 from tests.service.commands.commissioning.two_mass_tables import FEW, table
 from tests.service.commands.live_robots import configured, moving
 from tests.service.identification.conftest import write_record, write_robot
+from tests.service.pipeline.robots import replayed
 from tests.service.web.conftest import FM_ALARM, Stage, serving, stored_history
 
 
@@ -206,8 +207,8 @@ def watches(config: Path, text: str, file: str) -> None:
     config.write_text(text, encoding="utf-8")
     check = axiswatch("check", "--config", config)
     assert (check.exit_code, file in check.stdout) == (0, True)
-    assert alarms_in(config, "third") == []
-    (alarm,) = alarms_in(config, "faulty")
+    assert replayed(config, config.with_name("third.log"))["alarms"] == []
+    (alarm,) = replayed(config, config.with_name("faulty.log"))["alarms"]
     assert (alarm["parameter"], alarm["direction"]) == ("fm", "up")
     assert alarm["size"] == pytest.approx(0.3 * 0.06, rel=0.1)
 
@@ -221,13 +222,6 @@ def pointed_at_nominal(text: str) -> str:
     text = re.sub(r"\[robot\.axis\.model\.nominal\]\n.*?\n\n", "", text, flags=re.S)
     text = re.sub(r"^(torque_noise|output_noise|initial_p) = .*\n", "", text, flags=re.MULTILINE)
     return text.replace("[robot.axis.model]\n", snippet)
-
-
-def alarms_in(config: Path, record: str) -> list[dict[str, object]]:
-    done = axiswatch("replay", "--config", config, config.parent / f"{record}.log", "--json", "-")
-    assert done.exit_code == 0, done.stderr
-    found: list[dict[str, object]] = json.loads(done.stdout)["axes"][0]["alarms"]
-    return found
 
 
 def test_the_drive_drawn_here_is_modelled_and_simulated(tmp_path: Path) -> None:

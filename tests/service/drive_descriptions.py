@@ -1,8 +1,8 @@
-"""One drive described in four formats: torque and angle in two messages, one with an extended id and in big endian."""
+"""One drive in four formats and as a table of ids: two messages, one with an extended id and in big endian."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Bits(NamedTuple):
@@ -46,6 +46,28 @@ def dbc() -> str:
             kind = f"{0 if s.big else 1}{'-' if s.signed else '+'}"
             text += f' SG_ {s.name} : {s.start}|{s.length}@{kind} ({s.factor},0) [0|0] "{s.unit}" D\n'
     return text
+
+
+def table() -> list[dict[str, Any]]:
+    """The messages of the drive, as a configuration has them."""
+    return [
+        {
+            "name": f.name,
+            "id": f.can_id,
+            "signal": [
+                {
+                    "name": s.name,
+                    "start_bit": s.start,
+                    "length": s.length,
+                    "kind": "signed" if s.signed else "unsigned",
+                    "byte_order": "big" if s.big else "little",
+                    "factor": float(s.factor),
+                }
+                for s in f.signals
+            ],
+        }
+        for f in FRAMES
+    ]
 
 
 def kcd() -> str:

@@ -63,7 +63,7 @@ def test_a_minute_of_overload(tmp_path: Path) -> None:
     """Sent as fast as the kernel takes it, to a reader with a short queue and a busy worker."""
     plant = make_config(tmp_path, axis1())
     config, ingest = bus_of(plant, queue_frames=2000), Ingest(plant, "bus0")
-    ids = [key.record_id for key in ingest.keys]
+    ids = [key.record_id for key in ingest.decoder.keys]
     count = 1000
     numbers = np.arange(count)
     frames = FrameBlock.from_columns(

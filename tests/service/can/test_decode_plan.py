@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cantools.database.can import Database, Message, Signal
+from cantools.database.can import Message, Signal
 from cantools.database.conversion import BaseConversion
 from cantools.database.errors import DecodeError
 from hypothesis import given, settings
@@ -271,12 +271,6 @@ def test_frames_of_any_length_are_joined_and_come_out_again(seed: int) -> None:
     assert list(concatenate_frames([]).frames()) == []
 
 
-def test_a_block_without_frames_is_false() -> None:
-    frame = Frame(1, 0x100, False, b"x")
-    assert FrameBlock.from_frames([frame])
-    assert not FrameBlock.from_frames([])
-
-
 def test_a_database_without_the_page_of_a_frame(tmp_path: Path) -> None:
     """Wanted or not, a multiplexer with an unknown value makes the frame undecodable, as for cantools."""
     message = Message(
@@ -289,7 +283,6 @@ def test_a_database_without_the_page_of_a_frame(tmp_path: Path) -> None:
             Signal("a", 16, 8, multiplexer_signal="page", multiplexer_ids=[1]),
         ],
     )
-    assert isinstance(Database([message]), Database)
     data = np.zeros((2, 8), np.uint8)
     data[:, 0] = [2, 5]
     columns, known = MessagePlan(message, ["plain"]).decode(data)

@@ -3,6 +3,7 @@
 import os
 import random
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,7 +12,7 @@ from service.can.frames import Frame, FrameBlock
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
 from service.ingest.bus_samples import Ingest
-from tests.service.drive_descriptions import TEXTS
+from tests.service.drive_descriptions import TEXTS, table
 from tests.service.ingest import plant
 
 HEAD = 'VERSION ""\nBU_: X\n'
@@ -56,8 +57,8 @@ def test_an_extended_identifier_is_another_one(tmp_path: Path) -> None:
 # --- each format -------------------------------------------------------------------------------------------
 
 
-def test_one_drive_in_four_formats_gives_the_same_samples(tmp_path: Path, seed: int) -> None:
-    """With an extended id, big endian, and a counter."""
+def test_one_drive_in_every_description_gives_the_same_samples(tmp_path: Path, seed: int) -> None:
+    """In four formats and as a table of ids, alone or beside a file; an extended id, big endian, and a counter."""
     rng, frames = random.Random(seed), list[Frame]()
     for k in range(50):
         count = bytes([k])
@@ -68,8 +69,12 @@ def test_one_drive_in_four_formats_gives_the_same_samples(tmp_path: Path, seed: 
     found = dict[str, list[plant.Sample]]()
     for name, text in TEXTS.items():
         (tmp_path / name).write_text(text(), encoding="utf-8")
-        ingest = Ingest(plant.make_config(tmp_path, axis, messages=name), "bus0")
+    buses: dict[str, dict[str, Any]] = {name: {"messages": name} for name in TEXTS}
+    buses |= {"a table": {"messages": None, "message": table()}, "both": {"message": table()}}
+    for name, bus in buses.items():
+        ingest = Ingest(plant.make_config(tmp_path, axis, **bus), "bus0")
         found[name] = plant.fed(ingest, frames)["r.a"]
+    assert ingest.decoder.known.source == "plant.dbc and [[bus.message]]"
     samples = found["a.dbc"]
     assert len(samples) == 50
     torque = int.from_bytes(frames[0].data[:2], "little", signed=True) * 0.0625

@@ -12,7 +12,7 @@ import can
 import numpy as np
 import pytest
 
-from service.can.frames import CLASSIC_RECORD, FD_RECORD, Frame
+from service.can.frames import CLASSIC_RECORD, FD_RECORD, Frame, FrameBlock
 from service.can.log_files import CanLog
 from service.can.mf4_frames import merged
 from service.can.user_errors import RecordError
@@ -63,7 +63,7 @@ def test_groups_are_merged_in_the_order_of_time(seed: int) -> None:
         records["id"] = np.arange(count)
         starts = range(0, count, size)
         groups.append(
-            iter([(records[k : k + size], np.full(len(records[k : k + size]), channel)) for k in starts])
+            iter([(FrameBlock(part := records[k : k + size]), np.full(len(part), channel)) for k in starts])
         )
         expected += [
             (int(t_us), channel, int(frame))
@@ -71,8 +71,8 @@ def test_groups_are_merged_in_the_order_of_time(seed: int) -> None:
         ]
     found = [
         (int(t_us), int(channel), int(frame))
-        for records, channels in merged(groups)
-        for t_us, channel, frame in zip(records["t_us"], channels, records["id"], strict=True)
+        for frames, channels in merged(groups)
+        for t_us, channel, frame in zip(frames.t_us, channels, frames.ids, strict=True)
     ]
     assert [t_us for t_us, _, _ in found] == sorted(t_us for t_us, _, _ in expected)
     assert sorted(found) == sorted(expected)

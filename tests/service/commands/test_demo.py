@@ -19,7 +19,7 @@ from tests.conftest import ROOT
 from tests.service.command_line import axiswatch
 from tests.service.commands.commissioned_demo import COMMISSIONED, as_shipped
 from tests.service.commands.commissioning.two_mass_tables import FEW
-from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
+from tests.service.pipeline.robots import START_US, blocks, demo, live
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -155,9 +155,3 @@ def test_the_same_seed_gives_the_same_table(tmp_path: Path, seed: int) -> None:
     assert values.shape == (400, 5)
     assert np.diff(values[:, 0]) == pytest.approx(0.005)
     assert np.all(np.ptp(values[:, 1:], axis=0) > 0.1)
-
-
-def test_a_table_needs_one_interval(tmp_path: Path) -> None:
-    config = changed(demo(tmp_path, 2), "axis2", sample_interval_s=0.01)
-    with pytest.raises(ValueError, match="the same interval"):
-        next(table_lines(config, 1.0, 0))

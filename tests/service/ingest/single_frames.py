@@ -7,6 +7,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 import numpy as np
 
 from monitor_core.kernel.compile import entry
+from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.sampling import (
     DROP_REASONS,
     counted_interval_s,
@@ -14,15 +15,16 @@ from monitor_core.sampling import (
     cyclic_clock,
     cyclic_interval_s,
     new_meter,
+    new_pairing,
     time_per_count_s,
 )
 from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE, count_time, read_cycle, release_held
 from monitor_core.sampling.pairing import MOTION, NO_TIME, SAMPLE, TORQUE, add_pair, add_value, flush_pairing
 from monitor_core.sampling.stamp_meter import frame_received, sample_timed
-from service.ingest.axis_input import pairing_of
 from service.ingest.timestamp_jitter import Clock, Stamps, stamps_of
 
 Kind = Literal["torque", "motion"]
+LIMITS = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS["angle"]
 V = TypeVar("V")
 
 
@@ -153,7 +155,7 @@ class Assembler:
     """The pairing of an axis."""
 
     def __init__(self, interval_s: float, tolerance_s: float, max_gap_s: float) -> None:
-        self._pairing = pairing_of(interval_s, tolerance_s, max_gap_s)
+        self._pairing = new_pairing(interval_s, tolerance_s, max_gap_s, 1.0, LIMITS)
 
     @property
     def dropped(self) -> dict[str, int]:

@@ -69,7 +69,7 @@ def test_a_sample_has_the_last_value_received_by_then(tmp_path: Path) -> None:
 def test_an_axis_that_needs_none_has_none(tmp_path: Path) -> None:
     unused = make_config(tmp_path, axis1(signal=[HEAT]))
     ingest = Ingest(unused, "bus0")
-    assert (320, False) not in ingest.keys
+    assert (320, False) not in ingest.decoder.keys
     assert plant.fed(ingest, pair(START_US)) == {"r.one": [plant.Sample(START_US + 100, 1.0, 2.0)]}
 
 

@@ -127,7 +127,7 @@ def test_a_node_of_the_canopen_package(folder: Path, drive: tuple[Any, Any, Any]
         folder, ("canopen = { node_id = 3 }", f"canopen = {{ node_id = 3 }}\nsignal = [{listing}]")
     )
     ingest = Ingest(config, "can0", {"r.a": config.axes[0].sources})
-    assert {key.can_id for key in ingest.keys} == {0x80, 0x183, 0x283, 0x383}
+    assert {key.can_id for key in ingest.decoder.keys} == {0x80, 0x183, 0x283, 0x383}
     samples = fed(ingest, frames)["r.a"]
     assert len(samples) == 20
     assert not any(ingest.axes["r.a"].dropped.values())
@@ -205,7 +205,7 @@ def test_an_axis_that_follows_a_drive_of_no_axis(folder: Path) -> None:
     listing = ", ".join(f"{key} = {value!r}" for key, value in signal.items())
     config = configured(folder, (node, f"{node}signal = [{{ {listing} }}]\n"))
     ingest = Ingest(config, "can0", {"r.a": config.axes[0].sources})
-    assert {key.can_id for key in ingest.keys} == {0x80, 0x183, 0x283, 0x284}
+    assert {key.can_id for key in ingest.decoder.keys} == {0x80, 0x183, 0x283, 0x284}
 
 
 def test_the_second_axis_of_a_drive(folder: Path) -> None:

@@ -1,6 +1,5 @@
 """Encoders as they are: angles that start again, steps, angles of the arm behind a gear that turns the other way."""
 
-import json
 import math
 from collections.abc import Callable
 from pathlib import Path
@@ -18,8 +17,8 @@ from service.ingest.loaded_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import Fault
 from tests.service import robot_tables
-from tests.service.axis_with_columns import replayed, written
-from tests.service.pipeline.robots import blocks, live
+from tests.service.axis_with_columns import written
+from tests.service.pipeline.robots import blocks, live, replayed
 from tests.shares import soaked
 
 H, N, FAULT = 0.005, 4400, 3000  # the first 2000 samples find P(0)
@@ -53,10 +52,6 @@ def table(
     return folder / "a.csv"
 
 
-def found(file: Path, *records: Path) -> dict[str, Any]:
-    return dict(json.loads(replayed(file, *records, "--json", "-"))["axes"][0])
-
-
 def alike(a: dict[str, Any], b: dict[str, Any]) -> None:
     """The same estimates and alarms; the last digits of the angles differ."""
     for p, q in zip(a["parameters"], b["parameters"], strict=True):
@@ -88,13 +83,13 @@ ENCODERS: dict[str, tuple[Callable[[np.ndarray], np.ndarray], str]] = {
 @pytest.mark.parametrize("encoder", soaked(ENCODERS, "turned round", "arm, in degrees, about to start again"))
 def test_what_the_encoder_shows_changes_nothing(encoder: str, course: Course, tmp_path: Path) -> None:
     shown, angle = ENCODERS[encoder]
-    plain = found(config(tmp_path / "plain"), table(tmp_path, course, lambda y: y))
+    plain = replayed(config(tmp_path / "plain"), table(tmp_path, course, lambda y: y))
     file = config(tmp_path / "encoder", angle)
     record = table(tmp_path, course, shown)
     if "wrap_period" in angle:
         assert np.abs(np.diff(shown(course[1]))).max() > 1  # it does start again
     assert "kT" in [a["parameter"] for a in plain["alarms"]]
-    alike(found(file, record), plain)
+    alike(replayed(file, record), plain)
 
 
 def test_records_one_after_the_other_and_parts_of_one(course: Course, tmp_path: Path) -> None:
@@ -104,7 +99,7 @@ def test_records_one_after_the_other_and_parts_of_one(course: Course, tmp_path: 
     cut = far(course)
     (tmp_path / "b.csv").write_text("\n".join([head, *rows[:cut]]))
     (tmp_path / "c.csv").write_text("\n".join([head, *rows[cut:]]))
-    at_once, parts = found(file, record), found(file, tmp_path / "b.csv", tmp_path / "c.csv")
+    at_once, parts = replayed(file, record), replayed(file, tmp_path / "b.csv", tmp_path / "c.csv")
     assert at_once["parameters"] == parts["parameters"]
     assert at_once["alarms"] == parts["alarms"]
 
@@ -139,10 +134,12 @@ def test_half_a_turn_away_is_refused_and_counted(course: Course, tmp_path: Path)
     broken = y.copy()
     broken[2500:2503] += math.pi
     file = config(tmp_path / "a", f"wrap_period = {2 * math.pi!r}")
-    result = found(file, table(tmp_path, (u, broken), lambda y: y % (2 * math.pi)))
+    result = replayed(file, table(tmp_path, (u, broken), lambda y: y % (2 * math.pi)))
     assert result["dropped"]["ambiguous"] == 3
     assert sum(result["counters"].values()) == N - 3
-    alike(result, found(file, table(tmp_path, course, lambda y: y % (2 * math.pi), skip=range(2500, 2503))))
+    alike(
+        result, replayed(file, table(tmp_path, course, lambda y: y % (2 * math.pi), skip=range(2500, 2503)))
+    )
 
 
 def test_a_record_to_identify_from_is_made_whole(course: Course, tmp_path: Path) -> None:

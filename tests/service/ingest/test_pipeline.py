@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from service.can.frames import Frame, FrameBlock
-from service.can.user_errors import IngestError
 from service.ingest.bus_samples import Ingest
 from tests.service.ingest.plant import (
     ANGLE_ID,
@@ -17,7 +16,6 @@ from tests.service.ingest.plant import (
     axis1,
     axis2,
     axis3,
-    axis4,
     axis_drops,
     both2,
     counted,
@@ -34,7 +32,7 @@ def drops(ingest: Ingest) -> dict[str, int]:
 def test_two_axes_of_one_bus(tmp_path: Path) -> None:
     ingest = Ingest(make_config(tmp_path, axis1(), axis2()), "bus0")
     assert tuple(ingest.axes) == ("r.one", "r.two")
-    assert set(ingest.keys) == {(0x100, False), (ANGLE_ID, True), (0x110, False)}
+    assert set(ingest.decoder.keys) == {(0x100, False), (ANGLE_ID, True), (0x110, False)}
     samples = fed(
         ingest, [torque1(START_US, 1.5), both2(START_US + 100, -0.25, 12.5), angle1(START_US + 200, -3.0)]
     )
@@ -57,22 +55,6 @@ def test_what_is_decoded_of_a_frame(tmp_path: Path) -> None:
     frame = torque1(START_US, 1.5)
     samples = fed(ingest, [frame._replace(data=frame.data + bytes(4)), angle1(START_US, 1.0)])
     assert samples["r.one"] == [Sample(START_US, 1.5, 1.0)]
-
-
-def test_frames_that_give_nothing_are_counted(tmp_path: Path) -> None:
-    ingest = Ingest(make_config(tmp_path, axis1(), axis3()), "bus0")
-    assert not fed(
-        ingest,
-        [
-            Frame(START_US, 0x140, False, bytes(8)),  # of no axis
-            Frame(START_US, 0x100, True, bytes(8)),  # the number of a wanted one, but extended
-            Frame(START_US, 0x100, False, bytes(3)),
-            Frame(START_US, 0x100, False, b""),
-            Frame(START_US, 0x120, False, bytes([9, *bytes(7)])),  # a page that the DBC does not have
-        ],
-    )
-    assert drops(ingest) == {"unwanted": 2, "too_short": 2, "undecodable": 1}
-    assert axis_drops(ingest, "r.one") == {}
 
 
 def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
@@ -152,19 +134,3 @@ def test_values_as_decoded(tmp_path: Path) -> None:
         ("r.two", "counter", "Both2", "Count", times, [7.0, 8.0], [7.0, 8.0]),
     ]
     assert drops(ingest) == {"unwanted": 1}
-
-
-@pytest.mark.parametrize(
-    ("axis", "message"),
-    [
-        (axis1(time=counted("Both2")), r"axis r\.one: counter_message is Both2, but .* Torque1, .* Angle1"),
-        (
-            axis4(time={"counter_message": "Wide4", "counter_signal": "Speed"}),
-            r"axis r\.four: a sample counter must be an integer .* Speed is a float",
-        ),
-        (axis1(pairing_tolerance_s=0.003), r"axis r\.one: pairing_tolerance_s = 0\.003 must be below half"),
-    ],
-)
-def test_settings_that_do_not_go_together(tmp_path: Path, axis: dict[str, object], message: str) -> None:
-    with pytest.raises(IngestError, match=message):
-        Ingest(make_config(tmp_path, axis), "bus0")

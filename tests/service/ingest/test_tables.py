@@ -159,18 +159,6 @@ def fault(path: Path, axis: dict[str, Any]) -> str:
     return str(caught.value).removeprefix(str(path))
 
 
-@pytest.mark.parametrize("suffix", SUFFIXES)
-def test_a_missing_column(tmp_path: Path, suffix: str, seed: int) -> None:
-    table = columns(seed, 5)
-    table["Torque_one"] = table.pop("torque_one")
-    write_table(tmp_path / f"a{suffix}", table)
-    message = fault(tmp_path / f"a{suffix}", timed())
-    assert message.startswith(
-        ': no column "torque_one" for the torque of axis r.one: did you mean "Torque_one"?'
-    )
-    assert all(name in message for name in table)
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -229,12 +217,6 @@ def test_lines_that_cannot_be_read_are_left_out(
         ("a.parquet", b"t,u\n1,2\n", " is no Parquet file"),
         ("a.mat", b"t,u\n1,2\n", " is damaged or no MATLAB file"),
         ("a.mat", b"", " is damaged or no MATLAB file"),
-        (
-            "a.xlsx",
-            b"",
-            ": no such kind of record; there is .csv .parquet .mat .log .asc .blf .trc .mf4, and logs with .gz"
-            " behind that",
-        ),
     ],
 )
 def test_a_file_that_is_no_record(tmp_path: Path, name: str, content: bytes, message: str) -> None:

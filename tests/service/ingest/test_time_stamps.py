@@ -184,9 +184,7 @@ def received(frames: list[Frame]) -> list[Frame]:
 
 
 def of_replay(file: Path, frames: list[Frame]) -> dict[str, Mapping[str, int]]:
-    log = file.with_name("faults.log")
-    with FrameRecorder(log) as recorder:  # python-can's own does not let a time go back
-        recorder.write("can0", FrameBlock.from_frames(frames))
+    log = write(file.with_name("faults.log"), frames)  # python-can's own does not let a time go back
     axis = replayed(file, log, code=NOT_TESTED)  # the clock jumps so often that no test runs for long
     return {what: axis[what] for what in ("counters", "dropped", "clock")}
 

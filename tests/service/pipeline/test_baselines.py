@@ -11,12 +11,7 @@ import pytest
 from monitor_core.monitoring import AlarmEvent, AlarmState, Status
 from service.can.frames import Frame
 from service.config import Config
-from service.pipeline.baselines import (
-    BaselineConflictError,
-    BaselineError,
-    UnknownEpochError,
-    reason_of,
-)
+from service.pipeline.baselines import BaselineConflictError, BaselineError, reason_of
 from service.store.alarm_transitions import SERVICE, Note
 from service.web.models import sentences
 from tests.end_to_end.processes import PATIENCE_S, wait_for
@@ -89,6 +84,7 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
     assert (fm.former, fm.kept) == (0.06, "")
     wait_for(lambda: d.axis().epoch.number == 2)
     assert d.axis().status.parameters[2].nominal == fm.value
+    wait_for(lambda: d.worker.snapshot.checkpoint_us == d.now_us)  # long before one is due
     after = d.journal.get(alarm.id)
     assert after is not None
     assert (after.state, after.ended_us) == (AlarmState.NORMAL, d.now_us)
@@ -98,22 +94,18 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
 
     d.feed(seconds(frames, 58, 70))
     assert d.axis().open_alarms == ()
-    # That it is the same to the last bit is shown in test_worker.py.
+    # That it is the same to the last bit is shown in test_reloading.py.
     assert (d.axis(OTHER).status.samples, d.axis(OTHER).status.counters["started"]) == (14_000, 1)
     d.baselines.finish_windows()
     assert d.epochs()[0].state == "current"
     assert [e.event for e in d.journal.epochs.events(AXIS)[2]] == ["begun", "taken over", "verified"]
     wait_for(lambda: d.axis().epoch.state == "current")
 
-    with pytest.raises(BaselineConflictError, match="is in force"):
-        d.baselines.restore(AXIS, 2, 0.0, REPAIR)
     back = d.baselines.restore(AXIS, 1, 5.0, REPAIR)
     assert (back.number, back.state, back.source, back.restored_from) == (3, "verifying", "restored", 1)
     assert [e.state for e in d.epochs()] == ["verifying", "rolled_back", "closed"]
     wait_for(lambda: d.axis().epoch.number == 3)
     assert d.axis().status.parameters[2].nominal == 0.06
-    with pytest.raises(UnknownEpochError):
-        d.baselines.restore(AXIS, 9, 0.0, REPAIR)
 
     d.feed(seconds(frames, 70, 86))  # the axis is another one than that epoch says
     assert [a.parameter for a in d.axis().open_alarms] == ["fm"]
@@ -138,11 +130,7 @@ def test_files_that_do_not_fit_change_nothing(start: Start, frames: list[Frame])
         thresholds = thresholds_text(config, forgetting=0.5) if text.startswith("thresholds") else None
         with pytest.raises(BaselineError, match=text):
             d.baselines.use_files(AXIS, nominal, thresholds, 8.0, REPAIR)
-    with pytest.raises(BaselineError, match="too short: the memory of its estimates needs at least 36 s"):
-        d.baselines.learn(AXIS, 35.0, 8.0, REPAIR)
     assert [(e.number, e.state, e.source) for e in d.epochs()] == [(1, "current", "configuration")]
-    with pytest.raises(BaselineConflictError, match="no learning window"):
-        d.baselines.cancel(AXIS, REPAIR)
 
 
 def test_a_window_that_is_refused_or_cancelled_leaves_the_epoch_in_force(

@@ -56,7 +56,8 @@ class Bench:
         )
 
     def take(self, status: AxisStatus, paused: bool = False) -> None:
-        self.recording.take(AXIS, status, paused)
+        if self.recording.is_due(AXIS, status.time_us):
+            self.recording.take(AXIS, status, paused)
 
     def write(self) -> None:
         """After the time of a retry."""
@@ -142,24 +143,18 @@ def test_a_point_has_all_quantities(bench: Bench) -> None:
         {"status": Status.INVALID},
         {"not_tested": NotTested.CONDITIONS},
         {"estimate": float("nan")},
+        {},
     ],
 )
-def test_learning_and_what_is_invalid_is_a_gap_of_this_parameter(
+def test_learning_and_what_is_invalid_is_a_gap_of_this_parameter_and_a_pause_of_all(
     bench: Bench, changes: dict[str, object]
 ) -> None:
     bench.take(at(0))
-    bench.take(at(10, **changes))
+    bench.take(at(10, **changes), paused=not changes)
     bench.take(at(20, not_tested=NotTested.NOT_OBSERVED))
     bench.write()
     assert bench.times() == [0, 20]
-    assert bench.times(TRACKING[1].name) == [0, 10, 20]
-
-
-def test_a_paused_axis_has_a_gap(bench: Bench) -> None:
-    for t_s, paused in ((0, False), (10, True), (20, False)):
-        bench.take(at(t_s), paused)
-    bench.write()
-    assert bench.times() == [0, 20]
+    assert bench.times(TRACKING[1].name) == ([0, 10, 20] if changes else [0, 20])
 
 
 # --- the disk does not take them ----------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """After a restart: estimates from the checkpoint, open alarms from the journal, and what is said of losses."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,8 @@ from monitor_core.detection import Alarm, Crossing, Name
 from monitor_core.detection.cusum.cusum_evidence import Evidence
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AlarmState, AxisMonitor
+from service.can.frames import FrameBlock
+from service.config import Config
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
@@ -42,27 +45,33 @@ def again(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> tuple[A
     return monitors, restore(monitors, checkpoints, journal, NOW_US)
 
 
+def take(core: FramePipeline, frames: Sequence[FrameBlock]) -> None:
+    for block in frames:
+        core.take("can0", block)
+    core.update()
+
+
+def restarted(
+    config: Config, frames: Sequence[FrameBlock], checkpoints: Checkpoints, journal: Journal
+) -> tuple[FramePipeline, FramePipeline]:
+    """The core over the first half of these blocks, and another that goes on where it was saved."""
+    before, later, half = FramePipeline(config), FramePipeline(config), len(frames) // 2
+    take(before, frames[:half])
+    save(before.monitors, checkpoints)
+    restored = restore(later.monitors, checkpoints, journal, NOW_US)
+    assert (restored.checkpoint_us, restored.messages, restored.open) == (NOW_US, (), ())
+    later.ingests = before.ingests  # the sample clocks go on, as if nothing had happened
+    take(later, frames[half:])
+    return before, later
+
+
 def test_estimates_go_on_bit_for_bit(
     tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int
 ) -> None:
     config = demo(tmp_path, 2)
-    uninterrupted, cut = FramePipeline(config), FramePipeline(config)
-    frames = list(blocks(config, 4.0, seed))
-    half = len(frames) // 2
-    for block in frames:
-        uninterrupted.take("can0", block)
-    uninterrupted.update()
-    for block in frames[:half]:
-        cut.take("can0", block)
-    cut.update()
-    save(cut.monitors, checkpoints)
-    later = FramePipeline(config)
-    restored = restore(later.monitors, checkpoints, journal, NOW_US)
-    assert (restored.checkpoint_us, restored.messages, restored.open) == (NOW_US, (), ())
-    later.ingests = cut.ingests  # the sample clocks go on, as if nothing had happened
-    for block in frames[half:]:
-        later.take("can0", block)
-    later.update()
+    frames, uninterrupted = list(blocks(config, 4.0, seed)), FramePipeline(config)
+    take(uninterrupted, frames)
+    _, later = restarted(config, frames, checkpoints, journal)
     for axis_id, monitor in uninterrupted.monitors.by_id.items():
         for found, expected in zip(_state(later.monitors.by_id[axis_id]), _state(monitor), strict=True):
             np.testing.assert_array_equal(found, expected)
@@ -243,18 +252,7 @@ def test_a_restart_of_seconds_is_no_start_of_the_motion(
     """An axis that waits an hour after a start goes on with that hour."""
     detector = {"outside_calibration": "wait"}
     config = changed(demo(tmp_path, 2), "axis1", detector=detector)
-    before = FramePipeline(config)
-    frames = list(blocks(config, 14.0, seed))
-    for block in frames[: len(frames) // 2]:
-        before.take("can0", block)
-    before.update()
-    left_s = before.monitors.by_id[AXIS].status().judged_in_s
-    save(before.monitors, checkpoints)
-    later = FramePipeline(config)
-    assert restore(later.monitors, checkpoints, journal, NOW_US).messages == ()
-    later.ingests = before.ingests
-    for block in frames[len(frames) // 2 :]:
-        later.take("can0", block)
-    later.update()
-    assert left_s is not None
-    assert later.monitors.by_id[AXIS].status().judged_in_s == pytest.approx(left_s - 7.0, abs=0.5)
+    cores = restarted(config, list(blocks(config, 14.0, seed)), checkpoints, journal)
+    before_s, later_s = (core.monitors.by_id[AXIS].status().judged_in_s for core in cores)
+    assert before_s is not None
+    assert later_s == pytest.approx(before_s - 7.0, abs=0.5)

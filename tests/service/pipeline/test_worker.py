@@ -10,11 +10,10 @@ from structlog.testing import capture_logs
 
 from monitor_core.monitoring import AlarmEvent, Status
 from service.can.frame_recorder import FrameRecorder
-from service.can.frames import Frame, FrameBlock
+from service.can.frames import Frame
 from service.config.schema_model import DetectorConfig
 from service.pipeline import publishing
 from service.pipeline import worker as worker_module
-from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import states_of
 from service.pipeline.publishing import BOUNDS_S, READ_S, UNREAD_S, ProcessingTime
 from service.pipeline.snapshot import Histogram, Snapshot
@@ -134,10 +133,14 @@ def test_stopping_processes_all_frames_and_saves(bench: StandingCore, frames: Se
         assert (found.arrays["floats"] == monitor.to_arrays()["floats"]).all()
 
 
+@pytest.mark.parametrize("out_of_service", [False, True])
 def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_alarm_changes(
-    bench: StandingCore, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
+    bench: StandingCore, monkeypatch: pytest.MonkeyPatch, out_of_service: bool
 ) -> None:
+    """An axis out of service, which is a message, too, is no news."""
     clock = 0.0
+    if out_of_service:
+        bench.journal.services.change("demo.axis2", AlarmEvent.REMOVE, Note(NOW_US, "anna"))
     monkeypatch.setattr(publishing, "perf_counter", lambda: clock)
     worker, new = bench.worker, list[float]()
     bench.compile()
@@ -222,50 +225,10 @@ class Seen(NamedTuple):
 
 def seen(bench: StandingCore) -> Seen:
     assert bench.worker.error is None
-    states = (state for axis in bench.core.monitors.by_id.items() for state in states_of(*axis))
+    states = (state for axis in bench.core.monitors.axes.values() for state in states_of(axis))
     saved = {state.name: (state.arrays() or {}) for state in states}
     content = {name: b"".join(array.tobytes() for array in a.values()) for name, a in saved.items()}
     return Seen(content, bench.journal.query()[0])
-
-
-def test_the_monitor_of_one_axis_is_replaced_and_the_others_are_the_same_bits(
-    tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Between two blocks in the middle of the frames; the new monitor has the nominal values of its own."""
-    monkeypatch.setattr(worker_module, "MOST_FRAMES", 40)
-    config = demo(tmp_path, 2)
-    nominal = {**config.axes[0].config.model.nominal, "fm": 0.12}
-    first = changed(config, "axis1", model={"nominal": nominal}).axes[0]._replace(epoch=2, configured=False)
-    folders = [tmp_path / name for name in ("as-before", "replaced")]
-    for folder in folders:
-        folder.mkdir()
-    plain, bench = (StandingCore(folder, config, Waiting(frames)) for folder in folders)
-    plain.run()
-
-    bench.compile()
-    taken = iter(range(30))  # blocks
-    take = bench.core.take
-    made = AxisMonitors([first])
-
-    def counted(bus: str, block: FrameBlock) -> None:
-        if next(taken, None) == 29:
-            bench.worker.between_blocks(lambda: bench.worker.change([first, config.axes[1]], made))
-        take(bus, block)
-
-    monkeypatch.setattr(bench.core, "take", counted)
-    bench.worker.start()
-    wait_for(lambda: bench.failed.is_set() or bench.worker.snapshot.axes[0].epoch.number == 2)
-    bench.worker.stop()
-    bits, expected = seen(bench).states, seen(plain).states
-    assert bits["demo.axis2"] == expected["demo.axis2"]
-    assert bits["demo.axis1"] != expected["demo.axis1"]
-    last = bench.worker.snapshot.axes
-    assert [(a.epoch.number, a.status.parameters[2].nominal) for a in last] == [(2, 0.12), (1, 0.06)]
-    assert last[0].status.samples + 30 * 20 == last[1].status.samples == 2400
-    saved = bench.checkpoints.load("demo.axis1", f"epoch=2 {made.by_id['demo.axis1'].key}", NOW_US)
-    assert isinstance(saved, Checkpoint)
-    plain.close()
-    bench.close()
 
 
 def test_what_cannot_be_done_between_blocks_is_raised_to_the_caller(bench: StandingCore) -> None:

@@ -20,7 +20,7 @@ from service.config.axis_settings import AxisError
 from service.config.schema import SpeedConfig
 from service.config.schema_model import EstimatorConfig
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, Followed, SimulatedConditions
+from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, SimulatedConditions
 from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config
 from tests.service.pipeline.robots import changed, demo, on_bus
@@ -92,11 +92,6 @@ def test_a_fault_waits_until_it_may_happen(tmp_path: Path, seed: int) -> None:
     allowed.set()
     next(moments)
     assert happened == [fault]
-
-
-def test_the_same_seed_is_the_same_robot(tmp_path: Path, seed: int) -> None:
-    first, second, other = (SimulatedRobot(demo(tmp_path, 2), s).moments() for s in (seed, seed, seed + 1))
-    assert next(first) == next(second) != next(other)
 
 
 def test_sending_ends_by_time_or_when_told(tmp_path: Path, seed: int) -> None:
@@ -241,23 +236,22 @@ def test_the_acceleration_of_the_axis_itself_is_refused(tmp_path: Path) -> None:
 def test_a_drive_follows(tmp_path: Path) -> None:
     slopes = [slope("fm", "s", 1.0), {**slope("Ja", "s", 1.0), "slope": 10.0}]
     conditions = SimulatedConditions(axis(tmp_path, [], slopes))
-    found = dict(conditions.followed(Followed(0.0, 0.0, (3.0,)), NOMINAL))
+    found = dict(conditions.followed(0.0, 0.0, (3.0,), NOMINAL))
     assert found == pytest.approx({"fm": 0.062, "Ja": 116.0})
-    broken = dict(conditions.followed(Followed(0.0, 0.0, (3.0,)), {**NOMINAL, "fm": 0.1}))
+    broken = dict(conditions.followed(0.0, 0.0, (3.0,), {**NOMINAL, "fm": 0.1}))
     assert broken["fm"] == pytest.approx(0.102)
-    assert dict(conditions.followed(Followed(0.0, 0.0, (1.0,)), NOMINAL)) == {}
-    assert dict(conditions.followed(Followed(0.0, 0.0, (math.nan,)), NOMINAL)) == {}
+    assert dict(conditions.followed(0.0, 0.0, (1.0,), NOMINAL)) == {}
+    assert dict(conditions.followed(0.0, 0.0, (math.nan,), NOMINAL)) == {}
 
 
 def test_a_load_acts_on_the_weight_alone(tmp_path: Path) -> None:
     weight = {**slope("tau0", "cos(s)", 0.5), "slope": -0.4}
     conditions = SimulatedConditions(axis(tmp_path, [], [weight], ["fm", "load"]))
-    upright, level = (Followed(0.0, 0.0, (s,)) for s in (math.pi / 2, 0.0))
     constant = NOMINAL["tau0"] + 0.4 * 0.5
-    assert dict(conditions.followed(level, NOMINAL))["tau0"] == pytest.approx(constant - 0.4)
+    assert dict(conditions.followed(0.0, 0.0, (0.0,), NOMINAL))["tau0"] == pytest.approx(constant - 0.4)
     conditions.load = 1.3
-    assert dict(conditions.followed(level, NOMINAL))["tau0"] == pytest.approx(constant - 1.3 * 0.4)
-    assert dict(conditions.followed(upright, NOMINAL))["tau0"] == pytest.approx(constant)
+    assert dict(conditions.followed(0.0, 0.0, (0.0,), NOMINAL))["tau0"] == pytest.approx(constant - 1.3 * 0.4)
+    assert dict(conditions.followed(0.0, 0.0, (math.pi / 2,), NOMINAL))["tau0"] == pytest.approx(constant)
 
 
 def test_a_heavier_load_of_the_simulated_axis_is_what_its_monitor_estimates(

@@ -2,11 +2,13 @@
 
 import json
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
+from docs.commissioning_figures import motion_figure
 from docs.reference_figures import Reference, figure_5, figure_6, numbers, reference
 from monitor_core.modeling.standard_drives import MONITORED
 from tests.conftest import ROOT
@@ -52,13 +54,26 @@ def test_what_the_text_says_is_to_be_seen(found: Reference) -> None:
     assert f"settled, {settled:.1f} s" in text
 
 
-@pytest.mark.parametrize(("name", "draw"), [("figure5.svg", figure_5), ("figure6.svg", figure_6)])
-def test_pictures_stand_alone_and_are_the_same_twice(name: str, draw: Any, found: Reference) -> None:
-    text = draw(found)
-    assert text == draw(found)
-    for svg in (text, (FIGURES / name).read_text(encoding="utf-8")):
+@pytest.mark.parametrize(
+    ("name", "draw", "page"),
+    [
+        ("figure5.svg", figure_5, "reference-experiment.md"),
+        ("figure6.svg", figure_6, "reference-experiment.md"),
+        ("motion.svg", lambda _: motion_figure(), "commissioning.md"),
+        ("replay.svg", None, "commissioning.md"),  # of the program itself
+    ],
+)
+def test_pictures_stand_alone_are_the_same_twice_and_are_shown(
+    name: str, draw: Callable[[Reference], str] | None, page: str, found: Reference
+) -> None:
+    texts = [(FIGURES / name).read_text(encoding="utf-8")]
+    if draw is not None:
+        texts.append(draw(found))
+        assert texts[-1] == draw(found)
+    for svg in texts:
         assert ET.fromstring(svg).tag.endswith("svg")
         assert "#0101" not in svg
         assert "prefers-color-scheme: dark" in svg
         assert "http" not in svg.replace("http://www.w3.org/", "")
         assert len(svg) < 200_000
+    assert f"(figures/{name})" in (ROOT / "docs" / page).read_text(encoding="utf-8")
