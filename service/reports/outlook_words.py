@@ -49,12 +49,12 @@ _MISSING = {
         " not monitored"
     ),
     Effect.FOREIGN: (
-        "what is missing depends neither on the angle nor on the speed of this axis: where other axes accelerate it,"
-        " let the offset follow their acceleration (`axiswatch commission` does where all axes move in the record), or"
-        " record this axis alone, and let a gate monitor it only then ([[robot.axis.gate]] on a signal of the"
-        " controller, such as the number of its program); where a payload comes and goes, make it a signal and let the"
-        ' offset follow it, --schedule "tau0: payload"; where the arm behind the axis moves,'
-        ' --schedule "tau0: cos(angle2 + angle3)" with the angles of the axes as signals; or something is in contact'
+        "what is missing depends neither on the angle nor on the speed of this axis: where the robot picks and places"
+        ' parts, give its axes the signal that tells when (signal = [{{ name = "gripper", ... }}], or that of the'
+        " payload), and `axiswatch commission` lets the torque offset follow it; where other axes accelerate it,"
+        " `commission` does the same if all axes move in the record; or record this axis alone, and let a gate monitor"
+        " it only then ([[robot.axis.gate]] on a signal of the controller, such as the number of its program); or"
+        " something is in contact"
     ),
 }
 

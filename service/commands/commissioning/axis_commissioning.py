@@ -118,6 +118,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     tried: list[str] = []
     schedule: tuple[str, ...] = ()
     fair = None  # fit without the load of links, used if the fit with it is rejected
+    lacks = ""
     try:
         while True:
             config, axis = configured(text, order.axis_id, order.folder)
@@ -135,6 +136,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 if report.rejection and again:  # the complete records would not help
                     break
             tried.append(axis.config.model.drive)
+            lacks = lacks_of(report, lacks)
             if fair is not None and (report.rejection or not watched_in(report)):
                 text, axis, task, report, outcome = fair
                 again = None
@@ -151,7 +153,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     except _MISTAKES as error:
         return replace(outcome, refusal=f"not identified: {error}")
     taken = "" if again is None else f"; --yes applies {again.words}"
-    outcome = _with_values(order.folder, axis, report, outcome, taken)
+    outcome = _with_values(order.folder, axis, report, outcome, taken, lacks)
     motion = motion_for(report, [item.record for item in task.estimation])
     if motion is None:
         return outcome
@@ -160,9 +162,12 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
 
 
 def _with_values(
-    folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, taken: str
+    folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, taken: str, lacks: str
 ) -> Outcome:
-    """Outcome with the identified values, written into the folder; ``taken``: remedies that --yes would apply."""
+    """Outcome with the identified values, written into the folder.
+
+    ``taken``: remedies that --yes would apply; ``lacks``: see ``lacks_of``.
+    """
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     replace_text(folder / page, identification_html.as_html(report))
     outcome = replace(
@@ -174,7 +179,7 @@ def _with_values(
         no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,
     )
     if report.rejection:
-        return replace(outcome, refusal=not_identified(report, taken))
+        return replace(outcome, refusal=not_identified(report, taken, lacks))
     replace_text(folder / values, as_toml(report))
     watched = watched_in(report)
     return replace(
@@ -200,9 +205,13 @@ def unmonitored_words(axis: AxisConfig, watched: Sequence[str]) -> Iterator[str]
             yield f"{name} is not monitored, so it is left out of {listed(keys)} in the new configuration."
 
 
-def not_identified(report: IdentificationReport, taken: str) -> str:
-    """Reason why an axis has no nominal values, and what its drive lacks; ``taken``: remedies that --yes applies."""
-    lacks = missing_words(report.result.verdict) if report.is_poor else ""
+def lacks_of(report: IdentificationReport, before: str) -> str:
+    """What the drive of a poor fit lacks; where the records do not show it, what the drive ``before`` lacked."""
+    return (missing_words(report.result.verdict) if report.is_poor else "") or before
+
+
+def not_identified(report: IdentificationReport, taken: str, lacks: str) -> str:
+    """Reason why an axis has no nominal values; ``taken``, ``lacks``: remedies that --yes applies, missing effects."""
     return f"not identified: {report.rejection}{taken}" + (f". {lacks.removesuffix('.')}" if lacks else "")
 
 

@@ -18,6 +18,7 @@ from service.commands.commissioning import axis_commissioning, axis_processes, s
 from service.commands.commissioning.axis_commissioning import (
     Order,
     commission_axis,
+    lacks_of,
     not_identified,
     unmonitored_words,
 )
@@ -71,7 +72,7 @@ def report(
         not_following=(),
         warm_up=None,
     )
-    return SimpleNamespace(rejection=rejection, result=result, outlook="", warnings=())
+    return SimpleNamespace(rejection=rejection, result=result, outlook="", warnings=(), is_poor=bool(missing))
 
 
 KT, FM = Watched("kT", 0.1, None), Watched("fm", 0.2, None)
@@ -185,8 +186,7 @@ def test_slow_motion_asks_for_no_other_drive(tmp_path: Path) -> None:
     """Springs have no other friction; only a record of faster motion helps."""
     found = report(rejection="poor", missing=(Effect.SLOW,))
     assert next_try(tmp_path, found) is None
-    found.is_poor = True
-    assert "set min_speed = 0.1 in [[robot.axis]]" in not_identified(found, "")
+    assert "set min_speed = 0.1 in [[robot.axis]]" in not_identified(found, "", lacks_of(found, ""))
 
 
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
@@ -311,15 +311,16 @@ def test_each_axis_sees_the_corrections_of_the_others(
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
     """No other motion for one of its parameters is asked for: that would not help."""
     found = report(Watched("kT", 2.0, Obstacle.NOT_SHOWN), rejection="poor", missing=(Effect.FOREIGN,))
-    found.is_poor, found.result.rejection = True, Rejection.POOR
-    words = not_identified(found, "")
+    found.result.rejection = Rejection.POOR
+    words = not_identified(found, "", lacks := lacks_of(found, ""))
     assert words.startswith("not identified: poor. The records show what the drive lacks: what is missing")
     assert "record this axis alone" in words
     assert outlook_words(found.result, found.rejection) == (
         "Nothing can be watched with this. Alarms would come from what the drive lacks."
     )
     found.is_poor = False
-    assert not_identified(found, "") == "not identified: poor"
+    assert not_identified(found, "", lacks_of(found, "")) == "not identified: poor"
+    assert lacks_of(found, lacks) == lacks == lacks_of(report(rejection="poor"), lacks)
 
 
 def test_memories_to_choose_from_are_round(tmp_path: Path) -> None:
