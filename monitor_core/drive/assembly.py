@@ -190,10 +190,7 @@ class Assembly:
 
 def rubs(model: AxisModel) -> bool:
     """Whether a Coulomb friction acts on the axis, or is monitored and so may act."""
-    bases = {split_name(name)[0] for name in model.monitored}
-    values = {name: value or float(name in bases) for name, value in model.nominal.items()}
-    friction = np.array(model.drive.inputs) == COULOMB
-    return bool(model.drive.matrix("B", values)[:, friction].any())
+    return model.drive.acts((COULOMB,), model.nominal, model.monitored)
 
 
 def without_friction(tables: Tables) -> Tables:

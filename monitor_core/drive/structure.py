@@ -6,14 +6,13 @@ x' = A(theta) x + B(theta) u,      y = C(theta) x
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.kernel.tables import COSINE, OF_MOTION, ONE, SINE, TORQUE, WEIGHT
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
@@ -193,6 +192,16 @@ class Drive:
         """A (n, n), B (n, m) and C (1, n) at the given values of all parameters."""
         return self.matrix("A", values), self.matrix("B", values), self.matrix("C", values)
 
+    def acting(self, values: Mapping[str, float], free: Collection[str] = ()) -> Bools:
+        """Mask (m,) of the inputs that act at the given values of all parameters; ``free`` ones count as not zero."""
+        bases = {split_name(name)[0] for name in free}
+        at = {name: value or float(name in bases) for name, value in values.items()}
+        return np.asarray(self.matrix("B", at).any(axis=0), np.bool_)
+
+    def acts(self, kinds: Sequence[int], values: Mapping[str, float], free: Collection[str] = ()) -> bool:
+        """Whether an input of these kinds acts; arguments as of ``acting``."""
+        return bool((np.isin(self.inputs, kinds) & self.acting(values, free)).any())
+
     def merged_from(self, name: str) -> tuple[str, ...]:
         """The parameters that are merged from the parameter with this name and others."""
         parts = {name}
@@ -286,7 +295,7 @@ class Drive:
         )
 
     @property
-    def of_torque(self) -> NDArray[np.bool_]:
+    def of_torque(self) -> Bools:
         """Mask (m,) of the inputs that are the motor torque."""
         return np.array([kind == TORQUE for kind in self.inputs])
 

@@ -21,7 +21,7 @@ from monitor_core.identification.identification_result import (
     Rejection,
     Start,
 )
-from monitor_core.identification.parameter_selection import ScheduledTerm, acting
+from monitor_core.identification.parameter_selection import ScheduledTerm
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.record_checks.known_axis import drive_time_constant
 from monitor_core.identification.records.gap_cuts import cut_at_gaps
@@ -356,19 +356,19 @@ def _growth(
     problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: Progress
 ) -> Growth:
     """Chains of one, two, .. masses, with the friction of the drive."""
-    drive = problem.drive
-    kinds = {drive.inputs[k] for k in acting(drive, problem.nominal, problem.free)}
-    if kinds & {COSINE, SINE}:
+    drive, values, free = problem.drive, problem.nominal, problem.free
+    if drive.acts((COSINE, SINE), values, free):
         raise IdentificationError(
             "--masses compares chains of masses without gravity, which acts on this drive"
         )
-    friction = {"fm": True, "fc": COULOMB in kinds, "tau0": ONE in kinds}
+    kinds = {"fc": COULOMB, "tau0": ONE}
+    friction = ["fm", *(name for name, kind in kinds.items() if drive.acts((kind,), values, free))]
     try:
         return grow(
             records,
             most,
             like=problem,
-            friction=[name for name, acts in friction.items() if acts],
+            friction=friction,
             validation=validation,
             progress=lambda done, most: report("chains of masses", done, most),
         )

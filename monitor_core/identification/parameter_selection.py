@@ -55,7 +55,8 @@ def select_parameters(
         raise IdentificationError(
             f"nothing is free: of {', '.join(p.name for p in drive.parameters)} all are held"
         )
-    _check_identifiable(space, chosen.free, acting(drive, nominal, chosen.free))
+    inputs = np.flatnonzero(drive.acting(nominal, chosen.free)).tolist()
+    _check_identifiable(space, chosen.free, inputs)
     return chosen
 
 
@@ -116,13 +117,6 @@ def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> Param
     return ParameterSelection(
         tuple(n for n in names if n not in held), {n: held[n] for n in names if n in held}
     )
-
-
-def acting(drive: Drive, nominal: Mapping[str, float], free: Sequence[str]) -> list[int]:
-    """Indices of the inputs that act on the drive with these parameters free."""
-    bases = {split_name(name)[0] for name in free}
-    values = {name: value or float(name in bases) for name, value in nominal.items()}
-    return [int(column) for column in np.flatnonzero(drive.matrix("B", values).any(axis=0))]
 
 
 def _check_identifiable(space: StateSpace, free: Sequence[str], inputs: Sequence[int]) -> None:
