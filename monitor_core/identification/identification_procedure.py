@@ -86,75 +86,66 @@ def identify(
             numbers of masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    report = progress or _silent
+    given = _Given(records, validation, options, progress or _silent)
     if not options.cut_at_gaps:
-        return _with_repeats(problem, records, validation, options, report)
+        return _with_repeats(problem, given)
     slowest_s = drive_time_constant(problem.drive, problem.nominal, options.unknown)
     used, cuts = cut_at_gaps(records, slowest_s, options.begins_s)
     validated, further_cuts = cut_at_gaps(validation, slowest_s)
-    found = _with_repeats(
-        problem,
-        [part.record for part in used],
-        [part.record for part in validated],
-        replace(options, begins_s=tuple(part.begins_s for part in used)),
-        report,
+    cut = given._replace(
+        records=[part.record for part in used],
+        validation=[part.record for part in validated],
+        options=replace(options, begins_s=tuple(part.begins_s for part in used)),
     )
+    found = _with_repeats(problem, cut)
     as_given = replace(found.options, begins_s=options.begins_s)
     return replace(found, options=as_given, gap_cuts=(*cuts, *further_cuts))
 
 
-def _with_repeats(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
-) -> IdentificationResult:
+class _Given(NamedTuple):
+    """What each repetition of the fit takes, beside the problem."""
+
+    records: Sequence[Record]
+    validation: Sequence[Record]
+    options: IdentificationOptions
+    report: Progress
+
+
+def _with_repeats(problem: Problem, given: _Given) -> IdentificationResult:
     """The fit, repeated where ``identify`` says so."""
-    found = _identify(problem, records, validation, options, report)
+    found = _identify(problem, given)
     if Effect.SLOW in found.verdict.missing:
         faster = replace(problem, min_speed=found.verdict.slow)
-        if again := _unless_rejected(faster, records, validation, options, report):
+        if again := _unless_rejected(faster, given):
             return again
     doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not Quality.GOOD
-    if doubtful and options.start == "records":
-        return _with_balanced_inertia(found, problem, records, validation, options, report)
+    if doubtful and given.options.start == "records":
+        return _with_balanced_inertia(found, problem, given)
     return found
 
 
 def _with_balanced_inertia(
-    found: IdentificationResult,
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
+    found: IdentificationResult, problem: Problem, given: _Given
 ) -> IdentificationResult:
     """The fit repeated with the inertia of the torque balance, if that explains clearly more; else ``found``."""
-    torques = problem.drive.constant_torques()
+    torques, options = problem.drive.constant_torques(), given.options
     terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
-    rigid = hold_balanced_inertia(problem, records, terms)
+    rigid = hold_balanced_inertia(problem, given.records, terms)
     if rigid is None:
         return found
     held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
     unknown = tuple(name for name in options.unknown if name not in held)
     known = replace(options, start="values", unknown=unknown)
-    again = _unless_rejected(rigid, records, validation, known, report)
+    again = _unless_rejected(rigid, given._replace(options=known))
     if again is None or not (found.rejection or _is_better(again.verdict, found.verdict)):
         return found
     return replace(again, held={**held, **again.held})
 
 
-def _unless_rejected(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
-) -> IdentificationResult | None:
+def _unless_rejected(problem: Problem, given: _Given) -> IdentificationResult | None:
     """A repeated fit; None: it cannot be used."""
     try:
-        again = _identify(problem, records, validation, options, report)
+        again = _identify(problem, given)
     except IdentificationError:
         return None
     return None if again.rejection else again
@@ -164,13 +155,8 @@ def _is_better(verdict: Verdict, other: Verdict) -> bool:
     return verdict.measure is other.measure and 100 - verdict.per_cent < _BETTER * (100 - other.per_cent)
 
 
-def _identify(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
-) -> IdentificationResult:
+def _identify(problem: Problem, given: _Given) -> IdentificationResult:
+    records, validation, options, report = given
     as_one = dict[str, str]()
     if moves_one_way(records):
         problem, as_one = hold_offset(problem, options.monitored)
