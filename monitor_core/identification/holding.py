@@ -19,8 +19,7 @@ from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.structure import split_name, value_of, with_value
 from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
-from monitor_core.identification.parameter_selection import RELATIVE
-from monitor_core.identification.problem import Problem
+from monitor_core.identification.problem import RELATIVE, Problem
 from monitor_core.settings import DOUBTFUL, TOGETHER
 
 _AGREES = 3.0

@@ -10,7 +10,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import Drive, slope_name, split_name
-from monitor_core.identification.problem import IdentificationError
+from monitor_core.identification.problem import RELATIVE, IdentificationError
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import StateSpace
@@ -18,9 +18,6 @@ from monitor_core.wording import did_you_mean
 
 Schedule = Mapping[str, tuple[str, ...]]
 """Terms (a signal or a function of it) by parameter."""
-
-RELATIVE = ("kT", "r")
-"""Torque constant and gear ratio, which are known from data sheets and are held unless the user frees them"""
 
 
 class ParameterSelection(NamedTuple):
