@@ -66,13 +66,11 @@ def fit_arx(
         largest: order up to which AIC is computed; default 200 or a tenth of the samples.
 
     Raises:
-        ValueError: an order below 1, irregular samples, or fewer rows than parameters.
+        ValueError: irregular samples, or fewer rows than parameters.
     """
     series = on_grid(records)
     known = sum(int(record.known.sum()) for record in series)
     n = (largest or max(1, min(_LARGEST, known // 10))) if order is None else order
-    if n < 1:
-        raise ValueError(f"order {n}: need 1 at least")
     R, rows = _factor(series, n)
     p = R.shape[1] - 1
     if rows <= p + 1:

@@ -100,12 +100,6 @@ def innovations_record(
     return Record(times(N), u - feedback * y, y, "speed")
 
 
-def halves(record: Record) -> list[Record]:
-    """Its two halves as records of their own."""
-    middle = len(record) // 2
-    return [record.select(slice(0, middle)), record.select(slice(middle, None))]
-
-
 def _filtered(A: Floats, B: Floats, C: Floats, u: Floats) -> Floats:
     """C (zI - A)^-1 B u by its difference equation."""
     b, a = ss2tf(A, B[:, None], C, np.zeros((1, 1)))

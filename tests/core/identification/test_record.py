@@ -226,8 +226,6 @@ def test_as_it_is() -> None:
 def test_what_cannot_be_resampled() -> None:
     t = 0.001 * np.arange(100, dtype=float)
     r = Record(t, t, t, "speed")
-    with pytest.raises(ValueError, match=r"0.5 ms is shorter than that of the record, 1 ms"):
-        resample(r, 0.0005)
     with pytest.raises(ValueError, match=r"a record of 0.099 s has no two samples 0.1 s apart"):
         resample(r, 0.1)
 
