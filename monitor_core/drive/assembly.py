@@ -188,11 +188,6 @@ class Assembly:
         }
 
 
-def rubs(model: AxisModel) -> bool:
-    """Whether a Coulomb friction acts on the axis, or is monitored and so may act."""
-    return model.drive.acts((COULOMB,), model.nominal, model.monitored)
-
-
 def without_friction(tables: Tables) -> Tables:
     """The tables without Coulomb friction, which saves its computation for axes that have none."""
     return tables._replace(friction=tables.friction._replace(number=0))
