@@ -6,7 +6,7 @@ x' = A(theta) x + B(theta) u,      y = C(theta) x
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -379,10 +379,15 @@ def value_of(values: Mapping[str, float], name: str) -> float:
     return 1 / values[base] if inverse else values[base]
 
 
-def with_value(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
-    """The values with ``value`` for the parameter ``name``, which may be a reciprocal such as "1/Ja"."""
-    base, inverse = split_name(name)
-    return {**values, base: 1 / value if inverse else value}
+def with_values(
+    values: Mapping[str, float], names: Iterable[str], theta: Iterable[float] | Floats
+) -> dict[str, float]:
+    """The values with those of ``theta`` for parameters with these names, which may be reciprocals such as "1/Ja"."""
+    out = dict(values)
+    for name, value in zip(names, theta, strict=True):
+        base, inverse = split_name(name)
+        out[base] = 1 / value if inverse else value
+    return out
 
 
 def _in_brackets(text: str) -> bool:

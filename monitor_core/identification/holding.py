@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.structure import split_name, value_of, with_value
+from monitor_core.drive.structure import split_name, value_of, with_values
 from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.problem import RELATIVE, Problem
@@ -83,7 +83,7 @@ def hold_offset(problem: Problem, monitored: Collection[str]) -> tuple[Problem, 
 
 
 def _without(problem: Problem, hold: HeldParameter) -> Problem:
-    nominal = with_value(problem.nominal, hold.name, hold.value)
+    nominal = with_values(problem.nominal, [hold.name], [hold.value])
     bounds = {name: bound for name, bound in problem.bounds.items() if name != hold.name}
     free = tuple(name for name in problem.free if name != hold.name)
     return replace(problem, nominal=nominal, free=free, bounds=bounds)

@@ -236,23 +236,14 @@ def _may_follow_heat(
     return tuple(name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched)
 
 
-class _Warmed(NamedTuple):
-    """The warm-up found in records, the fit with it, the records with their heat, and the parameters that follow it."""
-
-    warm_up: FoundWarmUp
-    estimate: Estimate
-    records: Sequence[Record]
-    heat_terms: tuple[ScheduledTerm, ...]
-
-
 def _warmed(
     found: Estimate,
     records: Sequence[Record],
     followers: Sequence[str],
     options: IdentificationOptions,
     report: Progress,
-) -> _Warmed | None:
-    """The fit with friction that follows a heat; None: the records show no warm-up."""
+) -> tuple[FoundWarmUp, Estimate, Sequence[Record], Sequence[ScheduledTerm]] | None:
+    """The warm-up, the fit with it, the records with their heat, and what follows it; None: they show no warm-up."""
     assert options.thermal is not None
     report("warm-up", 0, 1)
     try:
@@ -265,7 +256,7 @@ def _warmed(
     except (ValueError, np.linalg.LinAlgError):
         return None  # a fit that explains nothing, or all, has no errors to learn from
     better = again.converged and again.cost < found.cost
-    return _Warmed(warm_up, again, heated, terms) if better else None
+    return (warm_up, again, heated, terms) if better else None
 
 
 class _Watch(NamedTuple):
