@@ -39,11 +39,7 @@ class Arx:
     rows: int  # equations behind it
 
     def response(self, frequency_hz: ArrayLike, name: str = "") -> FrequencyResponse:
-        """G = B / A with its variance by the delta method:  dG/da_i = -z^-i G / A,  dG/db_i = z^-i / A.
-
-        Raises:
-            ValueError: a frequency beyond half the sampling frequency.
-        """
+        """G = B / A with its variance by the delta method:  dG/da_i = -z^-i G / A,  dG/db_i = z^-i / A."""
         f, z = on_circle(frequency_hz, self.interval_s)
         past: Complexes = z[:, None] ** -np.arange(1.0, self.a.size + 1)
         A = 1 + past @ self.a

@@ -51,11 +51,7 @@ class Kind:
     signals_out: tuple[str, ...] = ()
 
     def role(self, name: str) -> Role:
-        """The parameter of that name.
-
-        Raises:
-            KeyError: there is none.
-        """
+        """The parameter of that name."""
         return {role.name: role for role in self.roles}[name]
 
 
