@@ -220,14 +220,11 @@ class Drive:
 
     def constant_torques(self) -> tuple[str, ...]:
         """Parameters that are factors of a constant input and of nothing else, such as a torque offset."""
-        return tuple(p.name for p in self.parameters if self._is_constant_torque(p.name))
+        return tuple(p.name for p in self.parameters if self._drives_only(p.name, (ONE,)))
 
     def weights(self) -> tuple[str, ...]:
         """Parameters that are factors of the weight, which turns with the pose, and of nothing else."""
         return tuple(p.name for p in self.parameters if self._drives_only(p.name, (COSINE, SINE, WEIGHT)))
-
-    def _is_constant_torque(self, name: str) -> bool:
-        return self._drives_only(name, (ONE,))
 
     def _drives_only(self, name: str, kinds: Sequence[int]) -> bool:
         found = [(term, power) for term in self.terms for factor, power in term.powers if factor == name]
@@ -257,7 +254,7 @@ class Drive:
         return self._with_torque(offset, Parameter(slope_name(offset, signal), unit, "slope", positive=False))
 
     def _with_torque(self, offset: str, factor: Parameter) -> Drive:
-        if not self._is_constant_torque(offset):
+        if offset not in self.constant_torques():
             raise ValueError(f"the drive {self.name!r} has no constant torque {offset}")
         acts = [
             replace(

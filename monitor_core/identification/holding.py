@@ -40,16 +40,10 @@ def hold_undetermined(
     monitored: Collection[str],
     refit: Callable[[Problem], Estimate],
 ) -> tuple[Estimate, dict[str, str]]:
-    """Hold parameters one by one until the records determine the remaining ones.
+    """Hold parameters one by one until the records determine the remaining ones; the last fit, and why each is held.
 
-    Args:
-        found: the fit with all parameters free.
-        configured: values given by the user, by parameter.
-        monitored: parameters that will be monitored: of two correlated parameters, one that is not monitored is held.
-        refit: fits a problem.
-
-    Returns:
-        The last fit, and why each parameter is held.
+    ``found``: the fit with all of them free.  ``configured``: values given by the user, by parameter.  ``monitored``:
+    of two correlated parameters, one that will not be monitored is held.
     """
     monitored = {split_name(name)[0] for name in monitored}
     held = dict[str, str]()

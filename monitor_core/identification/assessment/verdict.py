@@ -143,14 +143,9 @@ def verdict_of(
     traces: Sequence[Trace],
     validated: Sequence[Trace],
 ) -> Verdict:
-    """The verdict on estimates from these records.
+    """The verdict on estimates from these records, with their ``traces``, and those of ``validation`` in ``validated``.
 
-    Args:
-        estimate: estimates of the drive.
-        records: the fitted records.
-        validation: validation records; if there are none, the fitted ones are divided.
-        traces: traces of the fitted records with the estimates.
-        validated: traces of the validation records.
+    If there are no validation records, the fitted ones are divided.
     """
     own: list[_Tried] = [(estimate.problem, records)]
     basis, others = Basis.RECORDS, [(estimate.problem, validation)]

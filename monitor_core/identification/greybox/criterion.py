@@ -191,12 +191,12 @@ def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturban
         return replace(given, torque=level * unit, slow=level * unit if given.slow else 0.0)
 
     costs = {level: _cost(problem, records[:1], noise(level)) for level in _LEVELS}
-    while (best := min(costs, key=costs.__getitem__)) in (min(costs), max(costs)) and len(
-        costs
-    ) < _MOST_LEVELS:
+    while True:
+        best = min(costs, key=costs.__getitem__)
+        if min(costs) < best < max(costs) or len(costs) >= _MOST_LEVELS:
+            return noise(best)
         beyond = best * (10.0 if best == max(costs) else 0.1)
         costs[beyond] = _cost(problem, records[:1], noise(beyond))
-    return noise(best)
 
 
 def _ratio(records: Sequence[Record]) -> float:

@@ -103,11 +103,7 @@ def resample(record: Record, interval_s: float) -> Record:
     """The record on the grid t[0], t[0] + interval_s, .., without aliasing and without delay.
 
     A new sample is valid where everything within one new interval around it was measured, and the filter does not
-    reach over the ends of the record.
-
-    Args:
-        record: regular or not, with or without missing samples.
-        interval_s: interval of the new grid, not shorter than that of the record.
+    reach over the ends of the record.  The interval is not shorter than that of the record, which may be irregular.
 
     Raises:
         ValueError: a record too short for two new samples.
