@@ -2,8 +2,8 @@
 
 * ``structure``: the drive, its parameters, states and terms.  ``axis_model``: one axis with its nominal values.
 * ``operating_conditions``: nominal values that depend on signals, and gates.  ``holding_brake``: an axis that its brake
-  holds.  ``rigid_motion``: the drive as one rigid body.  ``thermal_state``: warm-up without a thermometer.
-   ``friction_roles``: the parameters that are friction.  ``measured_speed``: speed at the sensor.
+  holds.  ``thermal_state``: warm-up without a thermometer.  ``friction_roles``: the parameters that are friction.
+  ``measured_speed``: speed at the sensor.
 * ``assembly``: arrays for the kernel.  ``discretization``: zero-order hold.  ``kalman``: filter gain and stability.
 """
 

@@ -188,14 +188,6 @@ class Assembly:
         }
 
 
-def rubs(model: AxisModel) -> bool:
-    """Whether a Coulomb friction acts on the axis, or is monitored and so may act."""
-    bases = {split_name(name)[0] for name in model.monitored}
-    values = {name: value or float(name in bases) for name, value in model.nominal.items()}
-    friction = np.array(model.drive.inputs) == COULOMB
-    return bool(model.drive.matrix("B", values)[:, friction].any())
-
-
 def without_friction(tables: Tables) -> Tables:
     """The tables without Coulomb friction, which saves its computation for axes that have none."""
     return tables._replace(friction=tables.friction._replace(number=0))

@@ -12,7 +12,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import balance_of
-from monitor_core.drive.structure import INERTIA, Drive, Parameter, split_name, value_of, with_value
+from monitor_core.drive.structure import INERTIA, Drive, Parameter, split_name, value_of, with_values
 from monitor_core.kernel.tables import COSINE, COULOMB, SINE
 
 
@@ -128,10 +128,7 @@ class AxisModel:
 
     def values(self, theta: Sequence[float] | Floats) -> dict[str, float]:
         """All parameter values with theta in place of the nominal ones."""
-        values = dict(self.nominal)
-        for name, value in zip(self.monitored, theta, strict=True):
-            values = with_value(values, name, value)
-        return values
+        return with_values(self.nominal, self.monitored, theta)
 
     def matrices(self, theta: Sequence[float] | Floats | None = None) -> tuple[Floats, Floats, Floats]:
         """A (n, n), B (n, m) and C (1, n) at theta (p,); default: at the nominal values."""

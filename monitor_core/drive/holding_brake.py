@@ -11,6 +11,7 @@ until it has a torque, or moves by half of that.  So an axis whose sensor is stu
 nor is one that has lost its torque and falls.
 """
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,9 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.rigid_motion import rigid_accelerations
+from monitor_core.drive.discretization import balance_of
+from monitor_core.drive.friction_roles import friction_of, rigid_speeds
+from monitor_core.drive.structure import Drive
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGHT
 
 HOLD_S = 0.1
@@ -111,3 +114,16 @@ class HoldingBrake:
         for acceleration, ratio, function in self._turning:
             falls = falls + acceleration * function(ratio * y)
         return falls
+
+
+def rigid_accelerations(drive: Drive, values: Mapping[str, float]) -> Floats:
+    """Acceleration at the sensor (m,) of the drive as one rigid body by one unit of each input [rad/s^2].
+
+    Without friction against the ground, the torques of springs and dampers cancel in the momentum: l A = 0 for one row
+    vector l.  With r, the state that moves rigidly at a speed of 1 at the sensor, an input accelerates by l b / (l r).
+    """
+    free = {**values, **dict.fromkeys(friction_of(drive).viscous, 0.0)}
+    A, B = drive.matrix("A", free), drive.matrix("B", values)
+    d = balance_of(A)
+    momentum = np.linalg.svd(A / d[:, np.newaxis] * d)[0][:, -1] / d
+    return np.asarray(momentum @ B / (momentum @ rigid_speeds(drive, values)), np.float64)

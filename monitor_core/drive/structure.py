@@ -6,14 +6,13 @@ x' = A(theta) x + B(theta) u,      y = C(theta) x
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.kernel.tables import COSINE, OF_MOTION, ONE, SINE, TORQUE, WEIGHT
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
@@ -193,6 +192,16 @@ class Drive:
         """A (n, n), B (n, m) and C (1, n) at the given values of all parameters."""
         return self.matrix("A", values), self.matrix("B", values), self.matrix("C", values)
 
+    def acting(self, values: Mapping[str, float], free: Collection[str] = ()) -> Bools:
+        """Mask (m,) of the inputs that act at the given values of all parameters; ``free`` ones count as not zero."""
+        bases = {split_name(name)[0] for name in free}
+        at = {name: value or float(name in bases) for name, value in values.items()}
+        return np.asarray(self.matrix("B", at).any(axis=0), np.bool_)
+
+    def acts(self, kinds: Sequence[int], values: Mapping[str, float], free: Collection[str] = ()) -> bool:
+        """Whether an input of these kinds acts; arguments as of ``acting``."""
+        return bool((np.isin(self.inputs, kinds) & self.acting(values, free)).any())
+
     def merged_from(self, name: str) -> tuple[str, ...]:
         """The parameters that are merged from the parameter with this name and others."""
         parts = {name}
@@ -211,14 +220,11 @@ class Drive:
 
     def constant_torques(self) -> tuple[str, ...]:
         """Parameters that are factors of a constant input and of nothing else, such as a torque offset."""
-        return tuple(p.name for p in self.parameters if self._is_constant_torque(p.name))
+        return tuple(p.name for p in self.parameters if self._drives_only(p.name, (ONE,)))
 
     def weights(self) -> tuple[str, ...]:
         """Parameters that are factors of the weight, which turns with the pose, and of nothing else."""
         return tuple(p.name for p in self.parameters if self._drives_only(p.name, (COSINE, SINE, WEIGHT)))
-
-    def _is_constant_torque(self, name: str) -> bool:
-        return self._drives_only(name, (ONE,))
 
     def _drives_only(self, name: str, kinds: Sequence[int]) -> bool:
         found = [(term, power) for term in self.terms for factor, power in term.powers if factor == name]
@@ -248,7 +254,7 @@ class Drive:
         return self._with_torque(offset, Parameter(slope_name(offset, signal), unit, "slope", positive=False))
 
     def _with_torque(self, offset: str, factor: Parameter) -> Drive:
-        if not self._is_constant_torque(offset):
+        if offset not in self.constant_torques():
             raise ValueError(f"the drive {self.name!r} has no constant torque {offset}")
         acts = [
             replace(
@@ -286,7 +292,7 @@ class Drive:
         )
 
     @property
-    def of_torque(self) -> NDArray[np.bool_]:
+    def of_torque(self) -> Bools:
         """Mask (m,) of the inputs that are the motor torque."""
         return np.array([kind == TORQUE for kind in self.inputs])
 
@@ -370,10 +376,15 @@ def value_of(values: Mapping[str, float], name: str) -> float:
     return 1 / values[base] if inverse else values[base]
 
 
-def with_value(values: Mapping[str, float], name: str, value: float) -> dict[str, float]:
-    """The values with ``value`` for the parameter ``name``, which may be a reciprocal such as "1/Ja"."""
-    base, inverse = split_name(name)
-    return {**values, base: 1 / value if inverse else value}
+def with_values(
+    values: Mapping[str, float], names: Iterable[str], theta: Iterable[float] | Floats
+) -> dict[str, float]:
+    """The values with those of ``theta`` for parameters with these names, which may be reciprocals such as "1/Ja"."""
+    out = dict(values)
+    for name, value in zip(names, theta, strict=True):
+        base, inverse = split_name(name)
+        out[base] = 1 / value if inverse else value
+    return out
 
 
 def _in_brackets(text: str) -> bool:

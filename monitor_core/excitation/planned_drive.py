@@ -1,7 +1,7 @@
 """The drive for which an experiment is planned, at its nominal values: frequency responses, and motions from rest."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -39,7 +39,6 @@ class Plant:
     ``speed_scale`` is that of Coulomb friction, rad/s; ``coulomb`` multiplies that friction.
 
     Raises:
-        ValueError: the output of the drive is the speed.
         KeyError: a value is missing.
     """
 
@@ -50,8 +49,6 @@ class Plant:
     coulomb: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.drive.output != "angle":
-            raise ValueError("an experiment is planned with the angle as output, whatever is measured")
         object.__setattr__(self, "values", self.drive.complete(self.values))
 
     @cached_property
@@ -66,16 +63,12 @@ class Plant:
     @property
     def is_linear(self) -> bool:
         """Whether no input depends on the motion."""
-        return not self._has(OF_MOTION)
+        return not self.drive.acts(OF_MOTION, self.values)
 
     @cached_property
     def bears_weight(self) -> bool:
         """Whether gravity acts on the drive."""
-        return self._has((COSINE, SINE))
-
-    def _has(self, kinds: Sequence[int]) -> bool:
-        """Whether an input of these kinds acts on the drive."""
-        return bool((np.isin(self.drive.inputs, kinds) & self._balanced[1].any(axis=0)).any())
+        return self.drive.acts((COSINE, SINE), self.values)
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Frequency response from the held torque to the samples of angle and speed (2, L)."""

@@ -36,9 +36,6 @@ class Estimation:
         lam0: variance of the innovations, or of the output noise for output error.
         K: filter gain (n,) in the drive's states, None for output error.
         scales: sizes of parameters that are zero.
-
-    Raises:
-        ValueError: the variance is not positive, or the gain has another length.
     """
 
     drive: Drive
@@ -50,10 +47,6 @@ class Estimation:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "values", self.drive.complete(self.values))
-        if not 0 < self.lam0 < np.inf:
-            raise ValueError(f"innovation variance {self.lam0}: must be finite and greater than zero")
-        if self.K is not None and len(self.K) != len(self.drive.states):
-            raise ValueError(f"K has {len(self.K)} entries, the drive {len(self.drive.states)} states")
 
     @property
     def all_names(self) -> tuple[str, ...]:

@@ -16,11 +16,10 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.structure import split_name, value_of, with_value
+from monitor_core.drive.structure import split_name, value_of, with_values
 from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
-from monitor_core.identification.parameter_selection import RELATIVE
-from monitor_core.identification.problem import Problem
+from monitor_core.identification.problem import RELATIVE, Problem
 from monitor_core.settings import DOUBTFUL, TOGETHER
 
 _AGREES = 3.0
@@ -41,16 +40,10 @@ def hold_undetermined(
     monitored: Collection[str],
     refit: Callable[[Problem], Estimate],
 ) -> tuple[Estimate, dict[str, str]]:
-    """Hold parameters one by one until the records determine the remaining ones.
+    """Hold parameters one by one until the records determine the remaining ones; the last fit, and why each is held.
 
-    Args:
-        found: the fit with all parameters free.
-        configured: values given by the user, by parameter.
-        monitored: parameters that will be monitored: of two correlated parameters, one that is not monitored is held.
-        refit: fits a problem.
-
-    Returns:
-        The last fit, and why each parameter is held.
+    ``found``: the fit with all of them free.  ``configured``: values given by the user, by parameter.  ``monitored``:
+    of two correlated parameters, one that will not be monitored is held.
     """
     monitored = {split_name(name)[0] for name in monitored}
     held = dict[str, str]()
@@ -84,7 +77,7 @@ def hold_offset(problem: Problem, monitored: Collection[str]) -> tuple[Problem, 
 
 
 def _without(problem: Problem, hold: HeldParameter) -> Problem:
-    nominal = with_value(problem.nominal, hold.name, hold.value)
+    nominal = with_values(problem.nominal, [hold.name], [hold.value])
     bounds = {name: bound for name, bound in problem.bounds.items() if name != hold.name}
     free = tuple(name for name in problem.free if name != hold.name)
     return replace(problem, nominal=nominal, free=free, bounds=bounds)

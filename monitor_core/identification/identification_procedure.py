@@ -21,7 +21,7 @@ from monitor_core.identification.identification_result import (
     Rejection,
     Start,
 )
-from monitor_core.identification.parameter_selection import ScheduledTerm, acting
+from monitor_core.identification.parameter_selection import ScheduledTerm
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.record_checks.known_axis import drive_time_constant
 from monitor_core.identification.records.gap_cuts import cut_at_gaps
@@ -86,75 +86,66 @@ def identify(
             numbers of masses are compared although gravity acts.
     """
     options = options or IdentificationOptions()
-    report = progress or _silent
+    given = _Given(records, validation, options, progress or _silent)
     if not options.cut_at_gaps:
-        return _with_repeats(problem, records, validation, options, report)
+        return _with_repeats(problem, given)
     slowest_s = drive_time_constant(problem.drive, problem.nominal, options.unknown)
     used, cuts = cut_at_gaps(records, slowest_s, options.begins_s)
     validated, further_cuts = cut_at_gaps(validation, slowest_s)
-    found = _with_repeats(
-        problem,
-        [part.record for part in used],
-        [part.record for part in validated],
-        replace(options, begins_s=tuple(part.begins_s for part in used)),
-        report,
+    cut = given._replace(
+        records=[part.record for part in used],
+        validation=[part.record for part in validated],
+        options=replace(options, begins_s=tuple(part.begins_s for part in used)),
     )
+    found = _with_repeats(problem, cut)
     as_given = replace(found.options, begins_s=options.begins_s)
     return replace(found, options=as_given, gap_cuts=(*cuts, *further_cuts))
 
 
-def _with_repeats(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
-) -> IdentificationResult:
+class _Given(NamedTuple):
+    """What each repetition of the fit takes, beside the problem."""
+
+    records: Sequence[Record]
+    validation: Sequence[Record]
+    options: IdentificationOptions
+    report: Progress
+
+
+def _with_repeats(problem: Problem, given: _Given) -> IdentificationResult:
     """The fit, repeated where ``identify`` says so."""
-    found = _identify(problem, records, validation, options, report)
+    found = _identify(problem, given)
     if Effect.SLOW in found.verdict.missing:
         faster = replace(problem, min_speed=found.verdict.slow)
-        if again := _unless_rejected(faster, records, validation, options, report):
+        if again := _unless_rejected(faster, given):
             return again
     doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not Quality.GOOD
-    if doubtful and options.start == "records":
-        return _with_balanced_inertia(found, problem, records, validation, options, report)
+    if doubtful and given.options.start == "records":
+        return _with_balanced_inertia(found, problem, given)
     return found
 
 
 def _with_balanced_inertia(
-    found: IdentificationResult,
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
+    found: IdentificationResult, problem: Problem, given: _Given
 ) -> IdentificationResult:
     """The fit repeated with the inertia of the torque balance, if that explains clearly more; else ``found``."""
-    torques = problem.drive.constant_torques()
+    torques, options = problem.drive.constant_torques(), given.options
     terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
-    rigid = hold_balanced_inertia(problem, records, terms)
+    rigid = hold_balanced_inertia(problem, given.records, terms)
     if rigid is None:
         return found
     held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
     unknown = tuple(name for name in options.unknown if name not in held)
     known = replace(options, start="values", unknown=unknown)
-    again = _unless_rejected(rigid, records, validation, known, report)
+    again = _unless_rejected(rigid, given._replace(options=known))
     if again is None or not (found.rejection or _is_better(again.verdict, found.verdict)):
         return found
     return replace(again, held={**held, **again.held})
 
 
-def _unless_rejected(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
-) -> IdentificationResult | None:
+def _unless_rejected(problem: Problem, given: _Given) -> IdentificationResult | None:
     """A repeated fit; None: it cannot be used."""
     try:
-        again = _identify(problem, records, validation, options, report)
+        again = _identify(problem, given)
     except IdentificationError:
         return None
     return None if again.rejection else again
@@ -164,13 +155,8 @@ def _is_better(verdict: Verdict, other: Verdict) -> bool:
     return verdict.measure is other.measure and 100 - verdict.per_cent < _BETTER * (100 - other.per_cent)
 
 
-def _identify(
-    problem: Problem,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    options: IdentificationOptions,
-    report: Progress,
-) -> IdentificationResult:
+def _identify(problem: Problem, given: _Given) -> IdentificationResult:
+    records, validation, options, report = given
     as_one = dict[str, str]()
     if moves_one_way(records):
         problem, as_one = hold_offset(problem, options.monitored)
@@ -250,23 +236,14 @@ def _may_follow_heat(
     return tuple(name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched)
 
 
-class _Warmed(NamedTuple):
-    """The warm-up found in records, the fit with it, the records with their heat, and the parameters that follow it."""
-
-    warm_up: FoundWarmUp
-    estimate: Estimate
-    records: Sequence[Record]
-    heat_terms: tuple[ScheduledTerm, ...]
-
-
 def _warmed(
     found: Estimate,
     records: Sequence[Record],
     followers: Sequence[str],
     options: IdentificationOptions,
     report: Progress,
-) -> _Warmed | None:
-    """The fit with friction that follows a heat; None: the records show no warm-up."""
+) -> tuple[FoundWarmUp, Estimate, Sequence[Record], Sequence[ScheduledTerm]] | None:
+    """The warm-up, the fit with it, the records with their heat, and what follows it; None: they show no warm-up."""
     assert options.thermal is not None
     report("warm-up", 0, 1)
     try:
@@ -279,7 +256,7 @@ def _warmed(
     except (ValueError, np.linalg.LinAlgError):
         return None  # a fit that explains nothing, or all, has no errors to learn from
     better = again.converged and again.cost < found.cost
-    return _Warmed(warm_up, again, heated, terms) if better else None
+    return (warm_up, again, heated, terms) if better else None
 
 
 class _Watch(NamedTuple):
@@ -356,19 +333,19 @@ def _growth(
     problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: Progress
 ) -> Growth:
     """Chains of one, two, .. masses, with the friction of the drive."""
-    drive = problem.drive
-    kinds = {drive.inputs[k] for k in acting(drive, problem.nominal, problem.free)}
-    if kinds & {COSINE, SINE}:
+    drive, values, free = problem.drive, problem.nominal, problem.free
+    if drive.acts((COSINE, SINE), values, free):
         raise IdentificationError(
             "--masses compares chains of masses without gravity, which acts on this drive"
         )
-    friction = {"fm": True, "fc": COULOMB in kinds, "tau0": ONE in kinds}
+    kinds = {"fc": COULOMB, "tau0": ONE}
+    friction = ["fm", *(name for name, kind in kinds.items() if drive.acts((kind,), values, free))]
     try:
         return grow(
             records,
             most,
             like=problem,
-            friction=[name for name, acts in friction.items() if acts],
+            friction=friction,
             validation=validation,
             progress=lambda done, most: report("chains of masses", done, most),
         )

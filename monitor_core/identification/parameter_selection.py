@@ -10,7 +10,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import Drive, slope_name, split_name
-from monitor_core.identification.problem import IdentificationError
+from monitor_core.identification.problem import RELATIVE, IdentificationError
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import StateSpace
@@ -18,9 +18,6 @@ from monitor_core.wording import did_you_mean
 
 Schedule = Mapping[str, tuple[str, ...]]
 """Terms (a signal or a function of it) by parameter."""
-
-RELATIVE = ("kT", "r")
-"""Torque constant and gear ratio, which are known from data sheets and are held unless the user frees them"""
 
 
 class ParameterSelection(NamedTuple):
@@ -55,7 +52,8 @@ def select_parameters(
         raise IdentificationError(
             f"nothing is free: of {', '.join(p.name for p in drive.parameters)} all are held"
         )
-    _check_identifiable(space, chosen.free, acting(drive, nominal, chosen.free))
+    inputs = np.flatnonzero(drive.acting(nominal, chosen.free)).tolist()
+    _check_identifiable(space, chosen.free, inputs)
     return chosen
 
 
@@ -116,13 +114,6 @@ def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> Param
     return ParameterSelection(
         tuple(n for n in names if n not in held), {n: held[n] for n in names if n in held}
     )
-
-
-def acting(drive: Drive, nominal: Mapping[str, float], free: Sequence[str]) -> list[int]:
-    """Indices of the inputs that act on the drive with these parameters free."""
-    bases = {split_name(name)[0] for name in free}
-    values = {name: value or float(name in bases) for name, value in nominal.items()}
-    return [int(column) for column in np.flatnonzero(drive.matrix("B", values).any(axis=0))]
 
 
 def _check_identifiable(space: StateSpace, free: Sequence[str], inputs: Sequence[int]) -> None:

@@ -16,6 +16,9 @@ Motion = Literal["measured", "simulated"]
 Initial = Literal["free", "first"]
 Level = Literal["torque", "slow", "time_constant"]
 
+RELATIVE = ("kT", "r")
+"""Torque constant and gear ratio, which are known from data sheets and are held unless the user frees them"""
+
 
 @dataclass(frozen=True)
 class Disturbance:

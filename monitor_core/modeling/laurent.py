@@ -129,11 +129,7 @@ class Laurent:
         return Laurent(out)
 
     def value(self, values: Mapping[str, Any]) -> Any:
-        """The number at the given parameter values, of type float, complex or Fraction.
-
-        Raises:
-            KeyError: a value is missing.
-        """
+        """The number at the given parameter values, of type float, complex or Fraction."""
         exact = all(isinstance(values[name], int | Fraction) for name in self.names)
         return sum(
             (c if exact else float(c))

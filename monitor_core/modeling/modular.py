@@ -43,11 +43,7 @@ def points_of(ss: StateSpace, seed: Seed, primes: Sequence[int] = POINTS) -> Ite
 
 
 def terms_at(entry: Laurent, point: Point) -> Iterator[tuple[int, dict[str, int]]]:
-    """Value and exponents of each term.
-
-    Raises:
-        ValueError: a denominator is a multiple of the prime.
-    """
+    """Value and exponents of each term."""
     for monomial, c in entry.terms.items():
         value = c.numerator * pow(c.denominator, -1, point.prime)
         for name, e in monomial:
@@ -117,11 +113,7 @@ def krylov_basis(A: Ints, start: Ints, prime: int) -> Ints:
 
 
 def inverse(values: Ints, prime: int) -> Ints:
-    """The reciprocal of each element.
-
-    Raises:
-        ValueError: one of them is zero.
-    """
+    """The reciprocal of each element."""
     reciprocals = [pow(v, -1, prime) for v in values.ravel().tolist()]
     return np.array(reciprocals, dtype=np.int64).reshape(values.shape)
 

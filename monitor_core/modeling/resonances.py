@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Complexes, Floats
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.modeling.flat import ModelError, Origin
-from monitor_core.modeling.statespace import Entries, StateSpace, nominal_of
+from monitor_core.modeling.statespace import Entries, StateSpace
 
 _ROUNDING = 1e-12
 """Relative size below which a root counts as zero, and so does an element that stands for a direct effect."""
@@ -40,22 +39,10 @@ class Resonances:
     antiresonances: tuple[Mode, ...]
 
 
-def resonances_of(ss: StateSpace, values: Mapping[str, float] | None = None) -> Resonances:
-    """Resonances at the nominal values; ``values`` take precedence over these.
-
-    Raises:
-        ModelError: the value of a parameter is not known.
-    """
-    known = nominal_of(ss, values)
-    missing = [p for p in ss.parameters if p.name not in known]
-    if missing:
-        names = ", ".join(p.name for p in missing)
-        first = missing[0].origin
-        raise ModelError(
-            f"no nominal value for {names}", first if len(missing) == 1 else Origin(file=first.file)
-        )
+def resonances_of(ss: StateSpace, nominal: Mapping[str, float]) -> Resonances:
+    """Resonances at the nominal values of all parameters."""
     torque = next(column for column, u in enumerate(ss.inputs) if u.kind == TORQUE)
-    A, B, C = (_at(*each, known) for each in zip((ss.A, ss.B, ss.C), ss.shapes, strict=True))
+    A, B, C = (_at(*each, nominal) for each in zip((ss.A, ss.B, ss.C), ss.shapes, strict=True))
     return resonances(A, B[:, torque], C[0])
 
 

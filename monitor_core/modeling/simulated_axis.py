@@ -8,7 +8,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from monitor_core.arrays import Floats
@@ -86,7 +85,7 @@ class SimulatedAxis:
             [(i, kind, ratio[i]) for i, kind in enumerate(kinds) if kind in wanted]
             for wanted in ((COULOMB,), (COSINE, SINE))
         )
-        self._parts = self._substeps if _depends_on_motion(self._drive, self._B).any() else 1
+        self._parts = self._substeps if self._drive.acts(OF_MOTION, model.nominal) else 1
         self._held: dict[float, tuple[Floats, Floats]] = {}
 
     def step(self, torque: float, interval_s: float) -> tuple[float, float]:
@@ -138,13 +137,13 @@ def simulate_linear(
         ValueError: there is Coulomb friction or gravity, which is not linear.
     """
     values = drive.complete(values)
-    B, C = drive.matrix("B", values), drive.matrix("C", values)[0]
-    if _depends_on_motion(drive, B).any():
+    if drive.acts(OF_MOTION, values):
         raise ValueError("Coulomb friction and gravity are not linear: use SimulatedAxis")
-    Ad, Bd = zero_order_hold(drive.matrix("A", values), B, interval_s)
+    A, B, (C,) = drive.matrices(values)
+    Ad, Bd = zero_order_hold(A, B, interval_s)
     if drive.mean_state >= 0:
         Ad[:, drive.mean_state], C = 0.0, C / interval_s
-    torque = Bd[:, [kind == TORQUE for kind in drive.inputs]]
+    torque = Bd[:, drive.of_torque]
     constant = Bd[:, [kind == ONE for kind in drive.inputs]].sum(axis=1, keepdims=True)
     x = np.zeros((len(drive.states), u.shape[1])) if start is None else start
     y = np.empty(u.shape)
@@ -172,8 +171,3 @@ def _lifted(Ad: Floats, b: Floats, c: Floats, C: Floats, n: int) -> tuple[Floats
         np.hstack([power @ b for power in powers[-2::-1]]),
         drift[-1],
     )
-
-
-def _depends_on_motion(drive: Drive, B: Floats) -> NDArray[np.bool_]:
-    """Mask (m,) of the inputs that act and depend on the motion."""
-    return np.isin(drive.inputs, OF_MOTION) & B.any(axis=0)

@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.detection.alarm import DIRECTIONS
 from monitor_core.detection.cusum.cusum_evidence import BatchEvent, Crossing, EvidenceBuilder
-from monitor_core.drive.assembly import Assembly, fill, rubs, without_friction
+from monitor_core.drive.assembly import Assembly, fill, without_friction
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import stable_limits
 from monitor_core.kernel.block import BatchSamples, Trace, compile_parts, run
@@ -18,7 +18,7 @@ from monitor_core.kernel.evidence import KEPT, EvidenceColumns, Kept, kept_numbe
 from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.state import NEVER, State, constant_views, state_rows, state_views
-from monitor_core.kernel.tables import constant_rows
+from monitor_core.kernel.tables import COULOMB, constant_rows
 from monitor_core.settings import Settings
 
 FEWEST_LANES = 8
@@ -66,7 +66,8 @@ class AxisBatch:
             raise ValueError("the axes of a batch must agree on run_on")
         self.models, self.settings = tuple(models), tuple(settings)
         assembly = Assembly(first.drive, first.monitored)
-        self._tables = t = assembly.tables if any(map(rubs, models)) else without_friction(assembly.tables)
+        rubs = any(model.drive.acts((COULOMB,), model.nominal, model.monitored) for model in models)
+        self._tables = t = assembly.tables if rubs else without_friction(assembly.tables)
         W = len(models)
         rows = constant_rows(t)
         self._constants = np.zeros((rows, W))

@@ -51,7 +51,7 @@ def facts_of(space: StateSpace, values: Mapping[str, float] | None = None) -> Fa
     """All facts about a drive; given nominal values take precedence over those of the drawing."""
     nominal = nominal_of(space, values)
     missing = tuple(p.name for p in space.parameters if p.name not in nominal)
-    motion = None if missing else resonances_of(space, values)
+    motion = None if missing else resonances_of(space, nominal)
     why = _not_examined(space)
     identifiability = (f"Not examined: {why}.",) if why else structural(space).words()
     return Facts(space, nominal, missing, motion, identifiability)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive import AxisModel, Conditions, Follow, Operating, Term
-from monitor_core.drive.holding_brake import HOLD_S, HoldingBrake
-from monitor_core.drive.rigid_motion import rigid_accelerations
+from monitor_core.drive.holding_brake import HOLD_S, HoldingBrake, rigid_accelerations
 from monitor_core.kernel.tables import COSINE, ONE, TORQUE
 from monitor_core.modeling.standard_drives import INTERVAL_S as MOVING_S
 from monitor_core.monitoring import AxisMonitor

@@ -144,9 +144,6 @@ def held_response(
     that spectra and discrete models of sampled records estimate, and not C (jw - A)^-1 B.
 
     ``torque`` (m,) says which inputs are the motor torque, which acts late by ``delay_s``, at most one interval.
-
-    Raises:
-        ValueError: a frequency beyond half the sampling frequency.
     """
     _, z = on_circle(frequency_hz, interval_s)
     n, m = system.B.shape

@@ -46,9 +46,7 @@ def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> fl
 
 def holds_weight(problem: Problem) -> bool:
     """Whether a weight acts on the drive: gravity at its own angle, or a constant torque that follows the pose."""
-    gravity = [kind in (COSINE, SINE) for kind in problem.drive.inputs]
-    acts = bool(problem.drive.matrix("B", problem.nominal)[:, gravity].any()) if any(gravity) else False
-    return acts or follows_pose(problem)
+    return problem.drive.acts((COSINE, SINE), problem.nominal) or follows_pose(problem)
 
 
 def offset_exceeds_friction(problem: Problem) -> bool:

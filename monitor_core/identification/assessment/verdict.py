@@ -132,11 +132,8 @@ class Verdict(NamedTuple):
         return Quality.FAIR if self.per_cent >= fair and not _PARTS & set(self.missing) else Quality.POOR
 
 
-class _Tried(NamedTuple):
-    """Values, and records that they were not fitted to."""
-
-    problem: Problem
-    records: Sequence[Record]
+_Tried = tuple[Problem, Sequence[Record]]
+"""Values, and records that they were not fitted to."""
 
 
 def verdict_of(
@@ -146,17 +143,12 @@ def verdict_of(
     traces: Sequence[Trace],
     validated: Sequence[Trace],
 ) -> Verdict:
-    """The verdict on estimates from these records.
+    """The verdict on estimates from these records, with their ``traces``, and those of ``validation`` in ``validated``.
 
-    Args:
-        estimate: estimates of the drive.
-        records: the fitted records.
-        validation: validation records; if there are none, the fitted ones are divided.
-        traces: traces of the fitted records with the estimates.
-        validated: traces of the validation records.
+    If there are no validation records, the fitted ones are divided.
     """
-    own = [_Tried(estimate.problem, records)]
-    basis, others = Basis.RECORDS, [_Tried(estimate.problem, validation)]
+    own: list[_Tried] = [(estimate.problem, records)]
+    basis, others = Basis.RECORDS, [(estimate.problem, validation)]
     if not validation:
         others = _cross_validated(estimate, records)
         basis = Basis.HALVES if others else Basis.NONE
@@ -204,7 +196,7 @@ def _cross_validated(estimate: Estimate, records: Sequence[Record]) -> list[_Tri
         except (ValueError, np.linalg.LinAlgError):
             continue
         if not found or _determined(estimate, fits):
-            found = [_Tried(f.problem, other) for f, other in zip(fits, halves[::-1], strict=True)]
+            found = [(f.problem, other) for f, other in zip(fits, halves[::-1], strict=True)]
         if _determined(estimate, fits):
             break
     return found

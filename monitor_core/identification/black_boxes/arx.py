@@ -39,11 +39,7 @@ class Arx:
     rows: int  # equations behind it
 
     def response(self, frequency_hz: ArrayLike, name: str = "") -> FrequencyResponse:
-        """G = B / A with its variance by the delta method:  dG/da_i = -z^-i G / A,  dG/db_i = z^-i / A.
-
-        Raises:
-            ValueError: a frequency beyond half the sampling frequency.
-        """
+        """G = B / A with its variance by the delta method:  dG/da_i = -z^-i G / A,  dG/db_i = z^-i / A."""
         f, z = on_circle(frequency_hz, self.interval_s)
         past: Complexes = z[:, None] ** -np.arange(1.0, self.a.size + 1)
         A = 1 + past @ self.a
@@ -66,13 +62,11 @@ def fit_arx(
         largest: order up to which AIC is computed; default 200 or a tenth of the samples.
 
     Raises:
-        ValueError: an order below 1, irregular samples, or fewer rows than parameters.
+        ValueError: irregular samples, or fewer rows than parameters.
     """
     series = on_grid(records)
     known = sum(int(record.known.sum()) for record in series)
     n = (largest or max(1, min(_LARGEST, known // 10))) if order is None else order
-    if n < 1:
-        raise ValueError(f"order {n}: need 1 at least")
     R, rows = _factor(series, n)
     p = R.shape[1] - 1
     if rows <= p + 1:

@@ -114,12 +114,10 @@ class Spectrum(NamedTuple):
 def local_response(
     records: Sequence[Record] | Sequence[Regular], frequency_hz: ArrayLike
 ) -> FrequencyResponse:
-    """G at any frequencies; NaN where the lines nearby are not excited.
+    """G at any frequencies (F,); NaN where the lines nearby are not excited.
 
-    Args:
-        records: with one interval; the polynomial of G is common, each stretch without a missing sample has its own
-            transient.
-        frequency_hz: (F,) Hz.
+    The records have one interval.  The polynomial of G is common, each stretch without a missing sample has its own
+    transient.
 
     Raises:
         ValueError: too few lines, a frequency beyond half the sampling frequency.

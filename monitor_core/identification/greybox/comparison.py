@@ -57,11 +57,7 @@ class Trace:
 
 
 def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
-    """Traces with the values of a problem, such as ``Estimate.problem``; only the initial states are fitted.
-
-    Raises:
-        ValueError: a record of another output than the drive's, or without a measured sample.
-    """
+    """Traces with the values of a problem, such as ``Estimate.problem``; only the initial states are fitted."""
     held = _with_values_held(problem)
     ahead = Predictor(held, records, held.disturbance if held.K is None else None)
     outputs = [
@@ -170,9 +166,6 @@ def colour_of(
     """Largest ratio of the variance of a monitored parameter to its variance with white errors; at least 1.
 
     ``weight``: as in ``monitored_information``.
-
-    Raises:
-        ValueError: as ``monitored_information``.
     """
     _, result = monitored_information(estimate, monitored, records, weight)
     white, coloured = np.diag(result.white), np.diag(result.covariance)
@@ -191,9 +184,6 @@ def monitored_information(
     As in the daemon: values, K and delay are the estimates, and schedules are followed.  ``weight``: the reference of
     what the constant torque follows as a weight, by the name of the slope; if there is any, LOAD comes last, which
     scales the torque of the weight.
-
-    Raises:
-        ValueError: a record of another output than the drive's.
     """
     found = estimate.problem
     K = tuple(estimate.K.tolist()) if found.predictor == "innovations" else None

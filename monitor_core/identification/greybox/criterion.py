@@ -162,26 +162,20 @@ def _normal(
     predictor: Predictor, errors: Sequence[Errors], columns: Sequence[Ints], rates: Floats, limit: float
 ) -> NormalEquations:
     """The model of these errors, whose psi are by these entries of a vector; ``rates`` (P,): d number / d entry."""
-    with np.errstate(all="ignore"):  # errors may be finite while their squares are not
-        found = _sums(predictor, errors, columns, rates.size, limit)
-        found = found._replace(g=found.g * rates, H=found.H * np.outer(rates, rates))
-        return found if np.isfinite(found.cost + found.H.sum()) else found._replace(cost=np.inf)
-
-
-def _sums(
-    predictor: Predictor, errors: Sequence[Errors], columns: Sequence[Ints], P: int, limit: float
-) -> NormalEquations:
+    P = rates.size
     cost, g, H, samples = 0.0, np.zeros(P), np.zeros((P, P)), 0
-    for i, (eps, psi, good) in enumerate(errors):
-        if not good:
-            return NormalEquations(np.inf, g, H, samples)
-        weight = np.minimum(1.0, limit / np.maximum(np.abs(eps), 1e-300)) if limit < np.inf else None
-        weighted = psi if weight is None else psi * weight[:, None]
-        cost += _loss(eps, limit)
-        g[columns[i]] += weighted.T @ eps
-        H[np.ix_(columns[i], columns[i])] += weighted.T @ psi
-        samples += int(predictor.series[i].counts.sum())
-    return NormalEquations(cost, g, H, samples)
+    with np.errstate(all="ignore"):  # errors may be finite while their squares are not
+        for i, (eps, psi, good) in enumerate(errors):
+            if not good:
+                return NormalEquations(np.inf, g, H, samples)
+            weight = np.minimum(1.0, limit / np.maximum(np.abs(eps), 1e-300)) if limit < np.inf else None
+            weighted = psi if weight is None else psi * weight[:, None]
+            cost += _loss(eps, limit)
+            g[columns[i]] += weighted.T @ eps
+            H[np.ix_(columns[i], columns[i])] += weighted.T @ psi
+            samples += int(predictor.series[i].counts.sum())
+        g, H = g * rates, H * np.outer(rates, rates)
+        return NormalEquations(cost if np.isfinite(cost + H.sum()) else np.inf, g, H, samples)
 
 
 def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturbance | None:
@@ -197,12 +191,12 @@ def choose_disturbance(problem: Problem, records: Sequence[Record]) -> Disturban
         return replace(given, torque=level * unit, slow=level * unit if given.slow else 0.0)
 
     costs = {level: _cost(problem, records[:1], noise(level)) for level in _LEVELS}
-    while (best := min(costs, key=costs.__getitem__)) in (min(costs), max(costs)) and len(
-        costs
-    ) < _MOST_LEVELS:
+    while True:
+        best = min(costs, key=costs.__getitem__)
+        if min(costs) < best < max(costs) or len(costs) >= _MOST_LEVELS:
+            return noise(best)
         beyond = best * (10.0 if best == max(costs) else 0.1)
         costs[beyond] = _cost(problem, records[:1], noise(beyond))
-    return noise(best)
 
 
 def _ratio(records: Sequence[Record]) -> float:

@@ -14,7 +14,7 @@ from monitor_core.identification.greybox.criterion import OUTLIER_SIGMAS
 from monitor_core.identification.greybox.residuals import LEVEL as CONFIDENCE
 from monitor_core.identification.greybox.residuals import Correlation
 from monitor_core.identification.predictor.parameter_vector import LEVEL, Layout, whole_intervals
-from monitor_core.identification.problem import Problem
+from monitor_core.identification.problem import RELATIVE, Problem
 from monitor_core.wording import listed
 
 
@@ -109,8 +109,6 @@ class Estimate:
 # --- Doubts -----------------------------------------------------------------------------------------------------------
 
 
-_USUAL = ("kT", "r")
-"""Parameters that are better held than others, as data sheets give them"""
 _SMALL = 0.01
 
 
@@ -141,7 +139,7 @@ def _singular(accuracy: Accuracy) -> Iterator[str]:
     for row in hidden:
         names = [name for name, part in zip(accuracy.names, row, strict=True) if part != 0]
         if len(names) > 1:
-            hold = next((name for name in _USUAL if name in names), names[0])
+            hold = next((name for name in RELATIVE if name in names), names[0])
             yield (
                 f"The information matrix is singular: {listed(names)} cannot all be determined. Fix one of them, best"
                 f" {hold}: only then do the values and standard deviations of the others have a meaning."

@@ -116,8 +116,7 @@ def _moving(predictor: Predictor, end: SearchResult, covariance: Floats) -> tupl
 def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
     """Whether the predictor uses no measured output: neither for K, nor for friction and gravity, nor for its start."""
     problem, drive = predictor.problem, predictor.drive
-    looks = np.isin(drive.inputs, OF_MOTION) & drive.matrix("B", values).any(axis=0)
-    blind = problem.motion == "simulated" or not looks.any()
+    blind = problem.motion == "simulated" or not drive.acts(OF_MOTION, values)
     blind = blind and drive.output != "angle"  # which is compared by its speed
     return blind and problem.predictor == "output-error" and problem.initial == "free"
 

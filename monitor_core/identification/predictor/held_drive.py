@@ -85,9 +85,6 @@ class Structure:
     """The Laurent terms of a drive as arrays:  term_j = c_j prod_i v_i^E_ji,  v the parameters' values.
 
     A free parameter "1/Ja" counts as a value of its own, Ja^-1.  ``d`` (n,) is the unit of each state.
-
-    Raises:
-        KeyError: a free name that the drive does not have.
     """
 
     def __init__(self, drive: Drive, free: Sequence[str], d: Floats) -> None:

@@ -5,7 +5,6 @@ state of each record
 """
 
 import math
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, slope_name, value_of, with_value
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, slope_name, value_of, with_values
 from monitor_core.identification.problem import Disturbance, Problem
 
 _FARTHEST = 1e3
@@ -163,7 +162,7 @@ class Layout:
         numbers, p, b = self.numbers(xi), len(self.free), len(self.varying)
         found = dict(zip([entry.name for entry in self.entries], numbers.tolist(), strict=True))
         return Point(
-            self.values_with(self._nominal, numbers[:p]),
+            with_values(self._nominal, self.free, numbers[:p]),
             numbers[p : p + b],
             found.get(DELAY, self._delay_s),
             *(found.get(LEVEL + name, level) for name, level in self._ratios().items()),
@@ -175,13 +174,6 @@ class Layout:
         if noise is None:
             return {"torque": 0.0, "slow": 0.0}
         return {"torque": (noise.torque or 0.0) / noise.output, "slow": noise.slow / noise.output}
-
-    def values_with(self, values: Mapping[str, float], theta: Floats) -> dict[str, float]:
-        """All values with the free ones replaced."""
-        out = dict(values)
-        for name, value in zip(self.free, theta, strict=True):
-            out = with_value(out, name, value)
-        return out
 
 
 def whole_intervals(delay_s: float, interval_s: float) -> int:

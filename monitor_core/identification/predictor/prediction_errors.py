@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of
+from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of, with_values
 from monitor_core.identification.predictor.held_drive import (
     Linear,
     MiddleSpeed,
@@ -197,7 +197,7 @@ class Predictor:
         theta = np.array([value_of(values, name) for name in self.layout.free])
         for (i, _), slope, signal in zip(varying, point.slopes, signals, strict=True):
             theta[i] += slope * signal
-        system = self._structure.at(self.layout.values_with(values, theta))
+        system = self._structure.at(with_values(values, self.layout.free, theta))
         which = [i for i, _ in varying]
         more = [np.concatenate([slopes, slopes[..., which] * signals], axis=-1) for slopes in system[5:]]
         return Linear(*system[:5], *more)

@@ -39,9 +39,6 @@ def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
     """The inertia of the whole drive, kg m^2, as a measured torque feels it: with a torque constant of 2 half of it.
 
     Near standstill the torque for a speed w is  1/G(s) = f + J s + O(s^2)  with the transfer function G.
-
-    Raises:
-        KeyError, ValueError: a value is missing or makes no sense.
     """
     A, torque, C = _from_torque(drive, values)
     poles = abs(np.linalg.eigvals(A))
@@ -51,11 +48,7 @@ def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
 
 
 def antiresonance_s(drive: Drive, values: Mapping[str, float]) -> float | None:
-    """Period, s, of the lowest antiresonance: motions much slower than that are rigid.  None: the drive has none.
-
-    Raises:
-        KeyError, ValueError: a value is missing or makes no sense.
-    """
+    """Period, s, of the lowest antiresonance: motions much slower than that are rigid.  None: the drive has none."""
     found = resonances(*_from_torque(drive, values)).antiresonances
     return 1 / min(mode.frequency_hz for mode in found) if found else None
 

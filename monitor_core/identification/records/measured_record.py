@@ -199,20 +199,15 @@ def between(record: Record, start_s: float, end_s: float) -> Record:
     return record.select(chosen)
 
 
-def segments(record: Record, gap_s: float) -> list[Record]:
-    """The record cut at intervals longer than ``gap_s``; segments of a single sample are dropped."""
-    ends = np.append(np.flatnonzero(record.intervals > gap_s) + 1, len(record))
+def pieces(record: Record) -> list[Record]:
+    """A record between its gaps; pieces of a single sample are dropped."""
+    ends = np.append(np.flatnonzero(record.intervals > GAP * record.interval_s) + 1, len(record))
     starts = np.concatenate(([0], ends[:-1]))
     return [
         record.select(slice(start, end))
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
         if end - start >= _FEWEST
     ]
-
-
-def pieces(record: Record) -> list[Record]:
-    """A record between its gaps."""
-    return segments(record, GAP * record.interval_s)
 
 
 _ENOUGH = 40_000

@@ -24,13 +24,7 @@ FRICTION = ("fm", "fc", "tau0")
 
 @cache
 def chain(masses: int, output: Output) -> Drive:
-    """The drive; its states are the springs' angles, the speeds, and with the angle as output that of the motor.
-
-    Raises:
-        ValueError: no mass.
-    """
-    if masses < 1:
-        raise ValueError(f"{masses} masses: need at least one")
+    """The drive; its states are the springs' angles, the speeds, and with the angle as output that of the motor."""
     n = masses
     states = [Quantity(f"shaft{i}.phi - shaft{i + 1}.phi", "rad") for i in range(1, n)]
     states += [Quantity(f"shaft{i}.w", "rad/s") for i in range(1, n + 1)]

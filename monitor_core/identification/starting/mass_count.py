@@ -23,7 +23,7 @@ from monitor_core.identification.starting.chains import (
 from monitor_core.identification.starting.growing_chains import FittedChain, grown_chains, longer
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import Progress, SearchEnd, Steps
-from monitor_core.identification.starting.starting_fits import FITTING, Reached, best_fit, from_chains
+from monitor_core.identification.starting.starting_fits import FITTING, best_fit, from_chains
 
 
 def grow(
@@ -63,7 +63,10 @@ def grow(
             fitted = FittedChain(response, SearchEnd(response.start, np.inf), ChainParameters(before))
             grown = longer(problem, (fitted, *grown), measured)
         try:
-            found = _fitted(problem, records, grown, measured, steps.part((masses - 1) * FITTING, FITTING))
+            if not grown:
+                raise ValueError("the frequency response shows no further resonance")
+            reached = steps.part((masses - 1) * FITTING, FITTING)
+            found = best_fit(problem, records, from_chains(grown, measured), reached)
         except ValueError as error:
             if not models:
                 raise
@@ -88,18 +91,6 @@ def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[R
     return ChainModel(
         masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0]))
     )
-
-
-def _fitted(
-    problem: Problem,
-    records: Sequence[Record],
-    grown: Sequence[FittedChain],
-    measured: Measured,
-    reached: Reached,
-) -> Estimate:
-    if not grown:
-        raise ValueError("the frequency response shows no further resonance")
-    return best_fit(problem, records, from_chains(grown, measured), reached)
 
 
 # --- Chains of different length compared ------------------------------------------------------------------------------

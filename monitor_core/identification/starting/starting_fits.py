@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_value
+from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_values
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record_checks.known_axis import rigid_inertia
@@ -251,8 +251,6 @@ def _origin(winner: Candidate, candidates: int, rivals: int) -> str:
 
 def _started(problem: Problem, values: Mapping[str, float]) -> Problem:
     """The problem with its free parameters at these values, inside their bounds."""
-    nominal = problem.nominal
-    for name in problem.free:
-        value = float(np.clip(value_of(values, name), *problem.bounds.get(name, (-np.inf, np.inf))))
-        nominal = with_value(nominal, name, value)
-    return replace(problem, nominal=nominal)
+    bounds = [problem.bounds.get(name, (-np.inf, np.inf)) for name in problem.free]
+    inside = [float(np.clip(value_of(values, n), *b)) for n, b in zip(problem.free, bounds, strict=True)]
+    return replace(problem, nominal=with_values(problem.nominal, problem.free, inside))

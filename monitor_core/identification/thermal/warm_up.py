@@ -93,12 +93,8 @@ def find_warm_up(
 ) -> FoundWarmUp | None:
     """The warm-up in records, from a fit of them with constant friction; None: they do not show one.
 
-    Args:
-        found: the fit.
-        records: those of the fit.
-        followers: free parameters that may follow the heat.
-        start: how the first record begins.
-        begins_s: clock times of the first samples [s]; None or empty: unknown.
+    ``followers``: free parameters that may follow the heat.  ``start``: how the first record begins.  ``begins_s``:
+    clock times of the first samples [s]; None or empty: unknown.
     """
     fm, fc = braking(found.drive, found.values)
     if not followers or not fm + fc > 0:

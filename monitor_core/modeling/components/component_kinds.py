@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
 from monitor_core.modeling.components.fragments import Builder, Fragment, Linear, der
-from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
+from monitor_core.modeling.flat import CONSTANT, Origin
 from monitor_core.modeling.laurent import Laurent
 
 
@@ -51,26 +51,16 @@ class Kind:
     signals_out: tuple[str, ...] = ()
 
     def role(self, name: str) -> Role:
-        """The parameter of that name.
-
-        Raises:
-            KeyError: there is none.
-        """
+        """The parameter of that name."""
         return {role.name: role for role in self.roles}[name]
 
 
 def fragment(kind: Kind, name: str, parameters: Mapping[str, Laurent], origin: Origin) -> Fragment:
-    """Variables, equations, inputs and sensors of a component, all named "<name>.<what>".
+    """Variables, equations, inputs and sensors of a component, all named "<name>.<what>"; all roles have parameters.
 
     A signal into the component is a variable here; the ``tau`` of a torque without a connection is the measured one:
     ``Fragment.measured``.
-
-    Raises:
-        ModelError: a parameter is missing.
     """
-    for role in kind.roles:
-        if role.name not in parameters:
-            raise ModelError(f"its {role.name} ({role.meaning}) is missing", origin)
     builder = Builder(name, parameters, origin)
     kind.physics(builder)
     return builder.fragment

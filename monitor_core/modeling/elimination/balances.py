@@ -33,12 +33,7 @@ class Balances:
 
 
 def balances_of(system: System) -> Balances:
-    """Substitute, then solve for the highest derivatives.
-
-    Raises:
-        ModelError: too few or too many equations, or no solution.
-        NotLaurentError: a sum of terms would have to be divided by, and cannot be made a parameter.
-    """
+    """Substitute, then solve for the highest derivatives."""
     while True:
         substitute_all(system)
         _check_shape(system)

@@ -29,7 +29,7 @@ class Reduction:
 
     ``order``: the moving angles and their rank by distance from the motor.  ``positions``: deflections first,
     ``relative`` of them, then the angles that sensors measure and deflections do not determine.  ``columns``: the state
-    of each speed, by the angle of its inertia.  ``size``: number of states.
+    of each speed, by the angle of its inertia.
     """
 
     def __init__(
@@ -48,7 +48,6 @@ class Reduction:
                 self.positions.extend(self.angle_of(sensor.angle))
         masses = [name for name in self.order if name in balances.masses]
         self.columns = {name: self.relative + k for k, name in enumerate(masses)}
-        self.size = len(self.positions.rows) + len(masses)
 
     def _deflections(self, drawn: Iterable[str]) -> Basis:
         """Basis of the deflections that the balances depend on: drawn ones first, with the motor side positive."""

@@ -159,12 +159,7 @@ def distances(rows: Iterable[Row], sources: Sequence[str]) -> dict[str, int]:
 
 
 def substitute_all(system: System) -> None:
-    """Substitute until no row determines a variable any more; shortest rows first.
-
-    Raises:
-        ModelError: equations contradict each other, or something is locked.
-        NotLaurentError: a sum of terms would have to be divided by, and cannot be made a parameter.
-    """
+    """Substitute until no row determines a variable any more; shortest rows first."""
     _Substitution(system).run()
     system.lines = [line for line in system.lines if line.row]
 

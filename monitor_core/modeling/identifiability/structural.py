@@ -7,7 +7,7 @@ from itertools import chain
 import numpy as np
 
 from monitor_core.arrays import Ints
-from monitor_core.modeling.flat import FlatParameter, ModelError
+from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.identifiability.combinations import by_unit, combinations_of
 from monitor_core.modeling.identifiability.jacobian import Sample, samples_of
 from monitor_core.modeling.identifiability.lattice import components
@@ -57,14 +57,8 @@ def structural(
     """Identifiability of the ``free`` parameters (default: all drawn ones), if the others are known.
 
     ``inputs``: columns of B, each a known signal of its own (torque, direction of motion, 1, gravity); default all.
-
-    Raises:
-        ModelError: the drive has no parameter of that name.
     """
     drawn = {p.name: p for p in ss.drawn}
-    for name in free or ():
-        if name not in drawn:
-            raise ModelError(f"no parameter {name}: the drive has {', '.join(drawn)}")
     names = tuple(drawn if free is None else dict.fromkeys(free))
     columns = range(len(ss.inputs)) if inputs is None else inputs
     if not names:

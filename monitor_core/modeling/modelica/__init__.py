@@ -3,6 +3,8 @@
 text -> pymoca's syntax tree, with places (parsing) -> the tree of all classes (classes), names checked (names)
 -> pymoca's instance and flat class -> values of parameters (values), components of the library (library, leaves),
 signals (signals) -> flat model (flattening, flat_parameters)
+
+What is wrong in a text is refused where it is found, with a ModelError that names file, line and component.
 """
 
 from collections.abc import Sequence

@@ -21,11 +21,7 @@ BUILTIN = ("Real", "Integer", "Boolean", "String")
 
 
 def tree_of(files: Sequence[ModelicaFile]) -> ast.Tree:
-    """The library and the classes of the texts; a text's own Modelica or AxisWatch package is ignored.
-
-    Raises:
-        ModelError: a class is defined twice.
-    """
+    """The library and the classes of the texts; a text's own Modelica or AxisWatch package is ignored."""
     root = _copy(library())
     for file in sorted(files, key=lambda f: len(f.within)):
         path: tuple[str, ...] = file.within[0].to_tuple() if file.within else ()
@@ -67,11 +63,7 @@ def own_classes(cls: ast.Class) -> list[ast.Class]:
 
 
 def choose(root: ast.Tree, sources: Sequence[Source], model: str | None) -> ast.Class:
-    """The class with this name, or without a name the only model that no other class of the texts uses or extends.
-
-    Raises:
-        ModelError: there is none, or several.
-    """
+    """The class with this name, or without a name the only model that no other class of the texts uses or extends."""
     classes = own_classes(root)
     models = [c for c in classes if c.type in MODELS]
     if not models:

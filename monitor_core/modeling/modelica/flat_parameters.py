@@ -23,9 +23,6 @@ def flat_parameters(
 
     ``comments``: by path, in the user's words.  ``known``: units that are declared, or that the user's own equations
     determine.
-
-    Raises:
-        ModelError: contradicting units; a value that makes no sense (an inertia of zero).
     """
     occurring = {name for e in equations for c in e.terms.values() for name in c.names}
     written = [n for n in values.places if n in occurring and is_parameter(values.symbols[n])]

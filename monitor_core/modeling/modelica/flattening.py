@@ -33,11 +33,7 @@ from monitor_core.modeling.modelica.values import Values, plain
 
 
 def flatten(root: ast.Tree, model: ast.Class) -> FlatModel:
-    """The flat model of a class.
-
-    Raises:
-        ModelError: equations that are not linear, impossible connections, contradicting parameters.
-    """
+    """The flat model of a class."""
     try:
         instance = instantiate(root, model.full_name)
         flat = flatten_instance(instance, expand_connect=False)

@@ -28,11 +28,7 @@ class Placed:
 
 
 def parts(placed: Placed, values: Values) -> Iterator[Part]:
-    """The parts of a library component: itself, except for friction by a table.
-
-    Raises:
-        ModelError: a parameter has a value that is not supported.
-    """
+    """The parts of a library component: itself, except for friction by a table."""
     _check_refused(placed, values)
     if placed.leaf.kind == BEARING:
         yield from _bearing(placed, values)
@@ -106,9 +102,6 @@ def coulomb_and_viscous(bearing: Placed, values: Values) -> tuple[Coefficient, C
     """Intercept [N m] and slope [N m s/rad] of the line through the points of ``tau_pos``.
 
     A number becomes a parameter "<bearing>.fc" or "<bearing>.d" with that nominal value.
-
-    Raises:
-        ModelError: no table, more than two points, a speed that cannot be divided by.
     """
     table = values.symbols[bearing.inside("tau_pos")].value
     if not is_given(table):

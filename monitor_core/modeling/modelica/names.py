@@ -27,11 +27,7 @@ from monitor_core.modeling.modelica.values import FUNCTIONS
 
 
 def check_names(root: ast.Tree) -> None:
-    """Check classes, modifications and the names in equations of all of the user's classes; drop pictures.
-
-    Raises:
-        ModelError: one is not known, or is not of the right sort.
-    """
+    """Check classes, modifications and the names in equations of all of the user's classes; drop pictures."""
     for cls in own_classes(root):
         cls.extends = [e for e in cls.extends if "Icons" not in e.component.to_tuple()]
         for extends in cls.extends:

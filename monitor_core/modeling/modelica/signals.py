@@ -46,9 +46,6 @@ class Signals:
 
         Args:
             own: the equations that the user wrote; a signal in them is not left open.
-
-        Raises:
-            ModelError: two of them; a signal that nothing drives, or that two drive.
         """
         written = {name for equation in own for name, _ in equation.terms}
         found = [signal for group in self._groups() for signal in self._measured(group, written)]

@@ -51,11 +51,7 @@ class Values:
         return written if written.file else replace(declared, component=name)
 
     def parameter(self, name: str) -> Laurent:
-        """The value of a parameter in terms of the free ones.
-
-        Raises:
-            ModelError: it depends on itself, or in a way that is no Laurent sum; a constant without a value.
-        """
+        """The value of a parameter in terms of the free ones."""
         if name not in self._known:
             if name in self._busy:
                 ring = [*self._busy[self._busy.index(name) :], name]
@@ -81,11 +77,7 @@ class Values:
         return Laurent.symbol(name)
 
     def constant(self, node: Any, origin: Origin) -> Laurent:
-        """The value of an expression without variables.
-
-        Raises:
-            ModelError: a variable occurs in it, or it is no Laurent sum.
-        """
+        """The value of an expression without variables."""
         value = self.linear(node, origin)
         found = without_variables(value)
         if found is None:
@@ -94,11 +86,7 @@ class Values:
         return found
 
     def linear(self, node: Any, origin: Origin) -> Linear:
-        """The value of an expression that is linear in the variables.
-
-        Raises:
-            ModelError: it is not; something in it is not supported.
-        """
+        """The value of an expression that is linear in the variables."""
         match node:
             case ast.Primary(value=value):
                 return self.linear(value, origin)
@@ -173,11 +161,7 @@ class Values:
 
 
 def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
-    """An operation on the values of its operands.
-
-    Raises:
-        ModelError: the result is not linear in the variables, or its coefficients are no Laurent sums.
-    """
+    """An operation on the values of its operands."""
     if len(values) == 1 and symbol in "+-":
         return values[0] if symbol == "+" else -values[0]
     left, right = values[0], values[-1]
@@ -219,11 +203,7 @@ def without_variables(value: Linear) -> Laurent | None:
 
 
 def number_of(value: Laurent, origin: Origin) -> float:
-    """The number of a constant without parameters.
-
-    Raises:
-        ModelError: it is too large.
-    """
+    """The number of a constant without parameters."""
     try:
         return float(value.value({}))
     except OverflowError:

@@ -22,11 +22,9 @@ from monitor_core.identification.greybox import fit
 from monitor_core.identification.problem import Disturbance, Predictor, Problem
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
+from tests.core.identification.problems import EIGHT, TRUE
 
-FREE = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
-"""kT is fixed at 1, r is known."""
 SAMPLES = 4000
-TRUE = np.array([REFERENCE_VALUES[name] for name in FREE])
 DRIVE = three_mass("speed")
 TORQUE_AT = DRIVE.inputs.index(TORQUE)
 START_SPREAD = 0.1
@@ -73,7 +71,7 @@ class Spread(NamedTuple):
 
     def lines(self) -> str:
         """A table to print."""
-        rows = zip(FREE, self.z, self.empirical, self.reported, self.bound, strict=True)
+        rows = zip(EIGHT, self.z, self.empirical, self.reported, self.bound, strict=True)
         body = [
             f"{n:4s} {z:+7.2f} {100 * e:9.3f} % {100 * s:9.3f} % {100 * b:9.3f} %" for n, z, e, s, b in rows
         ]
@@ -83,7 +81,7 @@ class Spread(NamedTuple):
 
 def limit_of_means(experiments: int) -> float:
     """Three standard errors for all parameters of so many experiments together: by luck one run in 370 is beyond."""
-    return float(norm.isf(norm.sf(STANDARD_ERRORS) / len(FREE) / experiments))
+    return float(norm.isf(norm.sf(STANDARD_ERRORS) / len(EIGHT) / experiments))
 
 
 def open_loop(seeds: Sequence[int]) -> list[Record]:
@@ -103,13 +101,13 @@ def spread(records: Sequence[Record], seed: int, disturbance: Disturbance | None
     found = []
     for record in records:
         nominal = dict(REFERENCE_VALUES)
-        for name in FREE:
+        for name in EIGHT:
             nominal[name] *= float(np.exp(START_SPREAD * rng.standard_normal()))
-        problem = Problem(DRIVE, nominal, FREE, predictor=predictor, disturbance=disturbance)
+        problem = Problem(DRIVE, nominal, EIGHT, predictor=predictor, disturbance=disturbance)
         found.append(fit(problem, [record]))
     return Spread(
-        np.array([e.theta[: len(FREE)] for e in found]) / TRUE - 1,
-        _rms(np.array([e.sd[: len(FREE)] for e in found]) / TRUE),
+        np.array([e.theta[: len(EIGHT)] for e in found]) / TRUE - 1,
+        _rms(np.array([e.sd[: len(EIGHT)] for e in found]) / TRUE),
         _rms(np.array([bound(record) for record in records[:20]])),
         np.array([e.lam0 for e in found]),
         sum(e.converged for e in found),
@@ -120,8 +118,8 @@ def bound(record: Record) -> Floats:
     """Cramer and Rao's (p,), relative, for white noise on the output and the torque as recorded."""
     u = np.zeros((len(record), len(DRIVE.inputs)))
     u[:, TORQUE_AT] = record.u
-    S = Sensitivities(DRIVE, REFERENCE_VALUES, FREE, INTERVAL_S).along(u)
-    return Accuracy(FREE, S, NOISE["speed"]).standard_deviations
+    S = Sensitivities(DRIVE, REFERENCE_VALUES, EIGHT, INTERVAL_S).along(u)
+    return Accuracy(EIGHT, S, NOISE["speed"]).standard_deviations
 
 
 def _records(seeds: Sequence[int], kp: float, ki: float, slow: float) -> list[Record]:

@@ -38,8 +38,8 @@ class Discrete:
         return out
 
 
-def bench_continuous() -> tuple[Floats, Floats, Floats]:
-    """A, B, C of a stiff three-mass drive with the motor speed as output: 12.95 and 21.9 Hz, slowest 1 s."""
+def bench_drive() -> Discrete:
+    """A stiff three-mass drive with the motor speed as output, held: 12.95 and 21.9 Hz, slowest 1 s."""
     Jm, Jg, Ja, k1, k2, d1, d2, fm = 0.004, 0.01, 0.006, 50.0, 30.0, 0.08, 0.04, 0.02
     A = [
         [0, 0, 1, -1, 0],
@@ -48,13 +48,8 @@ def bench_continuous() -> tuple[Floats, Floats, Floats]:
         [k1 / Jg, -k2 / Jg, d1 / Jg, -(d1 + d2) / Jg, d2 / Jg],
         [0, k2 / Ja, 0, d2 / Ja, -d2 / Ja],
     ]
-    return np.array(A), np.array([[0.0, 0, 1 / Jm, 0, 0]]).T, np.array([[0, 0, 1.0, 0, 0]])
-
-
-def bench_drive() -> Discrete:
-    """The same, held."""
-    A, B, C = bench_continuous()
-    return Discrete(*zero_order_hold(A, B, INTERVAL_S), C, INTERVAL_S)
+    Ad, Bd = zero_order_hold(np.array(A), np.array([[0.0, 0, 1 / Jm, 0, 0]]).T, INTERVAL_S)
+    return Discrete(Ad, Bd, np.array([[0, 0, 1.0, 0, 0]]))
 
 
 def schroeder(N: int) -> Floats:
@@ -98,12 +93,6 @@ def innovations_record(
     e, closed = sd * rng.normal(size=N), drive.A - feedback * drive.B @ drive.C
     y = _filtered(closed, B, C, u) + _filtered(closed, K - feedback * B, C, e) + e
     return Record(times(N), u - feedback * y, y, "speed")
-
-
-def halves(record: Record) -> list[Record]:
-    """Its two halves as records of their own."""
-    middle = len(record) // 2
-    return [record.select(slice(0, middle)), record.select(slice(middle, None))]
 
 
 def _filtered(A: Floats, B: Floats, C: Floats, u: Floats) -> Floats:

@@ -33,9 +33,8 @@ from monitor_core.identification.assessment.verdict import (
     Measure,
     Quality,
     missing_effects,
-    verdict_of,
 )
-from monitor_core.identification.greybox import Estimate, fit, traces_of
+from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
@@ -188,17 +187,6 @@ def creeping(seed: int, speed: float = 0.02) -> Record:
     t = np.asarray(H * np.arange(angle.size))
     measured = angle + 2e-5 * rng.standard_normal(angle.size)
     return Record(t, u + np.concatenate(stuck), measured, "angle", "axis")
-
-
-def test_an_axis_that_mostly_creeps_is_named(seed: int) -> None:
-    slow = creeping(seed)
-    problem = Problem(one_mass(), VALUES, ALL, speed_scale=0.01)
-    estimate = fit(problem, [slow])
-    verdict = verdict_of(estimate, [slow], [], traces_of(estimate.problem, [slow]), ())
-    print(verdict)
-    assert verdict.quality is not Quality.GOOD
-    assert verdict.missing == (Effect.SLOW,)
-    assert 0.02 < verdict.slow < 0.1
 
 
 def test_an_axis_that_mostly_creeps_is_identified_from_its_faster_motion(seed: int) -> None:

@@ -21,9 +21,9 @@ from monitor_core.identification import (
 from monitor_core.identification.records.gap_cuts import long_pieces
 from monitor_core.modeling import REFERENCE_VALUES, three_mass
 from monitor_core.samples import SampleBlock
+from tests.core.identification.problems import EIGHT
 from tests.core.identification.record_cases import H
 
-FREE = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm")
 AWAY_S = (6.5, 6.95), (13.2, 13.65)
 
 
@@ -71,7 +71,7 @@ def test_identify_cuts_a_record_where_nothing_was_received(seed: int) -> None:
     t_us, u, y = experiment(seed, output="angle", samples=4000, noise=1e-3)
     received = ~np.any([(t_us > 1e6 * a) & (t_us < 1e6 * b) for a, b in AWAY_S], axis=0)
     torn = Record.from_samples(SampleBlock(t_us, u, y, name="torn").select(received), "angle")
-    problem = Problem(three_mass("angle"), REFERENCE_VALUES, FREE)
+    problem = Problem(three_mass("angle"), REFERENCE_VALUES, EIGHT)
     options = IdentificationOptions("values")
     found = identify(problem, [torn], options=options)
     e = found.estimate
@@ -79,7 +79,7 @@ def test_identify_cuts_a_record_where_nothing_was_received(seed: int) -> None:
     assert [len(trace.t) for trace in found.estimation] == [len(piece) for piece in long_pieces(torn)]
     assert found.options == options
     off = e.theta - np.array([REFERENCE_VALUES[name] for name in e.names])
-    assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(FREE))
+    assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(EIGHT))
     assert (found.rejection, found.verdict.quality) == (None, Quality.GOOD)
     as_given = identify(problem, [torn], options=replace(options, cut_at_gaps=False))
     assert (as_given.gap_cuts, len(as_given.estimation)) == ((), 1)

@@ -17,7 +17,6 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import Record
 from monitor_core.identification.problem import Disturbance
 from tests.core.identification.monte_carlo import (
-    FREE,
     SAMPLES,
     SLOW,
     START_OF_NOISE,
@@ -25,6 +24,7 @@ from tests.core.identification.monte_carlo import (
     open_loop,
     spread,
 )
+from tests.core.identification.problems import EIGHT
 from tests.shares import soaked
 
 SEEDS = 50
@@ -53,7 +53,7 @@ EXPERIMENTS = {
 
 def beyond(off: Floats) -> dict[str, float]:
     """Parameters that are off by more than the limit, which is 1 or -1."""
-    return {name: value for name, value in zip(FREE, off.tolist(), strict=True) if abs(value) > 1}
+    return {name: value for name, value in zip(EIGHT, off.tolist(), strict=True) if abs(value) > 1}
 
 
 @pytest.mark.parametrize("kind", soaked(EXPERIMENTS, WHITE))
@@ -79,5 +79,5 @@ def test_output_error_fails_where_feedback_knows_the_disturbance(seed: int) -> N
     """
     found = spread(closed_loop(seeds(seed, FEW), SLOW), seed)
     print(f"\nclosed loop, disturbed, output error: {found.lines()}")
-    assert found.deviations[:, FREE.index("Jm")].min() > 0.05
+    assert found.deviations[:, EIGHT.index("Jm")].min() > 0.05
     assert found.lam0.min() > 2

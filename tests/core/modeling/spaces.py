@@ -1,8 +1,9 @@
-"""State spaces for tests: entries as text, the library's three masses, chains of masses."""
+"""State spaces for tests: entries as text, the library's three masses, chains of masses; drawings of random drives."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from typing import Any
 
 from hypothesis import strategies as st
 
@@ -114,3 +115,16 @@ def minimality(ss: StateSpace, seed: Seed) -> tuple[int, int]:
         A, B, C = residues(ss, point)
         ranks.append((len(krylov_basis(A, B, point.prime)), len(krylov_basis(A.T, C.T, point.prime))))
     return max(c for c, _ in ranks), max(o for _, o in ranks)
+
+
+def drawn(parts: Iterable[Mapping[str, Any]], name: str = "random") -> Drawing:
+    """The drawing of a random drive's parts; the node "ground" is fixed."""
+    components = [
+        part(
+            p["type"], p["name"], *p["at"], **{k: v for k, v in p.items() if k not in ("type", "name", "at")}
+        )
+        for p in parts
+    ]
+    if any("ground" in each.nodes for each in components):
+        components.append(part("fixed", "ground", "ground"))
+    return Drawing(name, components)

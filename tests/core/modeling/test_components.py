@@ -12,7 +12,7 @@ from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.components import KINDS, Fragment, fragment, join
 from monitor_core.modeling.components.component_kinds import Kind
 from monitor_core.modeling.components.units import parse
-from monitor_core.modeling.flat import CONSTANT, FlatEquation, ModelError, Origin
+from monitor_core.modeling.flat import CONSTANT, FlatEquation, Origin
 from monitor_core.modeling.laurent import Laurent
 
 Jet = tuple[Fraction, ...]
@@ -193,11 +193,6 @@ def test_joined_fragments_share_the_constant() -> None:
 
 
 # --- mistakes --------------------------------------------------------------------------------------------
-
-
-def test_a_missing_parameter_is_named() -> None:
-    with pytest.raises(ModelError, match=r"^belt\.mo:3: belt: its d \(damping\) is missing$"):
-        fragment(KINDS["spring-damper"], "belt", {"c": Laurent.symbol("k")}, Origin("belt", "belt.mo", 3))
 
 
 def test_a_parameter_that_is_zero_leaves_no_term() -> None:

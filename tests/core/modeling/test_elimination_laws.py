@@ -13,9 +13,8 @@ from sympy.polys.matrices import DomainMatrix
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatModel
 from monitor_core.modeling.statespace import Entries, StateSpace
-from tests.core.modeling.drawings import drawn
 from tests.core.modeling.random_drives import RandomDrive, drives
-from tests.core.modeling.spaces import minimality
+from tests.core.modeling.spaces import drawn, minimality
 
 LAWS = settings(deadline=None, max_examples=25)
 

@@ -25,16 +25,6 @@ def close(found: ArrayLike, expected: ArrayLike, rel: float = 1e-9) -> None:
     assert np.all(np.abs(np.subtract(found, expected)) <= rel * np.abs(expected))
 
 
-@law
-@given(J=decades, fm=decades, kT=decades)
-def test_one_mass(J: float, fm: float, kT: float) -> None:
-    found = resonances_of(
-        table({(0, 0): "-fm/J"}, {(0, 0): "kT/J"}, {(0, 0): "1"}), {"J": J, "fm": fm, "kT": kT}
-    )
-    assert (*found.resonances, *found.antiresonances, *found.zeros) == ()
-    close(found.poles, [-fm / J])
-
-
 def test_nothing_decays() -> None:
     ss = table({(0, 1): "1", (1, 0): "-k/J"}, {(1, 0): "1/J"}, {(0, 1): "1"})
     found = resonances_of(ss, {"k": 8.0, "J": 2.0})

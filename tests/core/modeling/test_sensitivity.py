@@ -10,14 +10,13 @@ import scipy.linalg as sla
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Drive, Output
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.prediction import Sensitivities
 from monitor_core.modeling.identifiability import structural
-from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
+from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from monitor_core.modeling.statespace import drive_of
 from tests.core.modeling.spaces import some_chain, table
@@ -181,38 +180,6 @@ def test_a_rich_record_hides_what_the_structure_hides(seed: int, masses: int, da
     assert infinite == set(names) - set(found.identifiable)
     if infinite:
         assert any("does not move the output at all" in text for text in accuracy.words())
-
-
-# --- Cramer and Rao's bound is what estimates do --------------------------------------------------------------
-
-
-def test_the_spread_of_many_estimates_is_the_one_predicted(seed: int) -> None:
-    """One mass with friction: 80 least-squares fits.
-
-    Of 80 normal draws a standard deviation is good to 1/sqrt(160) = 7.9 %, a correlation's inverse tanh to
-    1/sqrt(77) = 0.114; the margin is 5 of those, and for the curvature of the model, which is below 1 %.
-    """
-    drive = drive_of(table({(0, 0): "-f/J"}, {(0, 0): "1/J"}, {(0, 0): "1"}))
-    values = {"J": 0.5, "f": 0.8}
-    rng = np.random.default_rng(seed)
-    u = np.cumsum(rng.normal(size=150)) * 0.1
-    h, noise = 0.1, 0.02
-    accuracy = Accuracy(("J", "f"), sensitivities(drive, values, ("J", "f"), u, h), noise)
-    clean = simulate_linear(drive, values, u[:, None], h)[0][:, 0]
-
-    def error(theta: Floats, y: Floats) -> Floats:
-        at = {"J": 0.5 * np.exp(theta[0]), "f": 0.8 * np.exp(theta[1])}
-        return simulate_linear(drive, at, u[:, None], h)[0][:, 0] - y
-
-    runs = 80
-    fits = [
-        least_squares(error, np.zeros(2), args=(clean + noise * rng.normal(size=len(u)),), method="lm").x
-        for _ in range(runs)
-    ]
-    spread = np.std(fits, axis=0, ddof=1)
-    np.testing.assert_allclose(spread, accuracy.standard_deviations, rtol=5 / np.sqrt(2 * runs) + 0.01)
-    found, expected = np.asarray(np.corrcoef(np.array(fits).T))[0, 1], accuracy.correlations[0, 1]
-    assert abs(np.arctanh(found) - np.arctanh(expected)) < 5 / np.sqrt(runs - 3) + 0.02
 
 
 # --- what the sensitivities say --------------------------------------------------------------------------------

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.modeling.flat import FlatModel
-from tests.core.modeling.drawings import drawn
 from tests.core.modeling.modelica.texts import flat, values, written
 from tests.core.modeling.modelica.transfer import PRIME, responses
 from tests.core.modeling.random_drives import RandomDrive, drives
+from tests.core.modeling.spaces import drawn
 
 LAWS = settings(deadline=None, max_examples=2)  # forty times as many in `make soak`
 seeds = st.integers(0, 2**32 - 1)
