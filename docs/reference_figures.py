@@ -100,9 +100,7 @@ def _draw_estimate(axes: Axes, found: Reference, trace: Trace, i: int, column: i
     sd = np.array([standard_deviation(found.settings, float(P_ii)) for P_ii in P]) / theta0
     theta = trace.theta[at, i, column] / theta0
     band = f"± {SIGMAS:g} standard deviations"
-    axes.fill_between(
-        _times(), theta - SIGMAS * sd, theta + SIGMAS * sd, color=BAND, alpha=0.45, lw=0, label=band
-    )
+    axes.fill_between(_times(), theta - SIGMAS * sd, theta + SIGMAS * sd, color=BAND, alpha=0.45, lw=0, label=band)
     axes.plot(_times(), theta, **ESTIMATE, label="estimate")
 
 

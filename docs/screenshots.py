@@ -62,9 +62,7 @@ def write_pictures() -> None:
             asked = playwright.request.new_context(base_url=base)
             alarm = _named_alarm(asked)
             time.sleep(COURSE_S)
-            browser = playwright.chromium.launch(
-                executable_path=CHROMIUM, args=["--no-sandbox", "--disable-lcd-text"]
-            )
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", "--disable-lcd-text"])
             for picture in pictures_of(alarm):
                 _await_ready(asked)
                 _take(browser, base, picture)

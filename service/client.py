@@ -64,9 +64,7 @@ class Client:
 
         token = token.strip()  # a file of it ends with a new line
         if not re.fullmatch(r"[!-~]*", token):
-            raise ClientError(
-                "this is no token: it has characters that no token of `axiswatch token new` has", 400
-            )
+            raise ClientError("this is no token: it has characters that no token of `axiswatch token new` has", 400)
         headers = {"authorization": f"Bearer {token}"} if token else {}
         try:
             self._http: httpx.Client = httpx.Client(base_url=url, headers=headers, timeout=TIMEOUT_S)
@@ -104,9 +102,7 @@ class Client:
         """Apply an action to an alarm; end of shelving: ``duration_s``, or ``until`` (ISO 8601 with time zone)."""
         return self._ask("POST", f"alarms/{alarm_id}/{action}", body={**remark._asdict(), **end})
 
-    def change_service(
-        self, axis: str, action: Literal["out-of-service", "return-to-service"], remark: Remark
-    ) -> Json:
+    def change_service(self, axis: str, action: Literal["out-of-service", "return-to-service"], remark: Remark) -> Json:
         """Take an axis out of service, or return it to service."""
         return self._ask("POST", f"axes/{_quoted(axis)}/{action}", body=remark._asdict())
 
@@ -139,9 +135,7 @@ class Client:
         """The history of an axis as a CSV or Parquet file; parameters as of GET /api/v1/axes/{axis}/history.csv."""
         return self._send("GET", f"axes/{_quoted(axis)}/history.{kind}", query).content
 
-    def _ask(
-        self, method: str, path: str, query: Mapping[str, Value] = {}, body: Mapping[str, Value] = {}
-    ) -> Json:
+    def _ask(self, method: str, path: str, query: Mapping[str, Value] = {}, body: Mapping[str, Value] = {}) -> Json:
         found: Json = self._json(self._send(method, path, query, body))
         return found
 
@@ -160,9 +154,7 @@ class Client:
         except (httpx.HTTPError, httpx.InvalidURL) as error:
             if _is_untrusted(error):
                 authority = "SSL_CERT_FILE names the file of the plant's own authority"
-                raise ClientError(
-                    f"{self._url}: its certificate is not trusted here ({error}); {authority}"
-                ) from error
+                raise ClientError(f"{self._url}: its certificate is not trusted here ({error}); {authority}") from error
             raise ClientError(f"{self._url} does not answer ({error}); does the daemon run there?") from error
         if answer.is_error:
             hint = "; give it by AXISWATCH_TOKEN or --token" if answer.status_code == UNAUTHORIZED else ""

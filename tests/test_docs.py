@@ -12,9 +12,7 @@ from service.commands.main import COMMANDS
 ROOT = Path(__file__).resolve().parent.parent
 
 
-@pytest.mark.parametrize(
-    ("target", "write"), [("SCHEMA", build.write_schema), ("METRICS", build.write_metrics)]
-)
+@pytest.mark.parametrize(("target", "write"), [("SCHEMA", build.write_schema), ("METRICS", build.write_metrics)])
 def test_what_docs_says_of_api_and_metrics_is_the_programs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str, write: Callable[[], None]
 ) -> None:

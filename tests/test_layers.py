@@ -199,9 +199,7 @@ def test_imports_go_one_way() -> None:
 def file_graph() -> dict[str, set[str]]:
     """Of each module, those that it imports, wherever in the file that stands."""
     paths = [path for folder in ("monitor_core", "service") for path in python_files(folder)]
-    names = {
-        path: relative(path)[: -len(".py")].replace("/", ".").removesuffix(".__init__") for path in paths
-    }
+    names = {path: relative(path)[: -len(".py")].replace("/", ".").removesuffix(".__init__") for path in paths}
     modules = set(names.values())
     graph: dict[str, set[str]] = {}
     for path, name in names.items():
@@ -255,14 +253,10 @@ def test_every_name_on_a_face_of_the_core_is_taken() -> None:
     faces = (path for path in python_files("monitor_core") if path.name == "__init__.py")
     for face in (path for path in faces if "def " not in texts[path]):
         package = relative(face.parent).replace("/", ".")
-        names = {
-            alias.name for node in nodes_of(face) if isinstance(node, ast.ImportFrom) for alias in node.names
-        }
+        names = {alias.name for node in nodes_of(face) if isinstance(node, ast.ImportFrom) for alias in node.names}
         parent, _, leaf = package.rpartition(".")
         taken = re.compile(rf"{re.escape(package)}\b|from {re.escape(parent)} import [^\n]*\b{leaf}\b")
-        users = (
-            text for path, text in texts.items() if face.parent not in path.parents and taken.search(text)
-        )
+        users = (text for path, text in texts.items() if face.parent not in path.parents and taken.search(text))
         left |= {f"{package}.{name}" for name in names - set(re.findall(r"\w+", " ".join(users)))}
     assert left == set()
 

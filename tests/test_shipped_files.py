@@ -54,9 +54,7 @@ def test_promtool_accepts(check: tuple[str | Path, ...], need: Need) -> None:
     run(need("promtool"), *check)
 
 
-PANELS: list[dict[str, Any]] = json.loads(
-    (CONFIG / "grafana" / "axiswatch.json").read_text(encoding="utf-8")
-)["panels"]
+PANELS: list[dict[str, Any]] = json.loads((CONFIG / "grafana" / "axiswatch.json").read_text(encoding="utf-8"))["panels"]
 EXPRESSIONS = [target["expr"] for panel in PANELS for target in panel.get("targets", [])]
 ALERTS = (CONFIG / "prometheus" / "alerts.yml").read_text(encoding="utf-8")
 

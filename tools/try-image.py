@@ -27,9 +27,7 @@ def main() -> None:
     mount_read_only(root)
     start = time.monotonic()
     command = [*as_stranger(root), "axiswatch", "demo", "--port", "0"]
-    demo = subprocess.Popen(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+    demo = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         page = address(demo)
         wait(lambda: ask(page + "healthz") is not None, "/healthz")
@@ -39,9 +37,7 @@ def main() -> None:
         print(f"/api/v1/axes: {len(axes(page))} axes")
         compiled = [file for file in (root / "tmp").rglob("*.nb[ci]") if not file.is_symlink()]
         if compiled:
-            sys.exit(
-                f"compiled at the start, so the image lacks it: {', '.join(file.name for file in compiled)}"
-            )
+            sys.exit(f"compiled at the start, so the image lacks it: {', '.join(file.name for file in compiled)}")
         print("nothing was compiled")
     finally:
         demo.send_signal(signal.SIGINT)

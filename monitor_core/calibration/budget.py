@@ -80,9 +80,7 @@ def thresholds(
     )
 
 
-def rates(
-    scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator
-) -> Rates:
+def rates(scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator) -> Rates:
     """False-alarm rate of these thresholds on axes like that of the healthy records, with or without its errors."""
     h = [threshold.alpha2 for threshold in own]
     likely = np.array([tail.most_likely(h[i], float(scatter.offset[i])) for i, tail in enumerate(tails)])

@@ -113,9 +113,7 @@ def calibrate(
     k = nu_over_sigma(len(model.monitored), settings.memory, samples, within_s / memory_s)
     task = partial(_bank_limits, axis, records, samples, rng_multimodel, options.bank_copies)
     with launch(task) as pending:
-        statistics = healthy_statistics(
-            axis, records, healthy, k, rng, options.copies, step("copies of the records")
-        )
+        statistics = healthy_statistics(axis, records, healthy, k, rng, options.copies, step("copies of the records"))
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
         calibrated = replace(settings, thresholds=own)
         trials = partial(_trials, axis._replace(settings=calibrated), records, options, within_s)
@@ -155,9 +153,7 @@ def _thresholds(
 
     Both use the same random draws, so that the rate reproduces the bound with which the thresholds keep the budget.
     """
-    own = thresholds(
-        statistics.scatter, statistics.tails, statistics.allowance, samples, np.random.default_rng(seed)
-    )
+    own = thresholds(statistics.scatter, statistics.tails, statistics.allowance, samples, np.random.default_rng(seed))
     rate = rates(statistics.scatter, statistics.tails, own, np.random.default_rng(seed))
     alone = rates(statistics.alone, statistics.tails, own, np.random.default_rng(seed))
     check_promise(statistics.scatter, rate, alone, samples, interval_s)

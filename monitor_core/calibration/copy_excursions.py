@@ -91,9 +91,7 @@ def simulate_excursions(
     return watch.found(error)
 
 
-def _bootstrap_error(
-    copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator, samples: int
-) -> Floats:
+def _bootstrap_error(copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator, samples: int) -> Floats:
     """Error covariance (2 p, 2 p) of the copies: that of copies with few innovations, scaled to all innovations."""
     few = [_bootstrap_blocks(copies.axis.settings, source, FEW_BLOCKS, rng) for source in sources]
     parts: list[PartSums] = []
@@ -108,14 +106,10 @@ def _bootstrap_error(
     return copy_covariance(parts) * share
 
 
-def _bootstrap_blocks(
-    settings: Settings, source: CopySource, share: float, rng: np.random.Generator
-) -> MatchedBlocks:
+def _bootstrap_blocks(settings: Settings, source: CopySource, share: float, rng: np.random.Generator) -> MatchedBlocks:
     """Innovations for LANES copies of a record; each copy uses this share of the record's innovations."""
     length = block_length(settings)
-    return MatchedBlocks(
-        source.eps, length, max(MIN_BLOCKS, round(share * len(source.eps) / length)), LANES, rng
-    )
+    return MatchedBlocks(source.eps, length, max(MIN_BLOCKS, round(share * len(source.eps) / length)), LANES, rng)
 
 
 class _Copies:

@@ -46,9 +46,7 @@ def deviations(
     return results
 
 
-def _deviations(
-    monitor: AxisMonitor, record: SampleBlock, progress: Callable[[int], None]
-) -> RecordDeviations:
+def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[int], None]) -> RecordDeviations:
     model, lam0, st = monitor.model, monitor.settings.lam0, monitor.batch.state
     N, p, step = len(record.t_us), len(model.scale), monitor.settings.span
     d, s, tested = np.zeros((N, p)), np.ones((N, p)), np.zeros((N, p), np.bool_)
@@ -71,9 +69,7 @@ def _deviations(
         progress(min(k + step, N))
     status = monitor.status()
     uncertain = status.untested().get(NotTested.UNCERTAIN, ()) if st.seed_left[0] else ()
-    return RecordDeviations(
-        record.name, record.t_us, d, s, tested, seeding, gated, status.confounded, uncertain
-    )
+    return RecordDeviations(record.name, record.t_us, d, s, tested, seeding, gated, status.confounded, uncertain)
 
 
 def first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:

@@ -124,9 +124,7 @@ def shrink(scatter: Scatter, found: Excursions, rng: np.random.Generator) -> Sca
     )
 
 
-def _shrinkage(
-    differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator
-) -> tuple[Floats, Floats]:
+def _shrinkage(differs: Floats, chance: Floats, own: Floats, rng: np.random.Generator) -> tuple[Floats, Floats]:
     """Corrections to the numbers of the copies (n,), and draws of the remaining error (B, n).
 
     ``differs`` (n,): numbers of the record minus those of the copies.  ``chance`` (B, n): draws of the error of the

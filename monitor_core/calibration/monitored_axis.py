@@ -21,7 +21,5 @@ class MonitoredAxis(NamedTuple):
     @property
     def without_tests(self) -> MonitoredAxis:
         """The same axis with tests that never alarm, and so never change the state."""
-        settings = replace(
-            self.settings, thresholds=(), alpha2=OUT_OF_REACH, covariance_reset=0.0, run_on=False
-        )
+        settings = replace(self.settings, thresholds=(), alpha2=OUT_OF_REACH, covariance_reset=0.0, run_on=False)
         return self._replace(settings=settings)

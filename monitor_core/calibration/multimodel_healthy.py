@@ -129,9 +129,7 @@ def _size_errors(hypotheses: Sequence[Hypothesis], evidence: Floats) -> Floats:
     return np.array([errors.get(hypothesis.cause, 0.0) for hypothesis in hypotheses])
 
 
-def _with_moved_nominal(
-    axis: MonitoredAxis, records: Sequence[SampleBlock]
-) -> Iterator[Sequence[SampleBlock]]:
+def _with_moved_nominal(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> Iterator[Sequence[SampleBlock]]:
     """The records; then the records with each nominal value moved up and down by its allowed model error."""
     yield records
     p = len(axis.model.monitored)

@@ -132,9 +132,7 @@ class BankTails:
         return sigma, xi, end, 1 / (sigma + xi * end)
 
 
-def bank_tails(
-    heights: ExcursionPeaks, many: int, weights: tuple[Floats, Floats], farther: Floats
-) -> BankTails:
+def bank_tails(heights: ExcursionPeaks, many: int, weights: tuple[Floats, Floats], farther: Floats) -> BankTails:
     """Tails of ``many`` hypotheses.
 
     ``weights``: random weights (B, places) of the blocks of motion and of innovations.  ``farther`` (B,): standard

@@ -63,9 +63,7 @@ def bank_limits(
     return limits_for_budget(multimodel_statistics(axis, records, rng, copies, progress), samples, rng)
 
 
-def limits_for_budget(
-    statistics: MultiModelStatistics, samples: float, rng: np.random.Generator
-) -> BankLimits:
+def limits_for_budget(statistics: MultiModelStatistics, samples: float, rng: np.random.Generator) -> BankLimits:
     """Thresholds for at most one false alarm of the detector in ``samples`` with a certainty of 95 %.
 
     Every hypothesis gets the same share of the budget.

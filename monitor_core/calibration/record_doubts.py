@@ -99,9 +99,7 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
     _check_length(axis, found, tested)
 
 
-def _check_tests_begin(
-    axis: MonitoredAxis, found: Sequence[RecordDeviations], count: int, after: int
-) -> None:
+def _check_tests_begin(axis: MonitoredAxis, found: Sequence[RecordDeviations], count: int, after: int) -> None:
     """Check that the records are long enough to find P(0), and that they determine all parameters."""
     model, settings = axis
     h, memory = settings.interval_s, settings.memory
@@ -128,9 +126,7 @@ def _check_tests_begin(
         )
 
 
-def _check_observed(
-    axis: MonitoredAxis, found: Sequence[RecordDeviations], tested: Bools, after: int
-) -> None:
+def _check_observed(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested: Bools, after: int) -> None:
     """Check that each parameter is observed for most of the time."""
     h = axis.settings.interval_s
     for i, name in enumerate(axis.model.monitored):
@@ -155,11 +151,7 @@ def _check_length(axis: MonitoredAxis, found: Sequence[RecordDeviations], tested
         usable_s = (tested_samples + SEEDING_MEMORIES * memory * len(found)) * h
         memories = MIN_MEMORIES + SEEDING_MEMORIES * len(found)
         shorter, joint = fitting_memory(slowest_s, settings, usable_s / (memories + 1))
-        way = (
-            ""
-            if shorter is None
-            else f", or memory_s = {shorter:g}{' with joint_state = true' if joint else ''}"
-        )
+        way = "" if shorter is None else f", or memory_s = {shorter:g}{' with joint_state = true' if joint else ''}"
         gated = sum(deviations.gated for deviations in found)
         in_all_s = memories * memory * h * len(tested) / (len(tested) - gated)
         in_all = (

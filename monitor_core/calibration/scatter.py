@@ -108,9 +108,7 @@ def _mirrored_variance(resampled: Floats, memories: float) -> Floats:
     recursion.
     """
     log = np.log(resampled)
-    return np.asarray(
-        np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _MIN_SD)))
-    )
+    return np.asarray(np.exp(-log * np.maximum(1.0, math.sqrt(2 / memories) / np.maximum(log.std(axis=0), _MIN_SD))))
 
 
 def _blocks(values: Floats, starts: Sequence[int], length: int) -> tuple[Floats, Floats]:

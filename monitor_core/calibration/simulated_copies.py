@@ -86,9 +86,7 @@ class Plants:
         rub = self._friction
         rub = rub._replace(half=_side_by_side(rub.half, which), braked=_side_by_side(rub.braked, which))
         Ad, Bd, C = (_side_by_side(matrices, which) for matrices in (self._Ad, self._Bd, self._C))
-        plants = InnovationsPlants(
-            Ad, Bd, C, self._K, self._kind, self._u_scale, rub, self._mean, self._late[which]
-        )
+        plants = InnovationsPlants(Ad, Bd, C, self._K, self._kind, self._u_scale, rub, self._mean, self._late[which])
         u, eps, held = (np.ascontiguousarray(signal) for signal in (u, eps, held))
         simulate_innovations(plants, state, np.array(u_before, float), u, eps, held, y)
         return y, np.ascontiguousarray(state.T)

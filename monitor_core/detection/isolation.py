@@ -136,9 +136,7 @@ def single_faults(
     return Causes(T, size, size_sd, probability, left, freedom, heavier.T if heavier else 0.0)
 
 
-def sizes(
-    d: Floats, V: Floats, changed: Sequence[int], payload: Payload | None = None
-) -> tuple[Floats, Floats]:
+def sizes(d: Floats, V: Floats, changed: Sequence[int], payload: Payload | None = None) -> tuple[Floats, Floats]:
     """Sizes and standard deviations of the changes of the parameters ``changed``, if no others have changed.
 
     ``payload``: how a change of ``load`` alone shows beyond the weight.
@@ -184,9 +182,7 @@ def _without(direction: Floats, R: Floats, Rd: Floats) -> tuple[Floats, Floats]:
     """R and R d if the deviations may also have any part in this direction: what lies in it is no evidence."""
     along = R @ direction
     length = max(float(direction @ along), RIDGE)
-    return R - np.outer(along, along) / length + RIDGE * np.eye(len(R)), Rd - along * (
-        direction @ Rd
-    ) / length
+    return R - np.outer(along, along) / length + RIDGE * np.eye(len(R)), Rd - along * (direction @ Rd) / length
 
 
 def _information(V: Floats) -> tuple[Floats, Floats]:

@@ -263,9 +263,7 @@ def _excess(f: Floats, values: Floats, sd: Floats, level_sd: float) -> float:
 
 def _interval(edges: Floats, p: Floats) -> tuple[float, float]:
     """Central interval of probability COVERED, for p (moments,), which is uniform within each part of a stretch."""
-    times = np.append(
-        (edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS).ravel(), edges[-1]
-    )
+    times = np.append((edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS).ravel(), edges[-1])
     total = np.append(0.0, np.cumsum(p))
     low, high = np.interp([(1 - COVERED) / 2, (1 + COVERED) / 2], total, times)
     return float(low), float(high)

@@ -31,9 +31,7 @@ def zero_order_hold(A: Floats, B: Floats, interval_s: float) -> tuple[Floats, Fl
     return exp[:n, :n], exp[:n, n:]
 
 
-def zero_order_hold_slopes(
-    A: Floats, B: Floats, dA: Floats, dB: Floats, intervals_s: Floats
-) -> tuple[Floats, Floats]:
+def zero_order_hold_slopes(A: Floats, B: Floats, dA: Floats, dB: Floats, intervals_s: Floats) -> tuple[Floats, Floats]:
     """[Ad Bd] (G, n, n + m) for the intervals (G,), and its derivatives (G, p, n, n + m).
 
     ``dA`` (p, n, n) and ``dB`` (p, n, m): derivatives of A and B.  The caller balances the matrices.

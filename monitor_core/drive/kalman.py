@@ -20,9 +20,7 @@ _DOUBLINGS = 40
 _SETTLED = 1e-15
 
 
-def filter_gain(
-    model: AxisModel, interval_s: float, torque_noise: float, output_noise: float
-) -> tuple[Floats, float]:
+def filter_gain(model: AxisModel, interval_s: float, torque_noise: float, output_noise: float) -> tuple[Floats, float]:
     """Filter gain K (n,) and innovation variance lambda_0 of the steady-state Kalman filter at nominal.
 
         K = P C' / lambda_0,      lambda_0 = C P C' + R

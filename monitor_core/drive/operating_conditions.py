@@ -126,9 +126,7 @@ class Operating:
     def __init__(self, model: AxisModel, conditions: Conditions) -> None:
         self._model, self._conditions = model, conditions
         self._column = {name: k for k, name in enumerate(conditions.columns)}
-        self._followers = [
-            _follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)
-        ]
+        self._followers = [_follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)]
         self._weight = tuple(follow._replace(reference=0.0) for follow in conditions.weight)
         every = (*conditions.follows, *conditions.weight)
         wanted = {name for f in every for name in f.term.signals} | {g.signal for g in conditions.gates}
@@ -218,9 +216,7 @@ class Operating:
     def heat_range(self) -> tuple[float, float]:
         """Lowest and highest heat [W] at which friction is known from records."""
         known = [(f.low, f.high) for follower in self._followers for f in follower.follows if f.term == _HEAT]
-        return max((low for low, _ in known), default=-math.inf), min(
-            (high for _, high in known), default=math.inf
-        )
+        return max((low for low, _ in known), default=-math.inf), min((high for _, high in known), default=math.inf)
 
     def shift_beyond(self) -> Floats:
         """Part (p,) of the shift at the last sample that is extrapolated beyond ``heat_range``."""

@@ -265,9 +265,7 @@ class Drive:
             for t in self.terms
             if offset in dict(t.powers)
         ]
-        return replace(
-            self, inputs=(*self.inputs, WEIGHT), parameters=self._and(factor), terms=(*self.terms, *acts)
-        )
+        return replace(self, inputs=(*self.inputs, WEIGHT), parameters=self._and(factor), terms=(*self.terms, *acts))
 
     def with_mean_speed(self) -> Drive:
         """The drive with a sensor that gives the mean speed over each interval h:  s' = C x,  y = s / h.
@@ -278,9 +276,7 @@ class Drive:
             ValueError: the output of this drive is not the speed.
         """
         if self.output != "speed":
-            raise ValueError(
-                f"the drive {self.name!r} has the {self.output} as output: its mean is that of a speed"
-            )
+            raise ValueError(f"the drive {self.name!r} has the {self.output} as output: its mean is that of a speed")
         n = len(self.states)
         turned = [replace(term, matrix="A", row=n) for term in self.terms if term.matrix == "C"]
         others = [term for term in self.terms if term.matrix != "C"]
@@ -376,9 +372,7 @@ def value_of(values: Mapping[str, float], name: str) -> float:
     return 1 / values[base] if inverse else values[base]
 
 
-def with_values(
-    values: Mapping[str, float], names: Iterable[str], theta: Iterable[float] | Floats
-) -> dict[str, float]:
+def with_values(values: Mapping[str, float], names: Iterable[str], theta: Iterable[float] | Floats) -> dict[str, float]:
     """The values with those of ``theta`` for parameters with these names, which may be reciprocals such as "1/Ja"."""
     out = dict(values)
     for name, value in zip(names, theta, strict=True):

@@ -86,9 +86,7 @@ class ThermalModel:
             if not 0 < getattr(self, name) < math.inf:
                 raise ValueError(f"{name} = {getattr(self, name)}: need a finite value greater than zero")
         if not (0 <= self.fm < math.inf and 0 <= self.fc < math.inf and self.fm + self.fc > 0):
-            raise ValueError(
-                f"fm = {self.fm}, fc = {self.fc}: need finite values, at least zero, and one above"
-            )
+            raise ValueError(f"fm = {self.fm}, fc = {self.fc}: need finite values, at least zero, and one above")
         if not 0 <= self.error < math.inf:
             raise ValueError(f"error = {self.error}: need a finite value, at least zero")
         if self.fast and not (0 < self.fast.tau_s < self.tau_s and 0 < self.fast.share < 1):
@@ -115,9 +113,7 @@ class ThermalModel:
 
     def cooled(self, heats: Sequence[float], seconds: float) -> tuple[float, ...]:
         """Heat [W] of each part after ``seconds`` without motion."""
-        return tuple(
-            heat * math.exp(-seconds / tau_s) for heat, (tau_s, _) in zip(heats, self.parts, strict=True)
-        )
+        return tuple(heat * math.exp(-seconds / tau_s) for heat, (tau_s, _) in zip(heats, self.parts, strict=True))
 
     def mean(self, heats: Sequence[float]) -> float:
         """The heat [W] of parts with these heats [W]."""
@@ -220,9 +216,7 @@ class ThermalState:
         """
         usual, kept = self.model.largest / 2, self.model.mean(a)
         self._variance = (kept * self.sd_of_start) ** 2 + ((1.0 - kept) * usual) ** 2
-        self.parts = tuple(
-            left * heat + (1.0 - left) * usual for left, heat in zip(a, self.parts, strict=True)
-        )
+        self.parts = tuple(left * heat + (1.0 - left) * usual for left, heat in zip(a, self.parts, strict=True))
         self.since_us, self._now_us, self.known = t_us, t_us, False
 
     def observed(self, heat: float, sd: float, known: bool) -> None:

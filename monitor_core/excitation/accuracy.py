@@ -171,9 +171,7 @@ def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> 
     poor = {name: percent(sd) for name, sd in deviations.items() if POOR < sd < np.inf}
     if len(poor) == 1:
         ((name, sd),) = poor.items()
-        yield Finding(
-            (name,), False, f"{name} cannot be determined from this record (standard deviation {sd})."
-        )
+        yield Finding((name,), False, f"{name} cannot be determined from this record (standard deviation {sd}).")
     elif poor:
         names = listed([f"{name} ({sd})" for name, sd in poor.items()])
         sentence = f"{names} cannot be determined from this record (standard deviations in brackets)."

@@ -83,8 +83,7 @@ class PlannedMotion:
     def _reference(self) -> Floats:
         """Angle and speed (2, samples) from rest at zero and back, centred between equal limits on both sides."""
         angle, speed = (
-            self.schedule.repeated(self.signal.through(G))
-            for G in self.plant.response(self.signal.frequency_hz)
+            self.schedule.repeated(self.signal.through(G)) for G in self.plant.response(self.signal.frequency_hz)
         )
         angle -= (angle.max() + angle.min()) / 2
         window = self.schedule.window()

@@ -16,9 +16,7 @@ Lines = Literal["all", "odd"]
 """With odd lines only, the second half of a period is minus the first, so that the effect of friction has no mean."""
 
 
-def lines_in(
-    N: int, interval_s: float, band_hz: tuple[float, float], which: Lines = "all"
-) -> NDArray[np.intp]:
+def lines_in(N: int, interval_s: float, band_hz: tuple[float, float], which: Lines = "all") -> NDArray[np.intp]:
     """The lines k (L,), of frequency k / (N interval_s), inside the band, its ends included.
 
     The constant and the Nyquist frequency are left out.
@@ -55,9 +53,7 @@ class Multisine:
     phases: Floats
 
     @classmethod
-    def random(
-        cls, rng: np.random.Generator, N: int, interval_s: float, lines: NDArray[np.intp]
-    ) -> Multisine:
+    def random(cls, rng: np.random.Generator, N: int, interval_s: float, lines: NDArray[np.intp]) -> Multisine:
         """A multisine with equal amplitudes and uniform phases, rms value 1."""
         amplitudes = np.full(len(lines), np.sqrt(2 / len(lines)))
         return cls(N, interval_s, lines, amplitudes, 2 * np.pi * rng.random(len(lines)))
@@ -83,14 +79,10 @@ class Multisine:
 
     def through(self, response: Complex) -> Multisine:
         """Steady-state response of a linear system with this frequency response (L,)."""
-        return replace(
-            self, amplitudes=self.amplitudes * np.abs(response), phases=self.phases + np.angle(response)
-        )
+        return replace(self, amplitudes=self.amplitudes * np.abs(response), phases=self.phases + np.angle(response))
 
 
-def multisine(
-    rng: np.random.Generator, N: int, interval_s: float, band_hz: tuple[float, float], rms: float
-) -> Floats:
+def multisine(rng: np.random.Generator, N: int, interval_s: float, band_hz: tuple[float, float], rms: float) -> Floats:
     """Random-phase multisine (N,): a sine of equal size at every line of the DFT grid inside the band.
 
     The lines are k / (N interval_s), so the signal is periodic with N samples and leaks into no other line; the
@@ -150,9 +142,7 @@ def flattened(signal: Multisine, weights: Sequence[Complex] = ()) -> Multisine:
     return better if _peak(better, gains) < _peak(signal, gains) else signal
 
 
-def log_peak_norm(
-    phases: Floats, gains: Complex, lines: NDArray[np.intp], N: int, p: int
-) -> tuple[float, Floats]:
+def log_peak_norm(phases: Floats, gains: Complex, lines: NDArray[np.intp], N: int, p: int) -> tuple[float, Floats]:
     """log of the l_2p norm of all signals (J, N) together, and its slopes (L,)."""
     c = gains * np.exp(1j * phases)
     x = _signals(c, lines, N)

@@ -51,9 +51,7 @@ class Estimation:
     @property
     def all_names(self) -> tuple[str, ...]:
         """The parameters that have a size."""
-        return tuple(
-            p.name for p in self.drive.parameters if self.values[p.name] != 0 or p.name in self.scales
-        )
+        return tuple(p.name for p in self.drive.parameters if self.values[p.name] != 0 or p.name in self.scales)
 
     def accuracy(self, names: Sequence[str], inputs: Floats) -> Accuracy:
         """Accuracy of estimates of these parameters from a record with these inputs (N, m) from rest."""
@@ -231,9 +229,7 @@ class Sensitivities:
         }
         A, B, C = (drive.matrix(which, at) * unit for which, unit in units.items())
         dA, dB, dC = (
-            np.array([np.imag(drive.matrix(which, by)) * unit / _STEP for by in stepped]).reshape(
-                p, *unit.shape
-            )
+            np.array([np.imag(drive.matrix(which, by)) * unit / _STEP for by in stepped]).reshape(p, *unit.shape)
             for which, unit in units.items()
         )
         X, dX = zero_order_hold_slopes(A, B, dA, dB, np.array([interval_s]))
@@ -261,9 +257,7 @@ class Sensitivities:
         return np.asarray(np.einsum("li,lpi->lp", self._C @ resolvent, forced) + x @ self._dC)
 
 
-def _stepped(
-    drive: Drive, values: Mapping[str, float], name: str, scales: Mapping[str, float]
-) -> dict[str, Any]:
+def _stepped(drive: Drive, values: Mapping[str, float], name: str, scales: Mapping[str, float]) -> dict[str, Any]:
     """All parameters, with this one changed by a complex step; parameters merged from it change with it."""
     base, inverse = split_name(name)
     drive.given_as(base)

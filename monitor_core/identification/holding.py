@@ -83,9 +83,7 @@ def _without(problem: Problem, hold: HeldParameter) -> Problem:
     return replace(problem, nominal=nominal, free=free, bounds=bounds)
 
 
-def _next(
-    found: Estimate, configured: Mapping[str, float], monitored: Collection[str]
-) -> HeldParameter | None:
+def _next(found: Estimate, configured: Mapping[str, float], monitored: Collection[str]) -> HeldParameter | None:
     """The parameter to hold first: one that is zero, then one that the records do not show, then one of a pair."""
     table = _Table(found, monitored)
     for name in table.names:

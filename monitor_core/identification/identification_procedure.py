@@ -124,9 +124,7 @@ def _with_repeats(problem: Problem, given: _Given) -> IdentificationResult:
     return found
 
 
-def _with_balanced_inertia(
-    found: IdentificationResult, problem: Problem, given: _Given
-) -> IdentificationResult:
+def _with_balanced_inertia(found: IdentificationResult, problem: Problem, given: _Given) -> IdentificationResult:
     """The fit repeated with the inertia of the torque balance, if that explains clearly more; else ``found``."""
     torques, options = problem.drive.constant_torques(), given.options
     terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
@@ -188,9 +186,7 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
         report("validation", 0, 1)
         verdict = verdict_of(estimate, records, validation, own, validated)
     except (ValueError, np.linalg.LinAlgError) as error:
-        hint = (
-            "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
-        )
+        hint = "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
         raise IdentificationError(f"no fit: {error}{hint if options.start == 'records' else ''}") from None
     watch = _watch(estimate, records, options)
     return IdentificationResult(
@@ -212,9 +208,7 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
     )
 
 
-def _first(
-    problem: Problem, records: Sequence[Record], options: IdentificationOptions, report: Progress
-) -> Estimate:
+def _first(problem: Problem, records: Sequence[Record], options: IdentificationOptions, report: Progress) -> Estimate:
     """The fit to all records with constant friction, started from a fit to the parts with most motion."""
     parts = most_moving_parts(records)
     found = _best(problem, parts, options.start, report)
@@ -224,9 +218,7 @@ def _first(
     return replace(_fit(found.problem, records, report), started_from=found.started_from)
 
 
-def _may_follow_heat(
-    found: Estimate, records: Sequence[Record], options: IdentificationOptions
-) -> tuple[str, ...]:
+def _may_follow_heat(found: Estimate, records: Sequence[Record], options: IdentificationOptions) -> tuple[str, ...]:
     """Free friction parameters that are monitored and follow no signal; empty if no warm-up is searched for."""
     if options.thermal is None or moving_s(records) < LEAST_MOTION_S:
         return ()
@@ -250,9 +242,7 @@ def _warmed(
         warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)
         if warm_up is None:
             return None
-        again, heated, terms = following(
-            found, warm_up, records, lambda problem, own: _fit(problem, own, report)
-        )
+        again, heated, terms = following(found, warm_up, records, lambda problem, own: _fit(problem, own, report))
     except (ValueError, np.linalg.LinAlgError):
         return None  # a fit that explains nothing, or all, has no errors to learn from
     better = again.converged and again.cost < found.cost
@@ -335,9 +325,7 @@ def _growth(
     """Chains of one, two, .. masses, with the friction of the drive."""
     drive, values, free = problem.drive, problem.nominal, problem.free
     if drive.acts((COSINE, SINE), values, free):
-        raise IdentificationError(
-            "--masses compares chains of masses without gravity, which acts on this drive"
-        )
+        raise IdentificationError("--masses compares chains of masses without gravity, which acts on this drive")
     kinds = {"fc": COULOMB, "tau0": ONE}
     friction = ["fm", *(name for name, kind in kinds.items() if drive.acts((kind,), values, free))]
     try:

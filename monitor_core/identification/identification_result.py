@@ -226,9 +226,7 @@ class IdentificationResult:
                 yield ParameterRow(name, p.unit, p.meaning, value, sd, before)
         for name, reason in {**self.options.held, **self.held}.items():
             p = e.drive.parameter(name)
-            yield ParameterRow(
-                name, p.unit, p.meaning, e.values[name], None, self.start.nominal[name], reason
-            )
+            yield ParameterRow(name, p.unit, p.meaning, e.values[name], None, self.start.nominal[name], reason)
 
     def _estimates(self) -> dict[str, tuple[float, float]]:
         e = self.estimate

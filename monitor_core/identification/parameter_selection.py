@@ -49,17 +49,13 @@ def select_parameters(
     fixed = {split_name(name)[0]: "fixed by --fix" for name in fix}
     chosen = _chosen(drive, free, fixed) if free else _default(space, drive, fixed)
     if not chosen.free:
-        raise IdentificationError(
-            f"nothing is free: of {', '.join(p.name for p in drive.parameters)} all are held"
-        )
+        raise IdentificationError(f"nothing is free: of {', '.join(p.name for p in drive.parameters)} all are held")
     inputs = np.flatnonzero(drive.acting(nominal, chosen.free)).tolist()
     _check_identifiable(space, chosen.free, inputs)
     return chosen
 
 
-def with_schedule(
-    selection: ParameterSelection, schedule: Schedule, free: Sequence[str]
-) -> ParameterSelection:
+def with_schedule(selection: ParameterSelection, schedule: Schedule, free: Sequence[str]) -> ParameterSelection:
     """The selection with its free parameters named as in the schedule; ``free``: names that the user gave.
 
     Raises:
@@ -72,9 +68,7 @@ def with_schedule(
         base = split_name(name)[0]
         other = next((other for other in names if split_name(other)[0] == base), None)
         if base in selection.held:
-            raise IdentificationError(
-                f"{name} is scheduled but held ({selection.held[base]}): name it in --free"
-            )
+            raise IdentificationError(f"{name} is scheduled but held ({selection.held[base]}): name it in --free")
         if other is None:
             known = (*selection.free, *selection.held)
             raise IdentificationError(f"the drive has no parameter {name}: {did_you_mean(base, known)}")
@@ -111,9 +105,7 @@ def _default(space: StateSpace, drive: Drive, fixed: Mapping[str, str]) -> Param
     drawn = [p.name for p in space.drawn if p.name not in held]
     for name in structural(space, drawn).suggestion if drawn else ():
         held.setdefault(name, "the sensors cannot distinguish it from the others")
-    return ParameterSelection(
-        tuple(n for n in names if n not in held), {n: held[n] for n in names if n in held}
-    )
+    return ParameterSelection(tuple(n for n in names if n not in held), {n: held[n] for n in names if n in held})
 
 
 def _check_identifiable(space: StateSpace, free: Sequence[str], inputs: Sequence[int]) -> None:
@@ -185,9 +177,7 @@ def scheduled_terms(schedule: Schedule, records: Sequence[Record]) -> tuple[Sche
     """
     where = {term: _where(term, records) for terms in schedule.values() for term in terms}
     return tuple(
-        ScheduledTerm(parameter, term, *where[term])
-        for parameter, followed in schedule.items()
-        for term in followed
+        ScheduledTerm(parameter, term, *where[term]) for parameter, followed in schedule.items() for term in followed
     )
 
 

@@ -107,9 +107,7 @@ class _InnerCompiler(Compiler):
         state.targetctx = state.targetctx.subtarget(get_executable=_not_executable)
         pipelines = base.define_pipelines()
         for pipeline in pipelines if not state.flags.nrt else ():
-            pipeline.passes = [
-                p for p in pipeline.passes if p[0] not in (InlineClosureLikes, NopythonRewrites)
-            ]
+            pipeline.passes = [p for p in pipeline.passes if p[0] not in (InlineClosureLikes, NopythonRewrites)]
         return pipelines
 
 

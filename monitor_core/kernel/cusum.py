@@ -62,9 +62,7 @@ def compute_deviations(lanes: Any, con: TestConstants, st: TestState, d: Floats,
 
 
 @kernel
-def update_cusum(
-    lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, d: Floats, nu: Floats, on: Ints
-) -> bool:
+def update_cusum(lanes: Any, h: Floats, t: Ints, g: Floats, onset: Ints, d: Floats, nu: Floats, on: Ints) -> bool:
     """g = max(0, g + d - nu) for d and for -d (eq. 21).  True if any lane's g exceeds its h.
 
     The onset is the last time at which g was zero, or the first sample.      ``on`` (p, W): which tests run.

@@ -26,12 +26,8 @@ class EvidenceColumns(NamedTuple):
 
     filled: NDArray[np.int64]  # (1,)
     what: NDArray[np.int64]  # (4, capacity): COURSE or NAMING, axis, time us, number of the events before it
-    value: NDArray[
-        np.float64
-    ]  # (noted_numbers, capacity): running variance, theta, theta - theta0, P, observed
-    t: NDArray[
-        np.int64
-    ]  # (capacity, KEPT) NAMING: times of the deviations before, us, oldest first; NEVER: none
+    value: NDArray[np.float64]  # (noted_numbers, capacity): running variance, theta, theta - theta0, P, observed
+    t: NDArray[np.int64]  # (capacity, KEPT) NAMING: times of the deviations before, us, oldest first; NEVER: none
     before: NDArray[np.float64]  # (capacity, KEPT, kept_numbers) these deviations and P, its upper triangle
 
 

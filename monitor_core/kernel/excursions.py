@@ -5,9 +5,7 @@ from monitor_core.kernel.compile import entry
 
 
 @entry
-def excursions(
-    d: Floats, nu: Floats, g: Floats, top: Floats, least: Floats, largest: Floats, found: Ints
-) -> None:
+def excursions(d: Floats, nu: Floats, g: Floats, top: Floats, least: Floats, largest: Floats, found: Ints) -> None:
     """Find the peak of each excursion from zero of  g = max(0, g +/- d - nu)  that is above ``least`` (p,).
 
     The peaks are appended to ``largest`` (2, p, capacity); ``found`` (2, p) counts them, including those beyond the

@@ -70,9 +70,7 @@ class MotionInputs(NamedTuple):
 
 
 @outlined
-def _output(
-    j: int, C: Floats, dC: Floats, varies: bool, x: Floats, b: int, Z: Floats, to: int, psi: Floats
-) -> float:
+def _output(j: int, C: Floats, dC: Floats, varies: bool, x: Floats, b: int, Z: Floats, to: int, psi: Floats) -> float:
     """Prediction yhat = C x, its gradient psi_i = C z_i + dC_i x into a row of psi; ``varies``: dC is not zero."""
     yhat = 0.0
     for i in range(psi.shape[1]):
@@ -115,9 +113,7 @@ def _motion(
 
 
 @outlined
-def _gravity(
-    c: int, j: int, M: MotionInputs, angle: float, n: int, b: int, Z: Floats, slope: Floats
-) -> float:
+def _gravity(c: int, j: int, M: MotionInputs, angle: float, n: int, b: int, Z: Floats, slope: Floats) -> float:
     """Input c, cosine or sine of the angle, with its derivatives into row n + c of Z."""
     a = M.scale[j, c] * angle
     f, rate = (math.cos(a), -math.sin(a)) if M.kind[c] == COSINE else (math.sin(a), math.cos(a))
@@ -294,9 +290,7 @@ def predict_record(
                 v = _motion(motion.source[c], motion.state, measured[k] != 0, y[k], j, C, dC, x, b, Z, slope)
                 w[n + c] = _gravity(c, j, motion, v, n, b, Z, slope)
         if friction >= 0:
-            v = _motion(
-                motion.source[friction], motion.state, measured[k] != 0, y[k], j, C, dC, x, b, Z, slope
-            )
+            v = _motion(motion.source[friction], motion.state, measured[k] != 0, y[k], j, C, dC, x, b, Z, slope)
             _hold_friction(step[k], j, motion, v, x, w, b, Z, slope)
     return True
 

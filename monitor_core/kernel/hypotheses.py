@@ -92,9 +92,7 @@ class Memory(NamedTuple):
     u: Floats  # (m, H) inputs held since
     sums: Floats  # (SUMS, H) rows of likelihood.py
     when: NDArray[np.int64]  # (2 + MARKS, H) us: g last 0; g last below SURE; marks, the latest first
-    numbers: (
-        Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
-    )
+    numbers: Floats  # (4, 1) torque of the sample before the last, of the last; last output; credit of outliers
     integers: NDArray[
         np.int64
     ]  # (COUNTS + len(COUNTERS), 1) time of the last sample; time settled; outliers in a row; phase; wait;
@@ -259,9 +257,7 @@ def _hold(lanes: Any, T: Tables, P: Predictors, M: Memory, weight: float, s: Sam
             w.motion[a] = (s.y[0] - P.own[OFFSET, a]) / P.own[SCALE, a]
             w.doing[a] = TRACK
             w.weight[a] = weight
-        hold_inputs(
-            lanes, T, P.u_scale, P.rest, w.last, w.motion, w.motion, w.weight, w.doing, w.last, M.u, w.before
-        )
+        hold_inputs(lanes, T, P.u_scale, P.rest, w.last, w.motion, w.motion, w.weight, w.doing, w.last, M.u, w.before)
     numbers = M.numbers
     M.integers[LAST, 0] = s.t[0]
     numbers[TORQUE_BEFORE, 0] = numbers[TORQUE_HELD, 0]
@@ -285,9 +281,7 @@ def _record(k: int, moved: bool, tested: bool, w: Work, sums: Floats, to: BankTr
 
 
 @entry
-def run_hypotheses(
-    lanes: Any, T: Tables, P: Predictors, M: Memory, block: Block, start: int, trace: BankTrace
-) -> int:
+def run_hypotheses(lanes: Any, T: Tables, P: Predictors, M: Memory, block: Block, start: int, trace: BankTrace) -> int:
     """Run samples from ``start`` on until a decision is due; returns the number of samples taken.
 
     ``lanes``: an array of H numbers.
@@ -309,9 +303,7 @@ def run_hypotheses(
     gains, most = has_gain(P.K), FARTHEST * math.sqrt(axis[LAM0, 0])
     for k in range(start, block.t.size):
         _take(k, block, s)
-        classify_sample(
-            lane, s.t, s.u, s.y, timing, integers[LAST], integers[SETTLED], s.seed_left, counts, mode, s.h
-        )
+        classify_sample(lane, s.t, s.u, s.y, timing, integers[LAST], integers[SETTLED], s.seed_left, counts, mode, s.h)
         if block.gate.shape[0]:
             close_gate(lane, k, 0, block.gate, mode)
         tested = False

@@ -54,9 +54,7 @@ def log_likelihood_ratios(
 
 
 @kernel
-def update_sums(
-    lanes: Any, own: Floats, t: int, watching: bool, llr: Floats, sums: Floats, when: Ints
-) -> bool:
+def update_sums(lanes: Any, own: Floats, t: int, watching: bool, llr: Floats, sums: Floats, when: Ints) -> bool:
     """g = max(0, g + l), with the times for the onset and its interval; True if any g > h.
 
     HELD_BACK + g is the sum of l without the tolerated part of the allowance, since g was last 0 before the detection;

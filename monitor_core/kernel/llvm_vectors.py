@@ -131,9 +131,7 @@ def magnitude(_typing: Any, a: Any) -> Any:
 
     def code(_context: Any, builder: Any, _sig: Any, args: Any) -> Any:
         kind = args[0].type
-        fabs = builder.module.declare_intrinsic(
-            f"llvm.fabs.v{kind.count}f64", (), ir.FunctionType(kind, [kind])
-        )
+        fabs = builder.module.declare_intrinsic(f"llvm.fabs.v{kind.count}f64", (), ir.FunctionType(kind, [kind]))
         return builder.call(fabs, args)
 
     return a(a), code

@@ -189,9 +189,7 @@ def propagate_interval(
 
 
 @kernel
-def prediction_errors(
-    lanes: Any, own: Floats, y: float, before: float, yhat: Floats, most: float, eps: Floats
-) -> int:
+def prediction_errors(lanes: Any, own: Floats, y: float, before: float, yhat: Floats, most: float, eps: Floats) -> int:
     """Compute e_i (H,); returns how many of them exceed ``most`` or are not finite."""
     beyond = 0
     for a in range(len(lanes)):
@@ -237,9 +235,7 @@ def correct(lanes: Any, K: Floats, eps: Floats, x: Floats) -> None:
 
 
 @kernel
-def correct_speed(
-    lanes: Any, rest: Floats, rigid: Floats, own: Floats, h: float, eps: Floats, x: Floats
-) -> None:
+def correct_speed(lanes: Any, rest: Floats, rigid: Floats, own: Floats, h: float, eps: Floats, x: Floats) -> None:
     """Set angle and speed from the first samples after a start (admission.gain_of_speed)."""
     for r in range(x.shape[0]):
         for a in range(len(lanes)):

@@ -117,9 +117,7 @@ def propagate(
 
 
 @kernel
-def evaluate_coefficients(
-    lanes: Any, terms: LaurentTerms, V0: Floats, coef: Floats, theta: Floats, V: Floats
-) -> None:
+def evaluate_coefficients(lanes: Any, terms: LaurentTerms, V0: Floats, coef: Floats, theta: Floats, V: Floats) -> None:
     """V = V0 + sum of coef * prod theta_i^e_i, for each slot with a monitored parameter.
 
     ``V`` (slots + 1, W) must contain V0 in all other slots.

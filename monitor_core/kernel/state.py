@@ -76,9 +76,7 @@ class State(NamedTuple):
     observed: NDArray[np.int64]  # (p, W) OBSERVED, WEAK, UNSEEN
     since: NDArray[np.int64]  # (W,) updates since the information floor was last applied to P
     unobserved: NDArray[np.int64]  # (W,) number of directions that are not observed
-    in_a_row: NDArray[
-        np.int64
-    ]  # (W,) outliers up to the last sample; in a jolt SURELY, and samples until it is over
+    in_a_row: NDArray[np.int64]  # (W,) outliers up to the last sample; in a jolt SURELY, and samples until it is over
     left: NDArray[np.int64]  # (W,) samples to learn until evidence is noted
     noting: NDArray[np.int64]  # (W,) purpose of that evidence: COURSE, NAMING
     learned: NDArray[np.int64]  # (W,) samples learned so far

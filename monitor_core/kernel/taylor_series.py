@@ -29,9 +29,7 @@ _ZERO, _ONE, _TWO, _FOUR = (np.uint64(k) for k in (0, 1, 2, FOUR))
 
 
 @kernel
-def _times_one(
-    F: Product, V: Floats, more: Floats, base: int, t: int, out: int, scale: float, work: Floats
-) -> None:
+def _times_one(F: Product, V: Floats, more: Floats, base: int, t: int, out: int, scale: float, work: Floats) -> None:
     """Out = base + scale F t, where each is a section of ``work``."""
     start, col, more_start, more_col = F.A_start, F.A_at, F.more_start, F.more_at
     n, wide, group, x = np.uint64(F.n), np.uint64(F.blocks), _ZERO, np.uint64(t + F.blocks - 1)

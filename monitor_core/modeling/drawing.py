@@ -32,9 +32,7 @@ def part(kind: str, name: str, *nodes: str, **parameters: str | Laurent) -> Part
     """
     known = KINDS[kind]
     given = {role.name: parameters.get(role.name, f"{name}.{role.name}") for role in known.roles}
-    values = {
-        role: Laurent.symbol(value) if isinstance(value, str) else value for role, value in given.items()
-    }
+    values = {role: Laurent.symbol(value) if isinstance(value, str) else value for role, value in given.items()}
     origin = Origin(name)
     uses = (Use(value, known.role(role).unit, origin, known.role(role)) for role, value in values.items())
     return Part(known, name, values, origin, tuple(uses), nodes)
@@ -64,8 +62,7 @@ class Drawing:
             sensors=joined.sensors,
             equations=joined.equations + connect(self._joints(), flanges),
             components=tuple(
-                FlatComponent(each.name, each.kind.name, each.nodes, each.parameters)
-                for each in self.components
+                FlatComponent(each.name, each.kind.name, each.nodes, each.parameters) for each in self.components
             ),
         )
 

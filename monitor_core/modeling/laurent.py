@@ -132,8 +132,7 @@ class Laurent:
         """The number at the given parameter values, of type float, complex or Fraction."""
         exact = all(isinstance(values[name], int | Fraction) for name in self.names)
         return sum(
-            (c if exact else float(c))
-            * math.prod(Fraction(values[n]) ** e if exact else values[n] ** e for n, e in m)
+            (c if exact else float(c)) * math.prod(Fraction(values[n]) ** e if exact else values[n] ** e for n, e in m)
             for m, c in self
         )
 

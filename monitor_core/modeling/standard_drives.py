@@ -56,9 +56,7 @@ def _drawings() -> Iterator[Drawing]:
         ],
     }
     yield Drawing("one-mass", _motor("J"), _MASS | _MOTOR)
-    yield Drawing(
-        "one-mass-weight", [*_motor("J"), _GEARBOX, _weight("gear")], _MASS | _MOTOR | _WEIGHT | _GEAR
-    )
+    yield Drawing("one-mass-weight", [*_motor("J"), _GEARBOX, _weight("gear")], _MASS | _MOTOR | _WEIGHT | _GEAR)
     for name, behind in links.items():
         drive = _chain(name, behind)
         yield drive

@@ -112,9 +112,7 @@ def _check_single(ss: StateSpace) -> None:
     for what, found in every.items():
         if len(found) != 1:
             names = ", ".join(each.name for each in found)
-            raise ModelError(
-                f"an axis has one {what}, this drive has {len(found)}: {names}", found[-1].origin
-            )
+            raise ModelError(f"an axis has one {what}, this drive has {len(found)}: {names}", found[-1].origin)
 
 
 def _check_ratios(ss: StateSpace) -> None:

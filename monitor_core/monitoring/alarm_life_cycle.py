@@ -214,9 +214,7 @@ def _after(life: AlarmLife, event: AlarmEvent, until_us: int | None) -> AlarmLif
     elif (state, event) in _SHOWN:
         return AlarmLife(_SHOWN[state, event])
     words = "not possible: {event}; the alarm is {state}: {advice}"
-    raise AlarmTransitionError(
-        sentence("not possible", words, event=event, state=state, advice=_ADVICE[state])
-    )
+    raise AlarmTransitionError(sentence("not possible", words, event=event, state=state, advice=_ADVICE[state]))
 
 
 def check_shelf(until_us: int, now_us: int) -> None:

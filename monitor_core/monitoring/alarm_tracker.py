@@ -39,9 +39,7 @@ class AlarmTracker:
     An ended alarm is reopened if its cause is detected again within ``reopen_us``, even if it gets its name later.
     """
 
-    def __init__(
-        self, alarms: Iterable[Alarm] = (), unreported: Iterable[Alarm] = (), reopen_us: int = 0
-    ) -> None:
+    def __init__(self, alarms: Iterable[Alarm] = (), unreported: Iterable[Alarm] = (), reopen_us: int = 0) -> None:
         known = list(alarms)
         self._open = {alarm.key: alarm for alarm in known if alarm.ended_us is None}
         self._ended = {alarm.key: alarm for alarm in known if alarm.ended_us is not None}

@@ -55,9 +55,7 @@ class AxisBatch:
 
     def __init__(self, models: Sequence[AxisModel], settings: Sequence[Settings]) -> None:
         if not models or len(models) != len(settings):
-            raise ValueError(
-                f"{len(models)} models and {len(settings)} settings: need one each, at least one"
-            )
+            raise ValueError(f"{len(models)} models and {len(settings)} settings: need one each, at least one")
         first = models[0]
         for model in models:
             if (model.drive, model.monitored) != (first.drive, first.monitored):
@@ -91,9 +89,7 @@ class AxisBatch:
         self.limits: tuple[Floats, Floats] = (named.lower, named.upper)
         """Lower and upper bounds of theta (p, W): those of the models, narrowed to where the predictors are stable."""
         self._untraced = self._trace(0)
-        self._judges = tuple(
-            EvidenceBuilder(m, s, *(rows[:, a] for rows in self.limits)) for a, (m, s) in pairs
-        )
+        self._judges = tuple(EvidenceBuilder(m, s, *(rows[:, a] for rows in self.limits)) for a, (m, s) in pairs)
         for a, (model, setting) in pairs:
             fill(named, a, constants_of(assembly, model, setting))
             self._start(a, model, setting)
@@ -115,9 +111,7 @@ class AxisBatch:
         np.fill_diagonal(st.P[:, :, a], certain)
         st.P_nom[:, a] = s.P0 or 0.0
 
-    def run(
-        self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]
-    ) -> list[tuple[int, BatchEvent]]:
+    def run(self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]) -> list[tuple[int, BatchEvent]]:
         """Run a block: t_us, u, y (N, W), axis last, and optional columns.
 
         Returns the events, each with the index of its axis: axis by axis, in order of time.
@@ -140,9 +134,7 @@ class AxisBatch:
         self._advance(self._samples(t_us, u, y, **more), trace)
         return trace
 
-    def crossings(
-        self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]
-    ) -> list[tuple[int, Crossing]]:
+    def crossings(self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]) -> list[tuple[int, Crossing]]:
         """As ``run``, but only the crossings of thresholds; those of each axis are in order of time."""
         events, _ = self._advance(self._samples(t_us, u, y, **more), self._untraced)
         return [self._event(events, k) for k in range(int(events.filled[0]))]
@@ -160,9 +152,7 @@ class AxisBatch:
         moved = np.empty((0, p, W)) if shift is None else np.ascontiguousarray(shift, dtype=float)
         opened = np.empty((0, W), np.bool_) if gate is None else np.ascontiguousarray(gate, dtype=np.bool_)
         if moved.shape not in {(N, p, W), (0, p, W)} or opened.shape not in {(N, W), (0, W)}:
-            raise ValueError(
-                f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}"
-            )
+            raise ValueError(f"shift, gate of shapes {moved.shape}, {opened.shape}: need {(N, p, W)} and {(N, W)}")
         held = np.empty((0, W)) if weight is None else np.ascontiguousarray(weight, dtype=float)
         if held.shape not in {(N, W), (0, W)}:
             raise ValueError(f"weight of shape {held.shape}: need {(N, W)}")

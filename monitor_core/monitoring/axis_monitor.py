@@ -92,9 +92,7 @@ class AxisMonitor:
         monitor._view(batch, lane, multimodel, alarm_source)
         return monitor
 
-    def _view(
-        self, batch: AxisBatch, lane: int, multimodel: MultiModelDetector | None, source: DetectorName
-    ) -> None:
+    def _view(self, batch: AxisBatch, lane: int, multimodel: MultiModelDetector | None, source: DetectorName) -> None:
         if source == "multimodel" and multimodel is None:
             raise ValueError("the multi-model detector is the alarm source, but does not run")
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
@@ -198,9 +196,7 @@ class AxisMonitor:
         """Run the multi-model detector on these samples; returns its events, or none if it does not run."""
         return self.multimodel.bank.run(self.judged(samples)) if self.multimodel else ()
 
-    def multimodel_events_traced(
-        self, samples: SampleBlock
-    ) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
+    def multimodel_events_traced(self, samples: SampleBlock) -> tuple[Sequence[MultiModelEvent], BankTrace | None]:
         """As ``multimodel_events``, with the values of each hypothesis at each sample."""
         return self.multimodel.bank.run_traced(self.judged(samples)) if self.multimodel else ((), None)
 
@@ -259,9 +255,7 @@ class AxisMonitor:
         if samples is not None:
             self._open_us = max(self._open_us, last_open_us(samples))
         if self.alarm_source == "multimodel" and self.multimodel is not None:
-            return self._tracker.update(
-                multimodel, in_context(self.multimodel.interpret, samples, self.look_alike)
-            )
+            return self._tracker.update(multimodel, in_context(self.multimodel.interpret, samples, self.look_alike))
         events = (event for event in cusum if not isinstance(event, Reading))
         return self._tracker.update(events, in_context(self.cusum.interpret, samples, self.look_alike))
 
@@ -298,15 +292,11 @@ class AxisMonitor:
             KeyError: an array is missing.
             ValueError: the state does not belong to this model, or is damaged.
         """
-        alarms, unreported = (
-            alarms_from_array(arrays[name], self.causes) for name in ("alarms", "unreported")
-        )
+        alarms, unreported = (alarms_from_array(arrays[name], self.causes) for name in ("alarms", "unreported"))
         open_us = np.asarray(arrays.get("open_us", [NEVER]), np.int64)  # earlier versions did not save it
         if open_us.shape != (1,):
             raise ValueError(f"open_us of shape {open_us.shape} does not fit")
-        self.batch.restore(
-            self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64)
-        )
+        self.batch.restore(self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64))
         self._open_us = int(open_us[0])
         self._tracker = AlarmTracker(alarms, unreported, self._reopen_us)
 

@@ -79,9 +79,7 @@ class ConditionTracker:
         if not values.size:
             return values
         factor = 1 - 1 / self._samples
-        sums = accumulate(
-            values.tolist(), lambda total, value: factor * total + value, initial=self._sums[row]
-        )
+        sums = accumulate(values.tolist(), lambda total, value: factor * total + value, initial=self._sums[row])
         out = np.fromiter(sums, float)[1:]
         self._sums[row] = float(out[-1])
         return out
@@ -94,9 +92,7 @@ class ConditionTracker:
         return np.where(steps.interval_us <= self._gap_us, steps.speed, math.nan)
 
 
-def ranges(
-    output: Output, settings: Settings, signals: Sequence[str], records: Sequence[SampleBlock]
-) -> list[Range]:
+def ranges(output: Output, settings: Settings, signals: Sequence[str], records: Sequence[SampleBlock]) -> list[Range]:
     """Ranges of the conditions in consecutive records; a condition that was never known has no range."""
     tracker = ConditionTracker(output, settings, signals)
     conditions = np.concatenate([tracker.take(record) for record in records])

@@ -68,9 +68,7 @@ class Fleet:
         alarm_sources: Mapping[int, DetectorName] = _NOTHING,
     ) -> None:
         if not models or len(models) != len(settings):
-            raise ValueError(
-                f"{len(models)} models and {len(settings)} settings: need one each, at least one"
-            )
+            raise ValueError(f"{len(models)} models and {len(settings)} settings: need one each, at least one")
         self._groups = [
             _Group(axes, AxisBatch([models[a] for a in axes], [settings[a] for a in axes]))
             for axes in _groups(models, settings)
@@ -132,9 +130,7 @@ class _Group(NamedTuple):
     axes: list[int]
     batch: AxisBatch
 
-    def run(
-        self, blocks: Mapping[int, SampleBlock], traced: bool
-    ) -> dict[int, tuple[list[BatchEvent], Trace | None]]:
+    def run(self, blocks: Mapping[int, SampleBlock], traced: bool) -> dict[int, tuple[list[BatchEvent], Trace | None]]:
         """Events of each axis with a block, and its trace if ``traced``."""
         taken = {lane: blocks[axis] for lane, axis in enumerate(self.axes) if axis in blocks}
         count = np.array([len(taken[a].t_us) if a in taken else 0 for a in range(len(self.axes))])
@@ -178,9 +174,7 @@ def _axis_update(
     return AxisUpdate(monitor.apply(events, found, block), readings, traces)
 
 
-def _filled(
-    name: str, blocks: Mapping[int, SampleBlock], empty: Callable[[], NDArray[_T]]
-) -> NDArray[_T] | None:
+def _filled(name: str, blocks: Mapping[int, SampleBlock], empty: Callable[[], NDArray[_T]]) -> NDArray[_T] | None:
     """Array ``name`` of all blocks (N, ..., W), with default values for lanes that lack it; None if all lack it."""
     given = {lane: values for lane, block in blocks.items() if (values := getattr(block, name)) is not None}
     if not given:

@@ -131,9 +131,7 @@ class WarmUp:
             self._learned = self._monitor.learned
         wait_s = self._wait_s(sd, found)
         known = wait_s == 0.0
-        self._monitor.judged_us = (
-            self._next_look(now_us + round(1e6 * wait_s)) if math.isfinite(wait_s) else None
-        )
+        self._monitor.judged_us = self._next_look(now_us + round(1e6 * wait_s)) if math.isfinite(wait_s) else None
         if known or heat != self._thermal.heat:
             before = self._operating.shift_at_heat(self._thermal.heat)
             self._thermal.observed(heat, sd, known)

@@ -25,9 +25,7 @@ class NotTested(StrEnum):
     UNIDENTIFIABLE = "unidentifiable"  # the record of the nominal values does not determine them
     SEEDING = "seeding"  # P(0) is being found
     NOT_OBSERVED = "not observed"  # the motion contains no information on the parameter
-    UNCERTAIN = (
-        "uncertain"  # with so little information, the estimate is as uncertain as the parameter is large
-    )
+    UNCERTAIN = "uncertain"  # with so little information, the estimate is as uncertain as the parameter is large
     BLOCKED = "blocked"  # P(0) is not found, because other parameters are uncertain
     NO_THRESHOLD = "no threshold"  # the alarm source has no threshold for the parameter
 

@@ -193,18 +193,14 @@ def shortest_memory(slowest_s: float, joint_state: bool) -> float:
     return MIN_MEMORY * slowest_s * (JOINT_STATE_SHARE if joint_state else 1)
 
 
-def _check_memory(
-    model: AxisModel, interval_s: float, o: MonitoringOptions, memory_s: float, slowest_s: float
-) -> None:
+def _check_memory(model: AxisModel, interval_s: float, o: MonitoringOptions, memory_s: float, slowest_s: float) -> None:
     """Check that the predictor is stable, and the memory long enough for its slowest time constant.
 
     Raises:
         SettingsError: one of them is not; the text says what would be right.
     """
     if not np.isfinite(slowest_s):
-        raise SettingsError(
-            "the predictor is not stable: give another gain, or torque_noise and output_noise"
-        )
+        raise SettingsError("the predictor is not stable: give another gain, or torque_noise and output_noise")
     least = shortest_memory(slowest_s, bool(o.joint_state))
     if memory_s >= least:
         return

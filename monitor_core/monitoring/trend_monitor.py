@@ -90,9 +90,7 @@ class TrendMonitor:
         for i, history in enumerate(self.histories):
             if reading.known[i]:
                 value, variance = reading.value[i], reading.variance[i]
-                self.closed[i] += history.take(
-                    reading.time_us, value, variance, reading.span_s, reading.correlation
-                )
+                self.closed[i] += history.take(reading.time_us, value, variance, reading.span_s, reading.correlation)
         return sum(self.closed) != before
 
     def due(self) -> list[int]:
@@ -112,9 +110,7 @@ class TrendMonitor:
         for limit in self._limits.get(last.name, ()) if trend is not None else ():
             assert trend is not None
             f = forecast(trend, limit.value, limit.upper)
-            reaches.append(
-                Reach(limit.name, limit.unit, limit.shown, limit.above, f.state, f.low_us, f.high_us)
-            )
+            reaches.append(Reach(limit.name, limit.unit, limit.shown, limit.above, f.state, f.low_us, f.high_us))
             alarm = self._alarm(last, limit, trend, f, reaches[-1])
             if alarm is not None:
                 changed.append(alarm)
@@ -123,9 +119,7 @@ class TrendMonitor:
         self.trends[i] = replace(last, entries=entries, trend=trend, reaches=tuple(reaches))
         return changed
 
-    def _alarm(
-        self, last: ParameterTrend, limit: Limit, trend: Trend, f: Forecast, reach: Reach
-    ) -> Alarm | None:
+    def _alarm(self, last: ParameterTrend, limit: Limit, trend: Trend, f: Forecast, reach: Reach) -> Alarm | None:
         """The new, updated or ended alarm about a limit after this forecast; None: there is no alarm."""
         alarm, size = self._open.pop((last.name, limit.direction), None), trend.level - last.nominal
         if alarm is not None:

@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 
 from monitor_core.kernel.compile import outlined
 
-DROP_REASONS = (
-    *("not_finite", "absurd", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing"),
-)
+DROP_REASONS = (*("not_finite", "absurd", "repeated", "out_of_order", "untimed", "unpaired", "late", "missing"),)
 """Reasons why values did not become a sample.  ``Pairing.counts`` counts values, and for "missing" whole samples.
 
 not_finite: NaN or infinite.  absurd: beyond physical limits.  repeated: the same quantity again within half
@@ -48,9 +46,7 @@ PAIRING = np.dtype(
 )
 WAITING = np.dtype([("t_us", "i8"), ("value", "f8"), ("sample_us", "i8")])
 """A value, its time of receipt, by which it is paired, and its time by the sample counter, or NO_TIME."""
-SAMPLE = np.dtype(
-    [("t_us", "i8"), ("torque", "f8"), ("motion", "f8"), ("place", "i8"), ("received_us", "i8")]
-)
+SAMPLE = np.dtype([("t_us", "i8"), ("torque", "f8"), ("motion", "f8"), ("place", "i8"), ("received_us", "i8")])
 """A sample, and the place in its block and the time of receipt of the frame that completed it."""
 
 
@@ -138,9 +134,7 @@ def add_value(p: Any, waiting: Any, kind: int, t_us: int, value: float, sample_u
 
 
 @outlined
-def add_pair(
-    p: Any, waiting: Any, t_us: int, torque: float, motion: float, sample_us: int, sample: Any
-) -> bool:
+def add_pair(p: Any, waiting: Any, t_us: int, torque: float, motion: float, sample_us: int, sample: Any) -> bool:
     """Take both values of one frame, which belong together; arguments and result as of ``add_value``."""
     reason = _check_value(p, TORQUE, torque)
     if reason == FITS:

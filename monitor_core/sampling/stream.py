@@ -191,9 +191,7 @@ def _take_ready(stream: Stream, clock: Clock, samples: NDArray[np.void], number:
 
 
 @outlined
-def _assemble(
-    stream: Stream, value: Any, t_us: int, sample_us: Any, samples: NDArray[np.void], number: Any
-) -> Any:
+def _assemble(stream: Stream, value: Any, t_us: int, sample_us: Any, samples: NDArray[np.void], number: Any) -> Any:
     p, waiting, sample = stream.pairing.state[0], stream.pairing.waiting, samples[number]
     if value.has_torque and value.has_motion:
         complete = add_pair(p, waiting, t_us, value.torque, value.motion, sample_us, sample)

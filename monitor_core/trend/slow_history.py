@@ -85,9 +85,7 @@ class SlowHistory:
         self._open = None
         variance = inflation(o.n, correlation) / (o.w / o.n) / o.n
         middle_us = min(o.start_us + round(o.wt / o.w), o.end_us)
-        self._hours.append(
-            Entry(o.start_us, o.end_us, middle_us, o.first + o.wx / o.w, variance, o.operating_s)
-        )
+        self._hours.append(Entry(o.start_us, o.end_us, middle_us, o.first + o.wx / o.w, variance, o.operating_s))
         self._thin(o.end_us)
         return True
 

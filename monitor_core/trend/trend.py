@@ -119,9 +119,7 @@ def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | No
     return _summary(entries, t, weighed, (zero, size), zero_us, scatter)
 
 
-def _weighed(
-    t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: float
-) -> tuple[Weighed, Noises, Floats]:
+def _weighed(t: Floats, y: Floats, variance: Floats, share: Floats, hour_s: float) -> tuple[Weighed, Noises, Floats]:
     """Evidence of the trends: first all noise models with a few times of a change, then the likely ones with all."""
     N = len(t)
     every = np.concatenate([[0], np.arange(BEFORE, N - AFTER + 1)])

@@ -165,9 +165,7 @@ def possible(t: Floats, level: float, hour: float) -> Noises:
     return Noises(white, lasting, rate, np.concatenate([np.zeros(1 + len(variance)), favour]))
 
 
-def whitened(
-    t: Floats, columns: Floats, variance: Floats, share: Floats, noises: Noises
-) -> tuple[Floats, Floats]:
+def whitened(t: Floats, columns: Floats, variance: Floats, share: Floats, noises: Noises) -> tuple[Floats, Floats]:
     """Columns (N, G, C) with the noise whitened to variance one, and log det of its covariance (G,).
 
     Args:

@@ -77,16 +77,12 @@ def open_bus(config: BusSettings, wanted: Iterable[FrameFilter] | None = None) -
         options["can_filters"] = [_filter(entry) for entry in wanted]
     try:
         # Check first: python-can leaves its socket open if there is no device.
-        if config.interface == "socketcan" and all(
-            device != config.channel for _, device in socket.if_nameindex()
-        ):
+        if config.interface == "socketcan" and all(device != config.channel for _, device in socket.if_nameindex()):
             raise OSError(errno.ENODEV, "no such device")
         opened = can.Bus(ignore_config=True, **options)
     except (can.CanInterfaceNotImplementedError, NotImplementedError) as error:
         words = "cannot use interface {interface} here: {why}"
-        raise _bus_error(
-            config, sentence("no interface", words, interface=config.interface, why=error)
-        ) from None
+        raise _bus_error(config, sentence("no interface", words, interface=config.interface, why=error)) from None
     except OSError as error:
         raise _bus_error(config, _refused(config, error)) from None
     except (can.CanError, ValueError, TypeError) as error:

@@ -91,9 +91,7 @@ class CanReader:
     what the kernel can buffer.
     """
 
-    def __init__(
-        self, config: BusSettings, wanted: Iterable[FrameFilter] | None, block_s: float = BLOCK_S
-    ) -> None:
+    def __init__(self, config: BusSettings, wanted: Iterable[FrameFilter] | None, block_s: float = BLOCK_S) -> None:
         self._config, self._wanted = config, None if wanted is None else tuple(wanted)
         self._queue, self._block_s = FrameQueue(config.queue_frames), min(block_s, BLOCK_S)
         self._block_frames = min(BLOCK_FRAMES, config.queue_frames // 4)
@@ -196,9 +194,7 @@ class CanReader:
             return
         self._close_bus()
         gone = code in (errno.ENODEV, errno.ENXIO)
-        self._state = (
-            _GONE if gone else sentence("bus fault", "down: {why}; trying to open it again", why=error)
-        )
+        self._state = _GONE if gone else sentence("bus fault", "down: {why}; trying to open it again", why=error)
         if self._frames == self._frames_before:  # at a broken bus, an adapter may fail as soon as it is open
             self._stop.wait(RETRY_S)
 

@@ -91,11 +91,7 @@ def _of_shown(line: re.Match[bytes]) -> bytes:
     if not remote and len(data) != 2 * int(length):
         return line[0]
     try:
-        time_s = (
-            float(stamp)
-            if b" " not in stamp
-            else datetime.fromisoformat(f"{stamp.decode()}+00:00").timestamp()
-        )
+        time_s = float(stamp) if b" " not in stamp else datetime.fromisoformat(f"{stamp.decode()}+00:00").timestamp()
     except ValueError:
         return line[0]
     return _line(time_s, channel, frame_id, data, len(length) > 1)

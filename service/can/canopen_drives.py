@@ -244,9 +244,7 @@ def _dictionary(path: Path, node_id: int | None) -> ObjectDictionary:
             raise ValueError("there is no section [DeviceInfo]")
         return import_od(_Text(text), node_id)
     except (configparser.NoOptionError, configparser.NoSectionError) as error:
-        line = next(
-            (n for n, row in enumerate(text.splitlines(), 1) if row.strip() == f"[{error.section}]"), 0
-        )
+        line = next((n for n, row in enumerate(text.splitlines(), 1) if row.strip() == f"[{error.section}]"), 0)
         reason = f"line {line}: {error.message}" if line else error.message
     except configparser.Error as error:
         reason = error.message.replace("'drive.eds'", path.name)

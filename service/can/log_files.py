@@ -258,9 +258,7 @@ class CanLog:
         try:
             while not ended:
                 try:
-                    for message in (
-                        can.TRCReader(lines) if is_trc else can.ASCReader(lines, relative_timestamp=False)
-                    ):
+                    for message in can.TRCReader(lines) if is_trc else can.ASCReader(lines, relative_timestamp=False):
                         _check_length(message)
                         if is_trc:  # its channels start at 1; those of the other formats start at 0 here
                             message.channel = int(str(message.channel)) - 1
@@ -272,9 +270,7 @@ class CanLog:
                     if not at_end:
                         self._leave_out_line(lines.number, lines.text(), lines.torn)
                     if at_end or lines.is_head:
-                        raise self._fault(
-                            f"{self.path}, {self.left_out[-1]}", "the head is damaged"
-                        ) from None
+                        raise self._fault(f"{self.path}, {self.left_out[-1]}", "the head is damaged") from None
                     self._check_share()
                     before = lines.number
                     lines.repeat_head()
@@ -295,9 +291,7 @@ class CanLog:
         except _FAULTS as error:
             if not file.ended:
                 where = f"{self.path} is damaged or no .blf file"
-                raise self._fault(
-                    where, f"{str(error) or type(error).__name__}, before byte {file.position}"
-                ) from None
+                raise self._fault(where, f"{str(error) or type(error).__name__}, before byte {file.position}") from None
         if tail > _OBJECT:
             raise self._fault(f"{self.path} is damaged", f"an object claims more than {_OBJECT} bytes")
         if file.cut or file.position < size or tail:

@@ -33,9 +33,7 @@ def read_messages(path: Path) -> MessageSet:
     """
     kind = KINDS.get(path.suffix.lower())
     if kind is None:
-        raise DescriptionError(
-            f"{path} describes no messages: its name must end with {listed(tuple(KINDS), 'or')}"
-        )
+        raise DescriptionError(f"{path} describes no messages: its name must end with {listed(tuple(KINDS), 'or')}")
     return read_unchanged(_read, path, kind)
 
 

@@ -183,10 +183,7 @@ def _find_in(known: MessageSet, name: str, signal: str) -> tuple[Message, Signal
         if any(entry.name == signal for entry in message.signals):
             return find_signal(known, message.name, signal)
     sent = dict.fromkeys(entry.name for message in group.messages for entry in message.signals)
-    named = {
-        entry: f"{entry} ({group.names[entry]})" if entry in group.names else entry
-        for entry in (signal, *sent)
-    }
+    named = {entry: f"{entry} ({group.names[entry]})" if entry in group.names else entry for entry in (signal, *sent)}
     sends = listed([named[entry] for entry in sent]) or "nothing"
     fault = group.faults.get(signal, group.fault)
     raise DescriptionError(f"{name} does not send {named[signal]}: {fault}; it sends {sends}", signal=True)
@@ -208,9 +205,7 @@ def _message(known: MessageSet, name: str) -> Message:
     for other in alike:
         own = key_of_message(other)
         if other is not message and (own.record_id ^ key.record_id) & known.mask(key) & known.mask(own) == 0:
-            raise DescriptionError(
-                f"{known.source} gives its identifier {message.frame_id:#x} to {other.name}, too"
-            )
+            raise DescriptionError(f"{known.source} gives its identifier {message.frame_id:#x} to {other.name}, too")
     return message
 
 

@@ -36,15 +36,11 @@ _REMOTE, _ERROR = 0x40000000, 0x20000000
 _FDF = 0x04
 """Flag by which the kernel marks CAN FD frames; not needed here, as the length of the record shows it."""
 
-_FRAME = np.dtype(
-    [("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("_", "u1", (2,)), ("data", "u1", (64,))]
-)
+_FRAME = np.dtype([("id", "<u4"), ("length", "u1"), ("flags", "u1"), ("_", "u1", (2,)), ("data", "u1", (64,))])
 """struct canfd_frame; a classic frame fills its first 16 bytes."""
 _DATAGRAM = np.dtype([("data", "u1", (1024,))])
 """A datagram; a frame packed by python-can takes about 200 bytes."""
-_NOTE = np.dtype(
-    {"names": ["bytes", "level", "type"], "formats": ["<u8", "<i4", "<i4"], "offsets": [0, 8, 12]}
-)
+_NOTE = np.dtype({"names": ["bytes", "level", "type"], "formats": ["<u8", "<i4", "<i4"], "offsets": [0, 8, 12]})
 """struct cmsghdr"""
 _TIME = np.dtype([("s", "<i8"), ("ns", "<i8")])
 """struct timespec"""

@@ -39,9 +39,7 @@ def list_alarms(
             show_default=False,
         ),
     ] = None,
-    axis: Annotated[
-        str | None, typer.Option("--axis", metavar="ROBOT.AXIS", help="Only of this axis.")
-    ] = None,
+    axis: Annotated[str | None, typer.Option("--axis", metavar="ROBOT.AXIS", help="Only of this axis.")] = None,
     limit: Annotated[int, typer.Option("--limit", min=1, max=1000, help="At most this number.")] = 100,
 ) -> None:
     """List alarms, the latest first."""
@@ -56,9 +54,7 @@ def list_alarms(
 
 @alarms.command()
 @asks_daemon
-def show(
-    daemon: Daemon, alarm_id: Annotated[int, typer.Argument(metavar="ID", help="Number of the alarm.")]
-) -> None:
+def show(daemon: Daemon, alarm_id: Annotated[int, typer.Argument(metavar="ID", help="Number of the alarm.")]) -> None:
     """Show an alarm, and all that has happened to it."""
     found = daemon.client.alarm(alarm_id)
     daemon.show(found, [alarm_lines(found), *(f"  {fact}" for fact in _facts(found))])
@@ -180,9 +176,7 @@ def _facts(a: Json) -> Iterator[str]:
     """Onset, size and certainty of an alarm as far as they are known, its recording, and its history."""
     best = datetime.fromisoformat(a["onset"])
     ends = [("-", a["onset_low"]), ("+", a["onset_high"])]
-    away = " ".join(
-        f"{sign}{abs(datetime.fromisoformat(end) - best).total_seconds():.1f}" for sign, end in ends if end
-    )
+    away = " ".join(f"{sign}{abs(datetime.fromisoformat(end) - best).total_seconds():.1f}" for sign, end in ends if end)
     yield f"onset: {short_time(a['onset'])}" + (f" (90 %: {away} s)" if away else "")
     if a["size"] is not None:
         nominal = "" if a["nominal"] is None else f"; nominal value {a['nominal']:.4g}"

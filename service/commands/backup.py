@@ -21,15 +21,11 @@ from service.texts.instants import iso, now_us
 
 Output = Annotated[
     Path,
-    typer.Option(
-        "--output", "-o", metavar="FILE", help="The archive, a .tar.gz that only its owner can read."
-    ),
+    typer.Option("--output", "-o", metavar="FILE", help="The archive, a .tar.gz that only its owner can read."),
 ]
 Secrets = Annotated[
     bool,
-    typer.Option(
-        "--secrets", help="With the tokens of the API, the private key of TLS and the secrets of links."
-    ),
+    typer.Option("--secrets", help="With the tokens of the API, the private key of TLS and the secrets of links."),
 ]
 
 
@@ -55,9 +51,7 @@ def backup(config: ConfigPath, output: Output, secrets: Secrets = False, force: 
             found.name: found.text.encode(),
             **{name: file for name, file in files.items() if name not in left_out},
         }
-        manifest = Manifest(
-            FORMAT, version("axiswatch"), iso(now_us()), found.name, found.renamed, left_out, {}
-        )
+        manifest = Manifest(FORMAT, version("axiswatch"), iso(now_us()), found.name, found.renamed, left_out, {})
         written = write_archive(output, manifest, sources)
     size = sum(int(entry["size"]) for entry in written.files.values())
     typer.echo(

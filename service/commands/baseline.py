@@ -46,9 +46,7 @@ def start(
     ] = None,
     thresholds: Annotated[
         Path | None,
-        typer.Option(
-            "--thresholds", metavar="FILE", help="With --nominal: its thresholds.toml.", show_default=False
-        ),
+        typer.Option("--thresholds", metavar="FILE", help="With --nominal: its thresholds.toml.", show_default=False),
     ] = None,
     verify_hours: VerifyHours = 8.0,
 ) -> None:

@@ -51,14 +51,10 @@ Within = Annotated[
         help="Find changes within this time, as small ones as possible. Default: ten memory lengths.",
     ),
 ]
-Sizes = Annotated[
-    str, typer.Option("--sizes", metavar="PERCENT,..", help="Changes to try, upwards and downwards.")
-]
+Sizes = Annotated[str, typer.Option("--sizes", metavar="PERCENT,..", help="Changes to try, upwards and downwards.")]
 Onsets = Annotated[
     int,
-    typer.Option(
-        "--onsets", min=1, max=1000, help="Number of places of the record at which each change begins."
-    ),
+    typer.Option("--onsets", min=1, max=1000, help="Number of places of the record at which each change begins."),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the thresholds.")]
 

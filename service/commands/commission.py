@@ -31,9 +31,7 @@ if TYPE_CHECKING:
     from service.commands.commissioning.signal_proposals import Review
 
 CONFIG = "axiswatch.toml"
-Output = Annotated[
-    Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for everything that is written.")
-]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for everything that is written.")]
 Yes = Annotated[bool, typer.Option("--yes", help="Accept all proposals without asking.")]
 RecordsOrBus = Annotated[
     list[str] | None,
@@ -166,9 +164,7 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
             f" {'; '.join(proposed)}",
             param_hint="--yes",
         )
-    return {
-        axis_id: looked._replace(corrections=tuple(agreed[axis_id])) for axis_id, looked in reviews.items()
-    }
+    return {axis_id: looked._replace(corrections=tuple(agreed[axis_id])) for axis_id, looked in reviews.items()}
 
 
 def options_for(budget_s: float) -> CalibrationOptions:
@@ -235,9 +231,7 @@ def _orders(
         words = f"not identified: no samples of it in {', '.join(records)}; dropped: {dropped}"
         refused.append(Outcome(axis.id, refusal=words))
     if not orders:
-        raise RecordError(
-            f"no samples of any axis: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}"
-        )
+        raise RecordError(f"no samples of any axis: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}")
     return orders, refused
 
 

@@ -74,9 +74,7 @@ def run_daemon(
     sys.setswitchinterval(0.001)
     with ExitStack() as stack:
         parts = DaemonParts(config, record, stop, stack)
-        parts.compiled.multimodel.add_done_callback(
-            lambda done: None if done.exception() else _settled(complete)
-        )
+        parts.compiled.multimodel.add_done_callback(lambda done: None if done.exception() else _settled(complete))
         web = partial(_web, access, certificate)
         reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.replaced))
         systemd = ServiceManager(
@@ -107,9 +105,7 @@ def run_daemon(
     log.info("stopped", checkpoint=None if saved_us is None else iso(saved_us))
 
 
-def _app_state(
-    parts: DaemonParts, access: Access, stop: threading.Event, reloading: Reloading, file: Path
-) -> AppState:
+def _app_state(parts: DaemonParts, access: Access, stop: threading.Event, reloading: Reloading, file: Path) -> AppState:
     """Data for the web server: the parts, recorded frames, and the configuration file."""
     worker, baselines, extracts, journal = parts.worker, parts.baselines, parts.extracts, parts.state.journal
     replays = None
@@ -124,9 +120,7 @@ def _app_state(
         extracts=extracts,
         history=parts.state.history,
         links=parts.links.snapshots,
-        acknowledge=lambda number, note: baselines.between_blocks(
-            lambda: worker.alarms.acknowledge(number, note)
-        ),
+        acknowledge=lambda number, note: baselines.between_blocks(lambda: worker.alarms.acknowledge(number, note)),
         baselines=baselines,
         stopping=stop.is_set,
         live=parts.pipeline.live,

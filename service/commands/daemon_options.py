@@ -15,9 +15,7 @@ from service.client import Client, Remark
 from service.commands.exit_codes import explained
 
 DEFAULT_URL = "http://127.0.0.1:8080"
-Url = Annotated[
-    str, typer.Option("--url", envvar="AXISWATCH_URL", metavar="URL", help="Address of the daemon.")
-]
+Url = Annotated[str, typer.Option("--url", envvar="AXISWATCH_URL", metavar="URL", help="Address of the daemon.")]
 Token = Annotated[
     str,
     typer.Option(

@@ -62,9 +62,7 @@ class DaemonParts:
         recording = Recording(FrameRecorder(record) if record else None, self.extracts)
         stack.callback(recording.close)
         monitors = self.pipeline.monitors
-        self.saver = Checkpointer(
-            self.state.checkpoints, monitors, config.service.checkpoint_interval_s, now_us
-        )
+        self.saver = Checkpointer(self.state.checkpoints, monitors, config.service.checkpoint_interval_s, now_us)
         clock = WallClock()
         alarms, messages = _restored(config, monitors, self.state, self.saver, clock)
         intakes = self.buses.intakes(self.pipeline.ingests, recording)
@@ -88,9 +86,7 @@ class DaemonParts:
 
     def reloading(self, further: Sequence[Part]) -> Reloading:
         """Object that applies a new configuration; ``further``: other parts to replace."""
-        return Reloading(
-            self.config, self.worker, self.baselines, self.buses, self.state.journal, now_us, further
-        )
+        return Reloading(self.config, self.worker, self.baselines, self.buses, self.state.journal, now_us, further)
 
     def problems(self) -> dict[str, str | None]:
         """Faults of files in the state directory that cannot be written now, by file."""
@@ -127,9 +123,7 @@ def _open_state(config: Config, stack: ExitStack) -> _State:
         "day": kept.history_day_days * 86400,
     }
     bounds = Bounds(ages_s, kept.history_mb * 1e6)
-    history = HistoryRecording(
-        lambda: HistoryStore(kept.state_dir / HISTORY_FILE, bounds), kept.history_interval_s
-    )
+    history = HistoryRecording(lambda: HistoryStore(kept.state_dir / HISTORY_FILE, bounds), kept.history_interval_s)
     stack.callback(history.stop)
     return _State(journal, checkpoints, history, epochs_in_force(config.axes, journal.epochs, now_us()))
 

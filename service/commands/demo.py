@@ -204,15 +204,12 @@ def _commissioned(source: Path, robot: Config, folder: Path, minutes: float, bud
     write(first, first.read_text(encoding="utf-8").replace(_PROPOSED, name))
 
     console.print(
-        f"[bold]3. Commission it[/]: axiswatch commission {record} --config {first} --budget {budget}"
-        f" --output {folder}"
+        f"[bold]3. Commission it[/]: axiswatch commission {record} --config {first} --budget {budget} --output {folder}"
     )
     commission_records(first, [str(record)], folder, budget, yes=True)
 
     console.print(f"[bold]4. Add the bus[/], and run it: axiswatch run --config {made}")
     signals = relocated(source.read_text(encoding="utf-8"), source.parent, folder.resolve())
-    text = connected(
-        made.read_text(encoding="utf-8"), signals, f"The bus and the signals are those of {source.name}."
-    )
+    text = connected(made.read_text(encoding="utf-8"), signals, f"The bus and the signals are those of {source.name}.")
     write(made, text)
     return made

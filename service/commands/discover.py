@@ -22,9 +22,7 @@ from service.config.schema import BusConfig
 if TYPE_CHECKING:
     from service.ingest.unknown_messages import UnknownMessage
 
-Log = Annotated[
-    Path | None, typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot.")
-]
+Log = Annotated[Path | None, typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot.")]
 Channel = Annotated[
     str | None,
     typer.Option("--channel", metavar="NAME", help="The bus to look at, of a log of several. Default: the busiest."),
@@ -88,9 +86,7 @@ def _logged(record: Path, channel: str | None) -> tuple[str, FrameBlock]:
         raise RecordError(f"no channel {channel} in {record}; it has {', '.join(buses)}")
     chosen = max(buses, key=lambda name: buses[name].size) if channel is None else channel
     if len(buses) > 1:
-        others = ", ".join(
-            f"{name} ({of_bus.size} frames)" for name, of_bus in buses.items() if name != chosen
-        )
+        others = ", ".join(f"{name} ({of_bus.size} frames)" for name, of_bus in buses.items() if name != chosen)
         print(f"Looking at {chosen}; --channel chooses another one: {others}")
     return chosen, buses[chosen]
 

@@ -38,20 +38,14 @@ Periods = Annotated[int, typer.Option("--periods", min=1, help="Number of period
 Band = Annotated[
     tuple[float, float], typer.Option("--band", metavar="LOW HIGH", help="Lowest and highest frequency [Hz].")
 ]
-Limit = Annotated[
-    float | None, typer.Option(metavar="X", help="Largest absolute value at the motor, in SI units.")
-]
+Limit = Annotated[float | None, typer.Option(metavar="X", help="Largest absolute value at the motor, in SI units.")]
 Find = Annotated[
     str,
-    typer.Option(
-        "--find", metavar="NAMES", help="Shape the spectrum for these: 1/Ja,fm. Default: a flat one."
-    ),
+    typer.Option("--find", metavar="NAMES", help="Shape the spectrum for these: 1/Ja,fm. Default: a flat one."),
 ]
 Free = Annotated[
     str,
-    typer.Option(
-        "--free", metavar="NAMES", help="Parameters to estimate. Default: all that can be distinguished."
-    ),
+    typer.Option("--free", metavar="NAMES", help="Parameters to estimate. Default: all that can be distinguished."),
 ]
 As = Annotated[
     Literal["torque", "speed", "angle"],
@@ -159,9 +153,7 @@ def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -
     """
     h = axis.config.sample_interval_s
     plant, estimation = _plant_and_estimation(axis)
-    limits = (
-        math.inf if limit is None else limit for limit in (request.torque, request.speed, request.angle)
-    )
+    limits = (math.inf if limit is None else limit for limit in (request.torque, request.speed, request.angle))
     task = Task(
         plant,
         estimation,
@@ -212,9 +204,7 @@ def _samples(seconds: float, periods: int, interval_s: float) -> int:
 def _checked_band(band_hz: tuple[float, float], interval_s: float) -> tuple[float, float]:
     (low, high), most = band_hz, 0.5 / interval_s
     if not 0 <= low < high < most:
-        raise ExcitationError(
-            f"band {low:g} {high:g}: need 0 <= low < high < {most:g} Hz, half the samples a second"
-        )
+        raise ExcitationError(f"band {low:g} {high:g}: need 0 <= low < high < {most:g} Hz, half the samples a second")
     return band_hz
 
 
@@ -225,8 +215,6 @@ def _check_names(names: Sequence[str], estimation: Estimation) -> None:
         if base not in values:
             raise ExcitationError(f"no parameter {name!r}: {did_you_mean(base, values)}")
         if values[base] == 0 and name not in estimation.scales:
-            raise ExcitationError(
-                f"{name} is 0: give its size in [robot.axis.model.scales], or do not ask for it"
-            )
+            raise ExcitationError(f"{name} is 0: give its size in [robot.axis.model.scales], or do not ask for it")
     if len(set(bases)) < len(bases):
         raise ExcitationError(f"a parameter is named twice: {', '.join(names)}")

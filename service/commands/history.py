@@ -39,9 +39,7 @@ ResolutionName = Annotated[
 ]
 Output = Annotated[
     Path,
-    typer.Option(
-        "--output", "-o", metavar="FILE", help="A new .csv or .parquet file; - is standard output, as CSV."
-    ),
+    typer.Option("--output", "-o", metavar="FILE", help="A new .csv or .parquet file; - is standard output, as CSV."),
 ]
 
 

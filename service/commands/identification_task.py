@@ -104,9 +104,7 @@ class IdentificationTask:
         parts = most_moving_parts([item.record for item in self.estimation])
         return replace(
             self,
-            estimation=tuple(
-                item._replace(record=part) for item, part in zip(self.estimation, parts, strict=True)
-            ),
+            estimation=tuple(item._replace(record=part) for item, part in zip(self.estimation, parts, strict=True)),
             options=replace(self.options, thermal=None),
         )
 
@@ -157,8 +155,7 @@ def prepare(
     warnings += tuple(map(_gap_warning, (*cuts, *more_cuts)))
     scheduled = scheduled_terms(schedule, [item.record for item in used])
     used, kept_aside = (
-        [item._replace(record=with_terms(item.record, scheduled)) for item in group]
-        for group in (used, kept_aside)
+        [item._replace(record=with_terms(item.record, scheduled)) for item in group] for group in (used, kept_aside)
     )
     problem = _problem(axis, drive, nominal, selection, used, request, schedule, speed_scale)
     if problem.predictor == "output-error" and drive.output == "angle":
@@ -249,9 +246,7 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
     return schedule
 
 
-def _thermal_start(
-    request: Request, axis: AxisConfig, drive: Drive, schedule: Schedule
-) -> ThermalStart | None:
+def _thermal_start(request: Request, axis: AxisConfig, drive: Drive, schedule: Schedule) -> ThermalStart | None:
     """Thermal state at the start of the first record; None: no parameter depends on heat."""
     named = any(signal.name == HEAT for signal in axis.signal)
     if request.thermal is None:
@@ -306,9 +301,7 @@ def _speed_scales(
     return tuple(ratio * scale for scale in speed_scales(records))
 
 
-def _disturbance(
-    kind: Predictor, used: Sequence[Loaded], time_constant_s: float | None
-) -> Disturbance | None:
+def _disturbance(kind: Predictor, used: Sequence[Loaded], time_constant_s: float | None) -> Disturbance | None:
     """The slow disturbance of the torque; None: only white noise of unknown level."""
     if time_constant_s is None:
         return None

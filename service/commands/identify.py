@@ -32,9 +32,7 @@ Free = Annotated[
 ]
 Fix = Annotated[
     list[str] | None,
-    typer.Option(
-        "--fix", metavar="NAMES", help="Hold these at their nominal values, in addition to kT and r."
-    ),
+    typer.Option("--fix", metavar="NAMES", help="Hold these at their nominal values, in addition to kT and r."),
 ]
 PredictorOption = Annotated[
     Literal["innovations", "output-error"] | None,

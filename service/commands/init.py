@@ -133,9 +133,7 @@ def _from_table(record: Path, output: Path) -> None:
     columns, interval_s, faults = _read(table)
     fault = "".join(f"; {why}" for why in [*faults.values()][:1])
     if not any(map(len, columns.values())):
-        raise RecordError(
-            f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}"
-        )
+        raise RecordError(f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}")
     found = roles(columns, table.units, interval_s)
     if not found.axes:
         constant = ", ".join(name for name, column in columns.items() if not changes(column))
@@ -234,9 +232,7 @@ def _bus_words(found: BusRoles, description: Path) -> Iterator[str]:
             yield f"{what}: {_few(names)}"
 
 
-def _from_drives(
-    eds: Path, nodes: list[int] | None, bus: BusConfig | None, seconds: float, output: Path
-) -> None:
+def _from_drives(eds: Path, nodes: list[int] | None, bus: BusConfig | None, seconds: float, output: Path) -> None:
     """Write a configuration for CANopen drives: the given ones, or those heard on the bus."""
     from service.commands.proposed_configuration import drive_lines
     from service.ingest.drive_objects import nodes_in, objects_of
@@ -336,9 +332,7 @@ def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str
     if len({len(found[name]) for name in nearly}) > 1 and not isinstance(table, MatTable):
         found |= _together(table, nearly)  # some rows have no number in some column
         longest = len(found[nearly[0]])
-    intervals = (
-        float(v[0]) for n, v in found.items() if len(v) == 1 and n.lower() in ("sample_time", "dt", "ts")
-    )
+    intervals = (float(v[0]) for n, v in found.items() if len(v) == 1 and n.lower() in ("sample_time", "dt", "ts"))
     return {n: v for n, v in found.items() if len(v) == longest}, next(intervals, None), faults
 
 

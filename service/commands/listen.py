@@ -92,9 +92,7 @@ class LiveBus(NamedTuple):
 
 
 @contextmanager
-def live_buses(
-    config: Config, everything: bool = False, carried: Carried | None = None
-) -> Iterator[list[LiveBus]]:
+def live_buses(config: Config, everything: bool = False, carried: Carried | None = None) -> Iterator[list[LiveBus]]:
     """Read the buses of a configuration until the end of the block.
 
     ``everything``: all frames, not only those that the axes need.  ``carried``: see Ingest.

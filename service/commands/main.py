@@ -40,8 +40,7 @@ From a robot on a bus to its daemon, while it works as usual:
     axiswatch run --config commissioned/axiswatch.toml
 """
 NO_CONFIG = (
-    "axiswatch init writes a first one (axis.toml), axiswatch commission the one for run "
-    "(commissioned/axiswatch.toml)"
+    "axiswatch init writes a first one (axis.toml), axiswatch commission the one for run (commissioned/axiswatch.toml)"
 )
 
 
@@ -76,9 +75,7 @@ class _LazyGroup(TyperGroup):
             group = typer.main.get_command(command)
             group.name = cmd_name
             return group
-        typer_app = typer.Typer(
-            add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False
-        )
+        typer_app = typer.Typer(add_completion=False, rich_markup_mode="markdown", pretty_exceptions_enable=False)
         typer_app.command(cmd_name, epilog=EPILOG)(command)
         return typer.main.get_command(typer_app)
 

@@ -15,9 +15,7 @@ from service.reports.model_report import as_json, facts_of, print_text
 
 DriveArgument = Annotated[
     str | None,
-    typer.Argument(
-        metavar="FILE.mo|NAME", help=f"A Modelica file, or a drive of the library: {', '.join(LIBRARY)}."
-    ),
+    typer.Argument(metavar="FILE.mo|NAME", help=f"A Modelica file, or a drive of the library: {', '.join(LIBRARY)}."),
 ]
 ModelName = Annotated[
     str | None,
@@ -25,9 +23,7 @@ ModelName = Annotated[
 ]
 ConfigOption = Annotated[
     Path | None,
-    typer.Option(
-        "--config", "-c", metavar="FILE", help="The drive of an axis of this configuration instead."
-    ),
+    typer.Option("--config", "-c", metavar="FILE", help="The drive of an axis of this configuration instead."),
 ]
 OutputOption = Annotated[
     Literal["speed", "angle"] | None,

@@ -53,9 +53,7 @@ Seconds = Annotated[
 ]
 Port = Annotated[
     int | None,
-    typer.Option(
-        "--port", min=0, max=65535, help="Port of the page and the API, instead of the configured one."
-    ),
+    typer.Option("--port", min=0, max=65535, help="Port of the page and the API, instead of the configured one."),
 ]
 BusOption = Annotated[
     str | None,
@@ -232,9 +230,7 @@ def confirm_sending(buses: Iterable[BusSettings], yes: bool) -> None:
     real = [f"{bus.interface} {bus.channel}" for bus in buses if reaches_hardware(bus)]
     if yes or not real:
         return
-    danger = (
-        f"this sends frames on {', '.join(real)}: a drive or controller that listens there may act on them"
-    )
+    danger = f"this sends frames on {', '.join(real)}: a drive or controller that listens there may act on them"
     if not sys.stdin.isatty():
         print(f"axiswatch: {danger}. Give --yes if none does, or use a virtual bus (vcan0).", file=sys.stderr)
         raise typer.Exit(MISTAKE)

@@ -26,9 +26,7 @@ RecordPath = Annotated[
 ]
 Speed = Annotated[
     float,
-    typer.Option(
-        "--speed", metavar="FACTOR", help="2 is twice as fast, 0 as fast as the bus accepts frames."
-    ),
+    typer.Option("--speed", metavar="FACTOR", help="2 is twice as fast, 0 as fast as the bus accepts frames."),
 ]
 
 LATE_S = 0.25

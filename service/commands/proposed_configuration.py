@@ -250,9 +250,7 @@ def _source(axis: AxisRoles, role: SignalRole) -> str:
 def _unit_words(role: SignalRole) -> str:
     if role.current:
         return "a current: add kT_Nm_per_A, the torque constant"
-    unit = unit_in(role.unit, role.quantity) or (
-        None if role.message else unit_in(role.signal, role.quantity)
-    )
+    unit = unit_in(role.unit, role.quantity) or (None if role.message else unit_in(role.signal, role.quantity))
     if unit is None and role.factor is not None:
         return "by its values, which start again after a turn"
     if unit is None and role.confidence == "guess":

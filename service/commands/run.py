@@ -22,9 +22,7 @@ if TYPE_CHECKING:
 
 Record = Annotated[
     Path | None,
-    typer.Option(
-        "--record", metavar="FILE", help="Also write the frames as received into this new .log file."
-    ),
+    typer.Option("--record", metavar="FILE", help="Also write the frames as received into this new .log file."),
 ]
 
 

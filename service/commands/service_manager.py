@@ -126,9 +126,7 @@ def status_line(snapshot: Snapshot) -> str:
     if down := [bus.name for bus in snapshot.buses if not bus.up]:
         parts.append(f"bus {listed(down)} down")
     if silent := [axis.id for axis in snapshot.axes if _is_silent(axis, snapshot)]:
-        parts.append(
-            f"no samples of {listed(silent) if len(silent) <= _MOST_NAMES else f'{len(silent)} axes'}"
-        )
+        parts.append(f"no samples of {listed(silent) if len(silent) <= _MOST_NAMES else f'{len(silent)} axes'}")
     more = [f"{len(snapshot.messages) - 1} more messages"] if len(snapshot.messages) > 1 else []
     return "; ".join([", ".join(parts), *snapshot.messages[:1], *more]).replace("\n", " ")
 

@@ -30,9 +30,7 @@ FaultAxis = Annotated[
 ]
 FaultAfter = Annotated[
     float,
-    typer.Option(
-        "--fault-after", min=0.0, metavar="SECONDS", help="Time from the first motion to the fault."
-    ),
+    typer.Option("--fault-after", min=0.0, metavar="SECONDS", help="Time from the first motion to the fault."),
 ]
 
 
@@ -44,9 +42,7 @@ def factors(options: list[str]) -> dict[str, float]:
         try:
             found[name.strip()] = float(factor)
         except ValueError:
-            raise typer.BadParameter(
-                f"{text!r}: must be PARAMETER=FACTOR, e.g. fm=1.3", param_hint="--fault"
-            ) from None
+            raise typer.BadParameter(f"{text!r}: must be PARAMETER=FACTOR, e.g. fm=1.3", param_hint="--fault") from None
     return found
 
 

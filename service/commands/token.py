@@ -39,9 +39,7 @@ def new(
     config: ConfigPath,
     scope: Annotated[
         Scope,
-        typer.Option(
-            "--scope", help="read: see everything; operate: read, and act on alarms; admin: everything."
-        ),
+        typer.Option("--scope", help="read: see everything; operate: read, and act on alarms; admin: everything."),
     ],
 ) -> None:
     """Create a token and print it, only this once: only its hash is stored."""
@@ -56,9 +54,7 @@ def new(
         secret = file.new(name, scope)
     if first:
         typer.echo("From now on the daemon answers nobody without a token but /healthz.", err=True)
-    typer.echo(
-        f"Token {name}, scope {scope}; it is shown only now. Header: Authorization: Bearer TOKEN", err=True
-    )
+    typer.echo(f"Token {name}, scope {scope}; it is shown only now. Header: Authorization: Bearer TOKEN", err=True)
     typer.echo(secret)
 
 

@@ -22,9 +22,7 @@ _NEARLY = 1e-3
 def motion(axis: AxisConfig) -> Iterator[Finding]:
     """An axis has either an angle or a speed."""
     if axis.angle is not None and axis.speed is not None:
-        message = (
-            "give angle or speed, not both: the angle gives better estimates, unless its resolution is coarse"
-        )
+        message = "give angle or speed, not both: the angle gives better estimates, unless its resolution is coarse"
         yield Finding(("speed",), message)
     if axis.angle is None and axis.speed is None:
         yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
@@ -60,9 +58,7 @@ def clock(axis: AxisConfig) -> Iterator[Finding]:
     if axis.time.counter_message is not None and axis.time.counter_signal is None:
         yield Finding(("time", "counter_signal"), "missing: it is needed with counter_message")
     if axis.time.counter_signal is not None and axis.time.counter_message is None:
-        yield Finding(
-            ("time", "counter_signal"), "is on a bus, but angle or speed is not: give counter_message"
-        )
+        yield Finding(("time", "counter_signal"), "is on a bus, but angle or speed is not: give counter_message")
     if axis.time.clock == "cyclic" and axis.time.counter_signal is not None:
         message = "the counter gives the times: remove this, or"
         yield Finding(("time", "clock"), message, ("time", "counter_signal"))
@@ -184,9 +180,7 @@ def torque_of_drive(axis: AxisConfig) -> Iterator[Finding]:
             " constant of the motor (data sheet) [N m/A]",
         )
     elif drive.rated_torque_Nm is not None and kT is not None:
-        yield Finding(
-            ("torque", "kT_Nm_per_A"), "object 0x6077 is a torque: remove this, or give rated_current_A"
-        )
+        yield Finding(("torque", "kT_Nm_per_A"), "object 0x6077 is a torque: remove this, or give rated_current_A")
 
 
 def motion_of_drive(axis: AxisConfig) -> Iterator[Finding]:

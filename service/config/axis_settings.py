@@ -146,9 +146,7 @@ def model_error(config: AxisConfig, model: AxisModel) -> tuple[float, ...]:
     if table is None or thermal_of(config) is None:
         return ()
     size = model.scale
-    return tuple(
-        table.model_error.get(name, 0.0) / float(s) for name, s in zip(model.monitored, size, strict=True)
-    )
+    return tuple(table.model_error.get(name, 0.0) / float(s) for name, s in zip(model.monitored, size, strict=True))
 
 
 def unidentifiable_pairs(config: AxisConfig) -> tuple[tuple[str, str], ...]:
@@ -190,13 +188,10 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     if source == "cusum" and not wanted.shadow:
         return Detectors("cusum", None, "")
     limits = tuple(
-        Limit(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike, h.size_error)
-        for h in found
+        Limit(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike, h.size_error) for h in found
     )
     try:
-        multimodel = MultiModelDetector(
-            model, settings, Limits(wanted.budget_s / settings.interval_s, limits)
-        )
+        multimodel = MultiModelDetector(model, settings, Limits(wanted.budget_s / settings.interval_s, limits))
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
     why = "h from its records" if found else f"guaranteed h, 1 in {duration(wanted.budget_s)}"

@@ -70,9 +70,7 @@ def _key(message: MessageConfig) -> FrameKey:
     if message.pgn is None:
         return FrameKey(message.id or 0, message.is_extended)
     destination = 0xFF if is_addressed(message.pgn) else 0  # to all
-    return FrameKey(
-        _PRIORITY << 26 | message.pgn << 8 | destination << 8 | (message.source_address or 0), True
-    )
+    return FrameKey(_PRIORITY << 26 | message.pgn << 8 | destination << 8 | (message.source_address or 0), True)
 
 
 def _mask(message: MessageConfig) -> int:

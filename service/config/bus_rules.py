@@ -164,9 +164,7 @@ def _identifier(message: MessageConfig) -> Iterator[Finding]:
     if message.pgn is not None and not message.is_extended:
         yield Finding(("extended",), "J1939 has identifiers of 29 bits: remove this")
     if message.pgn is not None and is_addressed(message.pgn) and message.pgn & 0xFF:
-        yield Finding(
-            ("pgn",), f"its lowest byte is the destination, and counts as 0: {message.pgn & ~0xFF:#x}"
-        )
+        yield Finding(("pgn",), f"its lowest byte is the destination, and counts as 0: {message.pgn & ~0xFF:#x}")
 
 
 def _bits(signal: BitsConfig) -> Iterator[Finding]:
@@ -264,9 +262,7 @@ def counters_beside_values(config: Config) -> Iterator[Finding]:
         messages = dict.fromkeys(value.message for value in values)
         if counter.message not in messages:
             either = " or ".join(f'"{message}"' for message in messages)
-            yield Finding(
-                counter.message_path, f"the counter must come with the torque or the motion: {either}"
-            )
+            yield Finding(counter.message_path, f"the counter must come with the torque or the motion: {either}")
 
 
 CONFIG_RULES = (

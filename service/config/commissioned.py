@@ -103,9 +103,7 @@ def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     return tomlkit.dumps(document)
 
 
-def with_drive(
-    text: str, axis_id: str, drive: str, monitor: Sequence[str], values: Mapping[str, float]
-) -> str:
+def with_drive(text: str, axis_id: str, drive: str, monitor: Sequence[str], values: Mapping[str, float]) -> str:
     """The text of a configuration in which an axis has another drive and monitors these parameters.
 
     ``values``: the nominal values of the drive; a value that the axis already has takes precedence.
@@ -151,9 +149,7 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
 
 def _axis(document: TOMLDocument, axis_id: str) -> tuple[Any, Any]:
     """The robot and the axis with this name ("robot.axis")."""
-    return next(
-        (robot, axis) for robot in document["robot"] for axis in robot["axis"] if _id(robot, axis) == axis_id
-    )
+    return next((robot, axis) for robot in document["robot"] for axis in robot["axis"] if _id(robot, axis) == axis_id)
 
 
 def _id(robot: Any, axis: Any) -> str:

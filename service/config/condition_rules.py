@@ -187,9 +187,7 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
     """The signals that a monitored axis needs are on its bus."""
     if axis.records_only:
         return
-    purposes = {
-        signal: f"{v.parameter} follows it" for _, v in varying_of(axis) for signal in _signals(v, axis)
-    }
+    purposes = {signal: f"{v.parameter} follows it" for _, v in varying_of(axis) for signal in _signals(v, axis)}
     purposes |= {g.signal: "it is a gate" for g in axis.gate}
     for n, s in enumerate(axis.signal):
         if s.axis is None and s.message is None and s.name in purposes:

@@ -170,7 +170,6 @@ def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[Limit, .
         nominal, inverse = float(model.theta0[model.monitored.index(own)]), own != name
         nominal, unit = 1 / nominal if inverse else nominal, model.drive.parameter(name).unit
         found[own] = tuple(
-            Limit(1 / v if inverse else v, (v > nominal) != inverse, name, unit, v, v > nominal)
-            for v in values
+            Limit(1 / v if inverse else v, (v > nominal) != inverse, name, unit, v, v > nominal) for v in values
         )
     return found

@@ -45,9 +45,7 @@ class NominalValue(NamedTuple):
 def content_of(axis: NamedAxis) -> str:
     """The nominal values and thresholds of an axis, as JSON."""
     model = axis.config.model
-    return _written(
-        nominal=model.nominal, nominal_file=model.nominal_file, thresholds_file=model.thresholds_file
-    )
+    return _written(nominal=model.nominal, nominal_file=model.nominal_file, thresholds_file=model.thresholds_file)
 
 
 def _written(**content: Mapping[str, float] | FoundFile | None) -> str:
@@ -84,8 +82,7 @@ def values_of(axis: NamedAxis) -> list[NominalValue]:
     model, found = monitored_model(axis), axis.config.model.nominal_file
     theta, sds = model.theta0, {} if found is None else found.standard_deviations
     return [
-        NominalValue(p.name, p.unit, float(v), sds.get(p.name))
-        for p, v in zip(model.parameters, theta, strict=True)
+        NominalValue(p.name, p.unit, float(v), sds.get(p.name)) for p, v in zip(model.parameters, theta, strict=True)
     ]
 
 
@@ -99,14 +96,11 @@ def with_epoch(axis: NamedAxis, content: str, number: int) -> NamedAxis:
     try:
         files = {
             "nominal_file": own["nominal_file"] and NominalFile.model_validate(own["nominal_file"]),
-            "thresholds_file": own["thresholds_file"]
-            and ThresholdsFile.model_validate(own["thresholds_file"]),
+            "thresholds_file": own["thresholds_file"] and ThresholdsFile.model_validate(own["thresholds_file"]),
         }
     except ValidationError as error:
         raise EpochValuesError(f"{axis.id}: epoch {number} was written by another version: {error}") from None
-    return _checked(
-        _with(axis, nominal=own["nominal"], **files)._replace(epoch=number, configured=False), axis
-    )
+    return _checked(_with(axis, nominal=own["nominal"], **files)._replace(epoch=number, configured=False), axis)
 
 
 def from_files(axis: NamedAxis, nominal: str, thresholds: str | None) -> str:

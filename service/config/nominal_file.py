@@ -160,7 +160,5 @@ class NominalFile(FoundFile):
 def structure_of(drive: Drive) -> str:
     """A digest of A, B, C and the states of a drive, independent of the values of its parameters."""
     parts = [drive.output, *(f"{s.name} [{s.unit}]" for s in drive.states), *map(str, drive.inputs)]
-    parts += sorted(
-        f"{t.matrix}{t.row},{t.col}: {t.coefficient:.12g} {sorted(t.powers)}" for t in drive.terms
-    )
+    parts += sorted(f"{t.matrix}{t.row},{t.col}: {t.coefficient:.12g} {sorted(t.powers)}" for t in drive.terms)
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

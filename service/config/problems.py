@@ -118,9 +118,7 @@ def at_place(place: str, error: Mapping[str, Any]) -> str:
     template = "{place}: {words}"
     for name, sign in _LIMITS.items():
         if isinstance(limit := values.get(name), int | float):
-            return sentence(
-                "out of limits", template, place=place, words=words, sign=sign, limit=f"{limit:g}"
-            )
+            return sentence("out of limits", template, place=place, words=words, sign=sign, limit=f"{limit:g}")
     if error["type"] == "missing":
         return sentence("key missing", template, place=place, words=words)
     if error["type"].endswith(("_type", "_parsing")):

@@ -87,9 +87,7 @@ def _assumptions(config: Config) -> Iterator[str]:
     """For each robot: the assumption that is made if the configuration states no conditions."""
     for robot in config.robot:
         names = [
-            axis.name
-            for axis in robot.axis
-            if not (axis.model.conditions is not None or axis.gate or varying_of(axis))
+            axis.name for axis in robot.axis if not (axis.model.conditions is not None or axis.gate or varying_of(axis))
         ]
         if names and len(robot.axis) > 1:
             yield (

@@ -365,9 +365,7 @@ class AxisConfig(Table):
     @property
     def to_be_identified(self) -> bool:
         """Whether its nominal values have not been found yet: only those are given that no record determines."""
-        return self.model.nominal_file is None and (
-            self.records_only or not set(self.model.nominal) - NEVER_IDENTIFIED
-        )
+        return self.model.nominal_file is None and (self.records_only or not set(self.model.nominal) - NEVER_IDENTIFIED)
 
     @property
     def forgetting(self) -> float:

@@ -18,13 +18,9 @@ from service.config.problems import Finding
 from service.config.toml_lines import Keys
 
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
-Variable = Annotated[
-    str, written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")
-]
+Variable = Annotated[str, written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")]
 Topic = Annotated[str, written(r"[^+#/$\0\s][^+#/\0\s]*(/[^+#/\0\s]+)*", "a topic, such as plant/axiswatch")]
-MailAddress = Annotated[
-    str, written(r"[^@\s<>,;:\"]+@[^@\s<>,;:\"]+", "an address, such as anna@plant.example")
-]
+MailAddress = Annotated[str, written(r"[^@\s<>,;:\"]+@[^@\s<>,;:\"]+", "an address, such as anna@plant.example")]
 
 
 def _https(url: str) -> str:

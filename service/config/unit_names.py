@@ -45,9 +45,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
         "speed": {
             **dict.fromkeys(("rad/s", "rads", "radps"), Unit("rad/s", 1.0)),
             **dict.fromkeys(("deg/s", "degs", "dps", "°/s", "grad/s"), Unit("degrees per second", _DEGREE)),
-            **dict.fromkeys(
-                ("rpm", "1/min", "u/min", "rev/min", "min-1"), Unit("revolutions per minute", _TURN / 60)
-            ),
+            **dict.fromkeys(("rpm", "1/min", "u/min", "rev/min", "min-1"), Unit("revolutions per minute", _TURN / 60)),
             **dict.fromkeys(("rps", "rev/s"), Unit("revolutions per second", _TURN)),
             **dict.fromkeys(("counts/s", "inc/s"), _COUNTS),
             "mm/s": _PATH._replace(words="mm/s of a linear axis"),

@@ -52,15 +52,11 @@ class AxisInput:
             kind, patience = sampling.CYCLIC, _CYCLIC_PATIENCE
             clocks = sampling.cyclic_clock(interval_s), sampling.cyclic_clock(interval_s)
         limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[config.output]
-        pairing = sampling.new_pairing(
-            interval_s, config.pairing_tolerance_s, config.max_gap_s, patience, limits
-        )
+        pairing = sampling.new_pairing(interval_s, config.pairing_tolerance_s, config.max_gap_s, patience, limits)
         bits = sampling.HAS_TORQUE, sampling.HAS_MOTION, sampling.HAS_COUNT
         self._columns = tuple(zip(self.sampled, ("torque", "motion", "counter"), bits, strict=False))
         """Each quantity with its column name and its bit in FRAME"""
-        self._stream = sampling.Stream(
-            kind, clocks, pairing, sampling.new_meter(interval_s), sampling.new_scratch()
-        )
+        self._stream = sampling.Stream(kind, clocks, pairing, sampling.new_meter(interval_s), sampling.new_scratch())
 
     @property
     def sampled(self) -> tuple[Quantity, ...]:

@@ -169,9 +169,7 @@ def _refused(rows: Rows, columns: AxisColumns, time: TimeConfig) -> dict[str, Bo
     absurd = columns.absurd(*columns.quantities(rows))
     for values in rows.columns.values():
         absurd |= abs(values) > _NO_NUMBER
-    beside = torn(
-        np.column_stack([column for name, column in rows.columns.items() if name != time.column]), absurd
-    )
+    beside = torn(np.column_stack([column for name, column in rows.columns.items() if name != time.column]), absurd)
     late = np.zeros(len(absurd), np.bool_)
     if time.column is not None:
         times = TimeOfDay().continuous(rows.columns[time.column] * 1e6 * time.factor)
@@ -225,9 +223,7 @@ def absence_words(path: Path, config: Config, axis: NamedAxis) -> str:
     return "; ".join(dict.fromkeys(word for word in words if word))
 
 
-def _wrong(
-    known: MessageSet, message: Message, counts: Counter[FrameKey], longest: Mapping[FrameKey, int]
-) -> str:
+def _wrong(known: MessageSet, message: Message, counts: Counter[FrameKey], longest: Mapping[FrameKey, int]) -> str:
     key, name = key_of_message(message), message.name
     received = {other: count for other, count in counts.items() if known.carries(key, other.record_id)}
     if received:

@@ -57,9 +57,7 @@ class Ingest:
             DescriptionError: as the constructor.
         """
         self.axes = {
-            axis.id: AxisInput(axis, self.decoder, needed(axis))
-            if axis.id in replaced
-            else self.axes[axis.id]
+            axis.id: AxisInput(axis, self.decoder, needed(axis)) if axis.id in replaced else self.axes[axis.id]
             for axis in axes
         }
 

@@ -110,9 +110,7 @@ class CsvTable:
             return numbers(column)
         cells = column.fill_null("").dictionary_encode()
         try:
-            known = np.array(
-                [self._number(name, cell or "") for cell in cells.dictionary.to_pylist()], np.float64
-            )
+            known = np.array([self._number(name, cell or "") for cell in cells.dictionary.to_pylist()], np.float64)
         except ValueError as error:
             raise pa.ArrowInvalid(str(error)) from None
         return np.asarray(known[cells.indices.to_numpy()])

@@ -63,11 +63,7 @@ class FrameEncoder:
         for quantity, raw in chain.from_iterable(raws):
             page = _page(self._messages[quantity.key], self._signal(quantity))
             messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw
-        return [
-            Encoded(key, data)
-            for key, pages in messages.items()
-            for data in _data(self._messages[key], pages)
-        ]
+        return [Encoded(key, data) for key, pages in messages.items() for data in _data(self._messages[key], pages)]
 
     def _auxiliary(self, axis_id: str, signals: tuple[float, ...] = ()) -> Iterator[_QuantityRaw]:
         for quantity, value in zip(self._further[axis_id], signals, strict=False):

@@ -63,9 +63,7 @@ class Series(NamedTuple):
     @property
     def is_bunched(self) -> bool:
         """Whether many values come shortly after another one."""
-        return (
-            int(np.count_nonzero(np.diff(self.t) < 0.5 * self.interval_s)) > _MIN_BUNCHED_SHARE * self.t.size
-        )
+        return int(np.count_nonzero(np.diff(self.t) < 0.5 * self.interval_s)) > _MIN_BUNCHED_SHARE * self.t.size
 
     @property
     def even_s(self) -> Floats:
@@ -129,20 +127,16 @@ def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
 # --- The axes: by values if they move, otherwise by names -------------------------------------------------------------
 
 
-def _axes(
-    known: MessageSet, messages: Iterable[Message], series: Mapping[str, Series]
-) -> Iterator[AxisRoles]:
+def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, Series]) -> Iterator[AxisRoles]:
     signals = {f"{m.name}.{s.name}": (m, s) for m in messages for s in m.signals}
     by_name = {name: role for name, (m, s) in signals.items() if (role := role_in(m, s)) is not None}
     owners = owners_of(by_name.values())
-    candidates = {
-        name: named for name, pair in signals.items() if (named := _named(*pair, by_name.get(name), owners))
-    }
+    candidates = {name: named for name, pair in signals.items() if (named := _named(*pair, by_name.get(name), owners))}
     taken, numbers = set[str](), set[str]()
     moving = {n: s for n, s in series.items() if n in candidates and changes(s.values)}
-    pairs = [
-        (group, pair) for group in _groups(moving, _ALIKE) for pair in _pairs(group, candidates, by_name)
-    ] or [(group, pair) for group in _groups(moving, _APART) for pair in _pairs(group, candidates, by_name)]
+    pairs = [(group, pair) for group in _groups(moving, _ALIKE) for pair in _pairs(group, candidates, by_name)] or [
+        (group, pair) for group in _groups(moving, _APART) for pair in _pairs(group, candidates, by_name)
+    ]
     for group, pair in pairs:
         taken |= {pair.torque, pair.motion}
         numbers.add(pair.name)
@@ -188,9 +182,7 @@ def _nearest(series: Series, t: Floats) -> Floats:
     return series.values[np.searchsorted((series.t[1:] + series.t[:-1]) / 2, t)]
 
 
-def _pairs(
-    group: Mapping[str, Series], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]
-) -> list[Pair]:
+def _pairs(group: Mapping[str, Series], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]) -> list[Pair]:
     values, t = {}, next(iter(group.values())).t
     for name, series in group.items():
         role, period = by_name.get(name), None
@@ -230,9 +222,7 @@ def _timed(axis: AxisRoles, message: Message, series: Mapping[str, Series]) -> A
     interval_s = cycle_s if abs(measured_s - cycle_s) < _CYCLE_TOLERANCE * cycle_s else _rounded(measured_s)
     bunched = any(s.is_bunched for s in own)
     apart = max(s.interval_s for s in own) > _ALIKE * min(s.interval_s for s in own)
-    return axis._replace(
-        interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched, apart=apart
-    )
+    return axis._replace(interval_s=interval_s or None, measured=True, counter=counter, bunched=bunched, apart=apart)
 
 
 def _rounded(interval_s: float) -> float:

@@ -68,15 +68,11 @@ def is_table(path: Path) -> bool:
     if path.suffix.lower() not in TABLE_SUFFIXES:
         kinds = " ".join(dict.fromkeys((*TABLE_SUFFIXES, *LOG_SUFFIXES)))
         hint = "; let a table of text end with .csv, and export a spreadsheet as one"
-        raise RecordError(
-            f"{path}: no such kind of record; there is {kinds}, and logs with {GZIP} behind that{hint}"
-        )
+        raise RecordError(f"{path}: no such kind of record; there is {kinds}, and logs with {GZIP} behind that{hint}")
     return True
 
 
-def samples_of(
-    record: Record, axis_id: str, progress: Callable[[float], None] = lambda _: None
-) -> SampleBlock:
+def samples_of(record: Record, axis_id: str, progress: Callable[[float], None] = lambda _: None) -> SampleBlock:
     """Read all samples of one axis, possibly none.
 
     Raises:
@@ -107,8 +103,7 @@ class TableRecord:
         self._axes = {axis.id: AxisColumns(axis.id, axis.config, signals[axis.id]) for axis in axes}
         if not self._axes:
             raise RecordError(
-                f"{path}: no axis has columns in the configuration: set torque.column and angle.column or "
-                "speed.column"
+                f"{path}: no axis has columns in the configuration: set torque.column and angle.column or speed.column"
             )
         self._wanted: dict[str, str] = {}
         for columns in self._axes.values():
@@ -119,9 +114,7 @@ class TableRecord:
     def quality(self) -> Quality:
         """The quality of what has been read so far."""
         unreadable = len(self.left_out)
-        return Quality(
-            {id_: {**columns.dropped, "unreadable": unreadable} for id_, columns in self._axes.items()}
-        )
+        return Quality({id_: {**columns.dropped, "unreadable": unreadable} for id_, columns in self._axes.items()})
 
     @property
     def left_out(self) -> Sequence[str]:

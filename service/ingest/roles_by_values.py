@@ -304,9 +304,7 @@ def _pair(
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
         fastest = None if t is None else _fastest(record)
     number = named[torque].number or named[motion].number
-    return Pair(
-        axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest, record=record
-    )
+    return Pair(axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest, record=record)
 
 
 def _fastest(record: Record) -> float | None:

@@ -87,9 +87,7 @@ class AxisRoles(NamedTuple):
         if self.rivals:
             return f"likely; or torque {', '.join(self.rivals)}"
         if self.explained is not None:
-            return (
-                "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
-            )
+            return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
         grades: tuple[Confidence, ...] = ("guess", "likely", "sure")
         return min((self.torque.confidence, self.motion.confidence), key=grades.index)
 
@@ -194,9 +192,7 @@ def number_in(message: str, signal: str) -> str:
 
 def _axis(number: str, roles: Sequence[SignalRole], messages: dict[str, Message]) -> AxisRoles | None:
     torque = _best([role for role in roles if role.quantity == "torque"])
-    motion = _best([r for r in roles if r.quantity == "angle"]) or _best(
-        [r for r in roles if r.quantity == "speed"]
-    )
+    motion = _best([r for r in roles if r.quantity == "angle"]) or _best([r for r in roles if r.quantity == "speed"])
     if torque is None or motion is None:
         return None
     message = messages[torque.message]
@@ -230,8 +226,7 @@ def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
     """The found axes in words, a line for each."""
     for axis in axes:
         torque, motion = (
-            role.name if role.unit in role.name else f"{role.name} [{role.unit}]"
-            for role in (axis.torque, axis.motion)
+            role.name if role.unit in role.name else f"{role.name} [{role.unit}]" for role in (axis.torque, axis.motion)
         )
         words = f"{axis.name}: torque {torque}, {axis.motion.quantity} {motion}: {axis.confidence}"
         if axis.explained is not None:
@@ -241,11 +236,7 @@ def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
         if axis.exchanged is not None:
             words += f"; {100 * axis.exchanged:.0f} % if they change places: are the two columns exchanged?"
         elif axis.better is not None:
-            words += (
-                f"; {axis.better[0]} explains {100 * axis.better[1]:.0f} % of it: are two columns exchanged?"
-            )
+            words += f"; {axis.better[0]} explains {100 * axis.better[1]:.0f} % of it: are two columns exchanged?"
         if axis.apart:
-            words += (
-                "; torque and motion come at different rates, but a sample needs both: send them at one rate"
-            )
+            words += "; torque and motion come at different rates, but a sample needs both: send them at one rate"
         yield words

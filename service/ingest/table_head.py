@@ -23,9 +23,7 @@ _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
 _OTHER_MARK = {".": ",", ",": "."}
 _GROUPED = {
-    mark: re.compile(
-        rf"\s*[-+]?[1-9]\d{{0,2}}([{other} '\u2019\xa0\u202f])\d{{3}}(?:\1\d{{3}})*(?:[{mark}]\d*)?\s*"
-    )
+    mark: re.compile(rf"\s*[-+]?[1-9]\d{{0,2}}([{other} '\u2019\xa0\u202f])\d{{3}}(?:\1\d{{3}})*(?:[{mark}]\d*)?\s*")
     for mark, other in _OTHER_MARK.items()
 }
 """Numbers with thousands separators, by the decimal mark: 1,234 or 1'234.5, and 1.234 or 1 234,5"""

@@ -140,9 +140,7 @@ class Delivery:
 
     def begin(self) -> None:
         """Mark the link as not connected yet, if it needs a lasting connection."""
-        self.snapshot = replace(
-            self.snapshot, connected=False, problem=sentence("link begins", "not connected yet")
-        )
+        self.snapshot = replace(self.snapshot, connected=False, problem=sentence("link begins", "not connected yet"))
 
     async def step(self) -> float:
         """Read new transitions, and deliver at most once; returns the time until the next step [s], inf: none waits."""
@@ -265,7 +263,5 @@ class Delivery:
             self._saved, self._is_saved = done, True
         except StoreError as error:
             if self._is_saved:
-                self._log.error(
-                    "the progress of a link cannot be saved; messages may be repeated", reason=str(error)
-                )
+                self._log.error("the progress of a link cannot be saved; messages may be repeated", reason=str(error))
             self._is_saved = False

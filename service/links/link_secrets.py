@@ -24,9 +24,7 @@ def secret(file: Path | None, variable: str | None, environ: Mapping[str, str] =
     if file is None and variable is None:
         return None
     if file is None:
-        raise LinkSecretError(
-            f"the variable {variable} of the environment has no text: it must hold the secret"
-        )
+        raise LinkSecretError(f"the variable {variable} of the environment has no text: it must hold the secret")
     try:
         text = file.read_text(encoding="utf-8").rstrip("\r\n")
     except OSError as error:

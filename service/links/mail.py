@@ -60,9 +60,7 @@ def news_in(messages: Iterable[Message]) -> News:
         by_alarm.setdefault(message.alarm.id, []).append(message)
     for group in by_alarm.values():
         events, alarm = {m.transition.event for m in group}, group[-1].alarm
-        ended = any(
-            m.transition.event in _ENDS and m.transition.from_state not in HIDDEN_STATES for m in group
-        )
+        ended = any(m.transition.event in _ENDS and m.transition.from_state not in HIDDEN_STATES for m in group)
         if alarm.life.hidden:
             continue
         if ended and alarm.ended_us is not None:
@@ -196,16 +194,12 @@ class Mail:
         except (smtplib.SMTPException, OSError) as error:
             raise UnavailableError(f"{place}: {error}") from None
         if refused:
-            log.warning(
-                "the mail server refuses some receivers of alarms", server=place, refused=sorted(refused)
-            )
+            log.warning("the mail server refuses some receivers of alarms", server=place, refused=sorted(refused))
 
     def _server(self) -> smtplib.SMTP:
         c = self._config
         if c.security == "tls":
-            server: smtplib.SMTP = smtplib.SMTP_SSL(
-                c.host, c.port, timeout=c.timeout_s, context=self._context
-            )
+            server: smtplib.SMTP = smtplib.SMTP_SSL(c.host, c.port, timeout=c.timeout_s, context=self._context)
         else:
             server = smtplib.SMTP(c.host, c.port, timeout=c.timeout_s)
         try:

@@ -126,9 +126,7 @@ class MqttLink:
             except aiomqtt.MqttError as error:
                 if (task := asyncio.current_task()) is not None and task.cancelling():
                     raise asyncio.CancelledError from None
-                wait_s = self.delivery.failed(
-                    f"{self._config.host}:{self._config.port}: {error.__cause__ or error}"
-                )
+                wait_s = self.delivery.failed(f"{self._config.host}:{self._config.port}: {error.__cause__ or error}")
             finally:
                 self._broker.client = None
             await self._wait(wait_s)

@@ -101,9 +101,7 @@ class OpcUaLink:
             policies = _ENCRYPTED
             await server.load_certificate(self._identity.certificate, "pem")
             await server.load_private_key(self._identity.key, format="pem")
-            plain = SecurityPolicyFactory(
-                SecurityPolicyNone, ua.MessageSecurityMode.None_, permission_ruleset=Nobody()
-            )
+            plain = SecurityPolicyFactory(SecurityPolicyNone, ua.MessageSecurityMode.None_, permission_ruleset=Nobody())
             server._policies.append(plain)  # asyncua has no public way to refuse unencrypted connections
         server.set_security_policy(policies, self._users)
         named = [ua.UserNameIdentityToken]

@@ -246,9 +246,7 @@ def identity(config: OpcUaConfig) -> Identity:
         certificate = x509.load_pem_x509_certificate(texts[0])
         key = serialization.load_pem_private_key(texts[1], password=None)
     except (ValueError, TypeError) as error:
-        raise LinkSecretError(
-            f"{place}: no PEM certificate with a private key without a password ({error})"
-        ) from None
+        raise LinkSecretError(f"{place}: no PEM certificate with a private key without a password ({error})") from None
     if not isinstance(key, RSAPrivateKey):
         raise LinkSecretError(f"{config.key}: OPC UA needs an RSA key, of 2048 bits or more")
     if key.public_key() != certificate.public_key():

@@ -213,15 +213,11 @@ class Tree:
     def _object(self, name: str, parent: str | None, title: str, folder: bool = False) -> ua.AddNodesItem:
         attributes = ua.ObjectAttributes()
         attributes.DisplayName = ua.LocalizedText(title)
-        attributes.SpecifiedAttributes = (
-            ua.NodeAttributesMask.DisplayName | ua.NodeAttributesMask.EventNotifier
-        )
+        attributes.SpecifiedAttributes = ua.NodeAttributesMask.DisplayName | ua.NodeAttributesMask.EventNotifier
         item = self._item(name, parent, title, ua.NodeClass.Object, attributes)
         kind = ua.ObjectIds.FolderType if folder else ua.ObjectIds.BaseObjectType
         item.TypeDefinition = ua.NodeId(kind)
-        item.ReferenceTypeId = ua.NodeId(
-            ua.ObjectIds.Organizes if parent is None else ua.ObjectIds.HasComponent
-        )
+        item.ReferenceTypeId = ua.NodeId(ua.ObjectIds.Organizes if parent is None else ua.ObjectIds.HasComponent)
         return item
 
     def _variable(

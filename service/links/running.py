@@ -102,9 +102,7 @@ class Links:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _make_links(
-        self, config: LinksConfig, state_dir: Path, snapshot: Callable[[], Snapshot]
-    ) -> Iterator[Link]:
+    def _make_links(self, config: LinksConfig, state_dir: Path, snapshot: Callable[[], Snapshot]) -> Iterator[Link]:
         """Make the links; the library of each is imported only if it is configured."""
         if config.webhook:
             from service.links.webhook import webhook

@@ -80,9 +80,7 @@ class Webhook:
                 return answer.status_code, self._retry_after_s(answer.headers.get("retry-after", ""))
         except TimeoutError:
             words, within = "{place}: no answer within {seconds} s", f"{self._timeout_s:g}"
-            raise UnavailableError(
-                sentence("link no answer", words, place=self._host, seconds=within)
-            ) from None
+            raise UnavailableError(sentence("link no answer", words, place=self._host, seconds=within)) from None
         except httpx.TransportError as error:
             raise UnavailableError(f"{self._host}: {str(error) or type(error).__name__}") from None
 

@@ -66,9 +66,7 @@ def alarm_groups(axes: Iterable[NamedAxis]) -> dict[str, str]:
     return {axis.id: axis.config.alarms.group or axis.robot for axis in axes}
 
 
-def alarm_rules(
-    axes: Iterable[NamedAxis], causes: Iterable[tuple[str, str]]
-) -> dict[tuple[str, str], AlarmRules]:
+def alarm_rules(axes: Iterable[NamedAxis], causes: Iterable[tuple[str, str]]) -> dict[tuple[str, str], AlarmRules]:
     """The configured alarm rules by axis and cause."""
     configured = {axis.id: axis.config for axis in axes}
     return {(i, cause): configured[i].alarms.rules(cause, configured[i].memory_s) for i, cause in causes}
@@ -313,9 +311,7 @@ class Alarms:
         """Give unrecorded alarms the ids that they will have in the journal."""
         new = [waiting for waiting in self._unrecorded() if not waiting.reserved_id]
         try:
-            last = max(
-                [self._journal.last_id(), *(waiting.reserved_id for waiting in self._waiting.values())]
-            )
+            last = max([self._journal.last_id(), *(waiting.reserved_id for waiting in self._waiting.values())])
         except StoreError:
             return
         for number, waiting in enumerate(new, last + 1):

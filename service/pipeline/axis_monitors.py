@@ -44,8 +44,7 @@ class AxisMonitors:
         sources = {a: d.alarm_source for a, d in enumerate(detectors)}
         self._fleet = Fleet(models, settings, multimodel, sources) if axes else Fleet.of_monitors(())
         self.axes: Mapping[str, AxisPipeline] = {
-            axis.id: AxisPipeline(axis, monitor)
-            for axis, monitor in zip(axes, self._fleet.monitors, strict=True)
+            axis.id: AxisPipeline(axis, monitor) for axis, monitor in zip(axes, self._fleet.monitors, strict=True)
         }
         keys = [axis.epoch.key(axis.monitor.history_key) for axis in self.axes.values()]
         self.trends = Trends(axes, models, keys)
@@ -95,9 +94,7 @@ class AxisMonitors:
             AxisAlarm(axis_id, change.alarm)
             for axis_id, blocks in deferred.items()
             for _, group in groupby(enumerate(blocks), _joinable)
-            for change in self.axes[axis_id].monitor.update_multimodel(
-                concatenate([block for _, block in group])
-            )
+            for change in self.axes[axis_id].monitor.update_multimodel(concatenate([block for _, block in group]))
         ]
 
     def change(self, axis_ids: Sequence[str], new: AxisMonitors) -> None:
@@ -121,9 +118,7 @@ class AxisMonitors:
     def restarted_windows(self) -> tuple[str, ...]:
         """Messages about running learning windows that had to start again, as their state could not be restored."""
         running = (axis.epoch.learning for axis in self.axes.values())
-        return tuple(
-            learning.restarted for learning in running if learning is not None and learning.restarted
-        )
+        return tuple(learning.restarted for learning in running if learning is not None and learning.restarted)
 
     @property
     def batch_sizes(self) -> list[int]:

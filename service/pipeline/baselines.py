@@ -85,11 +85,7 @@ def reason_of(stored: str) -> str:
     why, colon, names = stored.partition(": ")
     if why not in _REASONS:
         return stored
-    return (
-        sentence("of parameters", "{why}: {names}", why=_REASONS[why], names=names)
-        if colon
-        else _REASONS[why]
-    )
+    return sentence("of parameters", "{why}: {names}", why=_REASONS[why], names=names) if colon else _REASONS[why]
 
 
 class Baselines:
@@ -177,9 +173,7 @@ class Baselines:
                         least_s=least_s,
                     )
                 )
-            plan = EpochPlan(
-                axis_id, "window", content_of(axis), self._fingerprint(axis_id), (), length_s, verify_s
-            )
+            plan = EpochPlan(axis_id, "window", content_of(axis), self._fingerprint(axis_id), (), length_s, verify_s)
 
             def begin() -> Epoch:
                 epoch = self.epochs.learn(plan, note)
@@ -191,9 +185,7 @@ class Baselines:
             log.info("learning", axis=axis_id, epoch=epoch.number, operation_s=length_s, who=note.who)
             return epoch
 
-    def use_files(
-        self, axis_id: str, nominal: str, thresholds: str | None, verify_s: float, note: Note
-    ) -> Epoch:
+    def use_files(self, axis_id: str, nominal: str, thresholds: str | None, verify_s: float, note: Note) -> Epoch:
         """Start an epoch with the contents of nominal.toml and thresholds.toml; other arguments as in ``learn``.
 
         Raises:
@@ -262,9 +254,7 @@ class Baselines:
 
         epoch = self.between_blocks(end)
         if epoch is None:
-            raise BaselineConflictError(
-                sentence("no window", "no learning window of {axis} runs", axis=axis_id)
-            )
+            raise BaselineConflictError(sentence("no window", "no learning window of {axis} runs", axis=axis_id))
         return epoch
 
     def finish_windows(self) -> None:
@@ -291,15 +281,11 @@ class Baselines:
         axis = self._in_force[axis_id]
         model = monitored_model(axis)
         try:
-            learned = learning.window.learned(
-                axis_settings(axis, model).tests(len(model.scale))[2] * model.scale
-            )
+            learned = learning.window.learned(axis_settings(axis, model).tests(len(model.scale))[2] * model.scale)
             names = [name for name in model.monitored if name not in learned.kept]
             theta = dict(zip(model.monitored, learned.theta, strict=True))
             content = recentred(axis, {name: float(theta[name]) for name in names})
-            plan = EpochPlan(
-                axis_id, "window", content, planned.fingerprint, (), planned.learn_s, planned.verify_s
-            )
+            plan = EpochPlan(axis_id, "window", content, planned.fingerprint, (), planned.learn_s, planned.verify_s)
             self._begin_epoch(plan, learning.number, note, learned)
         except (WindowError, EpochValuesError) as error:
             log.warning("learning refused", axis=axis_id, epoch=learning.number, reason=str(error))

@@ -127,7 +127,5 @@ class BusReaders:
             raise
         return opened
 
-    def _intakes(
-        self, readers: Mapping[str, CanReader], ingests: Mapping[str, Ingest]
-    ) -> dict[str, BusIntake]:
+    def _intakes(self, readers: Mapping[str, CanReader], ingests: Mapping[str, Ingest]) -> dict[str, BusIntake]:
         return {name: BusIntake(name, r, ingests[name], self._recording) for name, r in readers.items()}

@@ -126,9 +126,7 @@ class Checkpointer:
         except StoreError as error:
             if self.problem is None:
                 log.error("checkpoint failed; retrying", reason=str(error))
-            self.problem = sentence(
-                "not saved", "the state of the monitors cannot be saved: {why}", why=error.args[0]
-            )
+            self.problem = sentence("not saved", "the state of the monitors cannot be saved: {why}", why=error.args[0])
             return
         if self.problem is not None:
             log.info("checkpoints are saved again")
@@ -255,9 +253,7 @@ def _restore_trends(trends: Trends, loader: _Loader) -> None:
         open_entries = {} if open_state is None else open_state.arrays
         for (loss, name), history, found in zip(each, monitor.histories, completed, strict=True):
             nothing: Arrays = {"entries": history.closed_to_array()}
-            resume = partial(
-                _restore_history, history, np.asarray(open_entries.get(loss.parameter, ()), float)
-            )
+            resume = partial(_restore_history, history, np.asarray(open_entries.get(loss.parameter, ()), float))
             loader.use(loss, name, resume, nothing if found is None else found.arrays)
     trends.resume(loss.axis_id for loss in loader.losses if loss.part == "history")
 
@@ -280,9 +276,7 @@ def _adopt(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journa
     """Pass the journal's open alarms to the monitor; returns alarms of the monitor that the journal has never seen."""
     in_journal = {alarm.key: alarm for alarm in recorded}
     ended = [a for a in journal.ended_alarms(axis_id, MOST_REOPENED) if a.parameter in monitor.causes]
-    unknown = [
-        a for a in monitor.open_alarms if a.key not in in_journal and not _is_known(axis_id, a, journal)
-    ]
+    unknown = [a for a in monitor.open_alarms if a.key not in in_journal and not _is_known(axis_id, a, journal)]
     monitor.adopt([*in_journal.values(), *unknown], ended)
     return unknown
 
@@ -325,7 +319,5 @@ def _parts(losses: list[Loss]) -> str:
         parameters = list(dict.fromkeys(loss.parameter for loss in of_part if loss.parameter))
         if of_part:
             names = joined(parameters, ", and ")
-            found.append(
-                sentence("part of", "{part} of {names}", part=name, names=names) if parameters else name
-            )
+            found.append(sentence("part of", "{part} of {names}", part=name, names=names) if parameters else name)
     return joined(found, ", and ")

@@ -24,11 +24,7 @@ class AxisEpoch(NamedTuple):
     @property
     def complete(self) -> bool:
         """Whether the window has all the operating time that it needs."""
-        return (
-            self.done_s is not None
-            and self.length_s is not None
-            and self.done_s >= self.length_s * (1 - 1e-9)
-        )
+        return self.done_s is not None and self.length_s is not None and self.done_s >= self.length_s * (1 - 1e-9)
 
     @property
     def words(self) -> str:

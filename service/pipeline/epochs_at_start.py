@@ -80,9 +80,7 @@ def _configured(axis: NamedAxis) -> EpochPlan:
 def nominal_values(axis: NamedAxis, before: NamedAxis | None = None) -> tuple[EpochValue, ...]:
     """The nominal values of an axis, each with its former value, if ``before`` has one."""
     former = {} if before is None else {v.name: v.value for v in values_of(before)}
-    return tuple(
-        EpochValue(v.name, v.unit, v.value, former.get(v.name), v.standard_deviation) for v in values_of(axis)
-    )
+    return tuple(EpochValue(v.name, v.unit, v.value, former.get(v.name), v.standard_deviation) for v in values_of(axis))
 
 
 def resume_monitors(

@@ -121,9 +121,7 @@ class Publisher:
         for view in giving_way(self._views.values()):
             view.take_point()
 
-    def publish(
-        self, buses: Iterable[BusSnapshot], compiling: Iterable[str], at_once: bool, takes: bool
-    ) -> None:
+    def publish(self, buses: Iterable[BusSnapshot], compiling: Iterable[str], at_once: bool, takes: bool) -> None:
         """Replace the snapshot if it is old or lacks urgent news.
 
         Args:

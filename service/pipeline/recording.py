@@ -126,10 +126,7 @@ class RecordingFolder:
         """
         for file in self.files() if files is None else files:
             times = _NAME.fullmatch(file.name)
-            if (
-                times is not None
-                and _seconds(times[1]) * 1_000_000 <= t_us < (_seconds(times[2]) + 1) * 1_000_000
-            ):
+            if times is not None and _seconds(times[1]) * 1_000_000 <= t_us < (_seconds(times[2]) + 1) * 1_000_000:
                 return file.name
         return None
 
@@ -169,9 +166,7 @@ class RecordingFolder:
     def _remove_oldest(self) -> None:
         files = self.files()
         reports = [list(self.path.glob(f"{file.stem}-alarm*.html")) for file in files]
-        sizes = [
-            sum(f.stat().st_size for f in (file, *own)) for file, own in zip(files, reports, strict=True)
-        ]
+        sizes = [sum(f.stat().st_size for f in (file, *own)) for file, own in zip(files, reports, strict=True)]
         while len(files) > 1 and sum(sizes) > self._most_bytes:  # the newest file always stays
             for file in (files[0], *reports[0]):
                 file.unlink(missing_ok=True)
@@ -200,9 +195,7 @@ class Extracts:
         now_us: wall clock.
     """
 
-    def __init__(
-        self, folder: RecordingFolder, before_s: float, after_s: float, now_us: Callable[[], int]
-    ) -> None:
+    def __init__(self, folder: RecordingFolder, before_s: float, after_s: float, now_us: Callable[[], int]) -> None:
         self.folder, self._now_us = folder, now_us
         self._before_us, self._after_us = round(before_s * 1e6), round(after_s * 1e6)
         self._ring = FrameRing(before_s + after_s + 2 * _SILENT_US / 1e6)
@@ -223,12 +216,7 @@ class Extracts:
     def alarm(self, raised_us: int) -> None:
         """Start an extract for an alarm, unless one has started or covers the alarm, or the frames are gone."""
         oldest = self._ring.oldest_us
-        if (
-            self._started is None
-            and oldest is not None
-            and raised_us >= oldest
-            and not self._covers(raised_us)
-        ):
+        if self._started is None and oldest is not None and raised_us >= oldest and not self._covers(raised_us):
             self._started = _Extract(raised_us - self._before_us, raised_us + self._after_us)
 
     def request(self) -> Future[Path]:
@@ -255,9 +243,7 @@ class Extracts:
             answer.set_result(self._ring.between(until_us - round(seconds * 1e6), until_us))
         while not self._requests.empty():
             until_us = self._ring.newest_us or now_us
-            self._hand_over(
-                _Extract(until_us - self._before_us, until_us, self._requests.get(), requested=True)
-            )
+            self._hand_over(_Extract(until_us - self._before_us, until_us, self._requests.get(), requested=True))
         if (extract := self._started) is not None:
             newest = self._ring.newest_us
             if (newest is not None and newest > extract.until_us) or now_us > extract.until_us + _SILENT_US:

@@ -118,9 +118,7 @@ class Reloading:
                     self._exchange(new, changed, removed, ingests, intakes)
             gone = {bus.name for bus in self._config.bus} - {bus.name for bus in new.bus}
             tables = [f"[[bus]] {name}" for name in (*ingests, *sorted(gone))]
-            tables += [
-                f"[{name}]" for name in ("links", "web") if getattr(new, name) != getattr(self._config, name)
-            ]
+            tables += [f"[{name}]" for name in ("links", "web") if getattr(new, name) != getattr(self._config, name)]
             self._filters = {bus.name: self._filters[bus.name] for bus in new.bus if bus.name not in ingests}
             self._filters |= {name: frozenset(ingest.filter) for name, ingest in ingests.items()}
             self._files, self._drives, self._config = files, drives, new
@@ -191,13 +189,9 @@ class Reloading:
             now_us, worker = self._now_us(), self._worker
             worker.take_all()
             if late := [a for a in (*changed_axes, *removed) if worker.alarms.waits_for_journal(a)]:
-                raise ReloadError(
-                    f"alarms of {', '.join(late)} are not recorded yet; try again when they are"
-                )
+                raise ReloadError(f"alarms of {', '.join(late)} are not recorded yet; try again when they are")
             worker.checkpointer.save()
-            restored = resume_monitors(
-                new_monitors, found, worker.checkpointer.checkpoints, self._journal, now_us, ids
-            )
+            restored = resume_monitors(new_monitors, found, worker.checkpointer.checkpoints, self._journal, now_us, ids)
             self._journal.group(alarm_groups(new.axes))
             worker.change_buses([bus.name for bus in new.bus], intakes, ingests)
             for name, ingest in worker.pipeline.ingests.items():

@@ -72,9 +72,7 @@ class ReplayReports:
         epochs: the epochs of the axes.
     """
 
-    def __init__(
-        self, folder: RecordingFolder, config: Callable[[], Config], named: str, epochs: Epochs
-    ) -> None:
+    def __init__(self, folder: RecordingFolder, config: Callable[[], Config], named: str, epochs: Epochs) -> None:
         self._folder, self._config, self._named, self._epochs = folder, config, named, epochs
         self._lock = threading.Lock()
         self._running: int | None = None
@@ -122,8 +120,7 @@ class ReplayReports:
             axis.id: (epoch.content, epoch.number)
             for axis in config.axes
             for epoch in self._epochs.of_axis(axis.id)
-            if epoch.in_force_us is not None
-            and epoch.in_force_us <= alarm.since_us < (epoch.ended_us or sys.maxsize)
+            if epoch.in_force_us is not None and epoch.in_force_us <= alarm.since_us < (epoch.ended_us or sys.maxsize)
         }
         name = self._folder.holding(alarm.since_us)
         assert name is not None  # otherwise ``page`` would be None
@@ -193,9 +190,7 @@ class ReplayReports:
         return (messages.rpartition("\n")[2] if child.returncode > 0 else "") or _ENDED
 
 
-_ENDED: Sentence = sentence(
-    "replay ended", "its process was ended, perhaps because memory or time ran out; try again"
-)
+_ENDED: Sentence = sentence("replay ended", "its process was ended, perhaps because memory or time ran out; try again")
 
 
 def give_way() -> None:

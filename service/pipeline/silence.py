@@ -84,9 +84,7 @@ class SilenceWatch:
         steady: monotonic clock [s].
     """
 
-    def __init__(
-        self, frames: Callable[[str], Iterable[str]], steady: Callable[[], float] = monotonic
-    ) -> None:
+    def __init__(self, frames: Callable[[str], Iterable[str]], steady: Callable[[], float] = monotonic) -> None:
         self._frames, self._steady = frames, steady
         self._known = dict[str, _Reception]()
         self._from_s = steady()

@@ -199,9 +199,7 @@ not."""
 class AxisView:
     """Makes the snapshots of one axis."""
 
-    def __init__(
-        self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording
-    ) -> None:
+    def __init__(self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording) -> None:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
         self._monitored = pipeline.monitors.axes[axis.id]
         monitor, components = self._monitored.monitor, model_of_axis(axis.config).components
@@ -235,9 +233,7 @@ def _without_samples(status: AxisStatus) -> AxisStatus:
     return replace(
         status,
         parameters=tuple(
-            replace(
-                p, status=p.status if p.status in _LASTING else Status.SILENT, not_tested=NotTested.NO_SAMPLE
-            )
+            replace(p, status=p.status if p.status in _LASTING else Status.SILENT, not_tested=NotTested.NO_SAMPLE)
             for p in status.parameters
         ),
     )

@@ -88,9 +88,7 @@ class Trends:
         """The states to save: open entries always, completed entries only if there are new ones."""
         for axis_id, (names, monitor, key) in self.axes.items():
             histories = zip(names, monitor.histories, strict=True)
-            yield AxisState(
-                gathered_id(axis_id), key, {name: history.open_to_array() for name, history in histories}
-            )
+            yield AxisState(gathered_id(axis_id), key, {name: history.open_to_array() for name, history in histories})
             saved = self._saved.get(axis_id, [])
             for i, history in enumerate(monitor.histories):
                 if saved[i : i + 1] != [monitor.closed[i]]:

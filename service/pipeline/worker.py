@@ -174,9 +174,7 @@ class Worker:
         while not self.compiles and self._block():
             pass
 
-    def change_buses(
-        self, names: Sequence[str], new: Mapping[str, BusIntake], ingests: Mapping[str, Ingest]
-    ) -> None:
+    def change_buses(self, names: Sequence[str], new: Mapping[str, BusIntake], ingests: Mapping[str, Ingest]) -> None:
         """Take frames of exactly these buses from now on; those in ``new`` replace former ones.  Between two blocks."""
         kept = {bus.name: bus for bus in self._buses}
         self.pipeline.change_buses(names, ingests)

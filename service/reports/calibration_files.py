@@ -66,8 +66,7 @@ def _tables(calibration: Calibration) -> Iterator[str]:
     yield toml_table("[nominal]", result.model.nominal)
     made = {"axiswatch": provenance.version, "command": provenance.command}
     records = [
-        toml_table("[[record]]", {"file": s.text, "sha256": s.sha256, "samples": s.used})
-        for s in calibration.sources
+        toml_table("[[record]]", {"file": s.text, "sha256": s.sha256, "samples": s.used}) for s in calibration.sources
     ]
     yield toml_table("[provenance]", made) + "".join(records)
 

@@ -54,9 +54,7 @@ class Outcome:
         """The smallest change of each tested parameter that is found in time in either direction."""
         sizes = {name: (up, down) for name, up, down in self.smallest if name not in self.untested}
         return {
-            name: max(abs(up), abs(down))
-            for name, (up, down) in sizes.items()
-            if up is not None and down is not None
+            name: max(abs(up), abs(down)) for name, (up, down) in sizes.items() if up is not None and down is not None
         }
 
     @property
@@ -186,9 +184,7 @@ def overview(outcomes: Sequence[Outcome]) -> Table:
         )
         for outcome in outcomes
     ]
-    return Table(
-        ("axis", "watched", "changes found in time, either way", "one false alarm in", "state"), rows
-    )
+    return Table(("axis", "watched", "changes found in time, either way", "one false alarm in", "state"), rows)
 
 
 def as_html(outcomes: Sequence[Outcome], next_step: str, config: Path, provenance: Provenance) -> str:

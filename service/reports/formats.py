@@ -136,9 +136,7 @@ def toml_value(value: Any, digits: int = _DIGITS) -> str:
     if isinstance(value, list | tuple):
         texts = [toml_value(entry, digits) for entry in value]
         is_matrix = bool(value) and isinstance(value[0], list)
-        return (
-            "\n".join(["[", *(f"  {row}," for row in texts), "]"]) if is_matrix else f"[{', '.join(texts)}]"
-        )
+        return "\n".join(["[", *(f"  {row}," for row in texts), "]"]) if is_matrix else f"[{', '.join(texts)}]"
     if isinstance(value, Mapping):
         pairs = ", ".join(f"{toml_key(key)} = {toml_value(entry)}" for key, entry in value.items())
         return f"{{ {pairs} }}" if pairs else "{}"
@@ -204,7 +202,5 @@ def _environment() -> Environment:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters["marked"] = lambda words: safe(
-        _CODE.sub(r"<code>\1</code>", clean(str(escape_html(words))))
-    )
+    environment.filters["marked"] = lambda words: safe(_CODE.sub(r"<code>\1</code>", clean(str(escape_html(words)))))
     return environment

@@ -100,9 +100,7 @@ def _drive_table(report: IdentificationReport) -> str:
             len(e.drive.states) > len(drive.states),
             "whether a torque disturbance d' = -d / Td + w is a state, too",
         ),
-        "friction_speed_scale": Fact(
-            e.problem.speed_scale, "rad/s: Coulomb friction is fc tanh(speed / this)"
-        ),
+        "friction_speed_scale": Fact(e.problem.speed_scale, "rad/s: Coulomb friction is fc tanh(speed / this)"),
     }
     about = "What these are parameters of; the structure is a digest of A, B, C and the states."
     return toml_table("[drive]", entries, about)
@@ -118,9 +116,7 @@ def _predictor_table(report: IdentificationReport) -> str:
         "interval_s": e.interval_s,
         "torque_delay_s": Fact(report.result.delay_s, "delay of the torque after its sample"),
         "innovation_variance": Fact(e.lam0, f"lambda_0, ({unit})^2: of eps"),
-        "largest_error": Fact(
-            e.largest_error, f"{unit}: one in 10 000 eps of the records is larger", rough=True
-        ),
+        "largest_error": Fact(e.largest_error, f"{unit}: one in 10 000 eps of the records is larger", rough=True),
         "colour": Fact(report.result.colour, correlated, rough=True),
         "states": [f"{s.name} [{s.unit}]" for s in e.drive.states],
         "gain": Fact(

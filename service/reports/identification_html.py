@@ -62,8 +62,7 @@ def as_html(report: IdentificationReport) -> str:
         tests=list(content.residual_words(report)),
         names=names,
         correlations=[
-            (name, [_correlation(float(r)) for r in result.estimate.correlation[i, :i]])
-            for i, name in enumerate(names)
+            (name, [_correlation(float(r)) for r in result.estimate.correlation[i, :i]]) for i, name in enumerate(names)
         ],
     )
 
@@ -167,9 +166,7 @@ def bode_picture(bode: Bode) -> str:
             _plain(gain, phase, bode.black_box, style.DOTTED)
         _banded(gain, phase, bode.drive)
         lowest, highest = float(np.nanmin(bode.drive.db)), float(np.nanmax(bode.drive.db))
-        gain.set(
-            ylabel="gain [dB, rad/s per N m]", xscale="log", ylim=(lowest - _FLOOR_DB, highest + _FLOOR_DB)
-        )
+        gain.set(ylabel="gain [dB, rad/s per N m]", xscale="log", ylim=(lowest - _FLOOR_DB, highest + _FLOOR_DB))
         phase.set(ylabel="phase [degrees]", xlabel="frequency [rad/s]")
         phase.yaxis.set_major_locator(MultipleLocator(90))
         degrees = np.degrees(bode.drive.phase)

@@ -58,9 +58,7 @@ class IdentificationReport:
         """Why there are no nominal values, in a sentence without its full stop; empty: there are some."""
         result = self.result
         if result.rejection is Rejection.NOT_CONVERGED:
-            return (
-                f"the fit has not converged after {result.estimate.iterations} evaluations{self._next_step()}"
-            )
+            return f"the fit has not converged after {result.estimate.iterations} evaluations{self._next_step()}"
         if result.rejection is Rejection.NOT_IDENTIFIABLE:
             names = ", ".join(result.not_identifiable)
             return f"{names} cannot be determined from these records: hold one of them with --fix"
@@ -157,11 +155,7 @@ class IdentificationReport:
         ]
         if not off:
             return
-        how = (
-            "the larger, the less there is to judge it by"
-            if found.judged
-            else "half of what the heat changes"
-        )
+        how = "the larger, the less there is to judge it by" if found.judged else "half of what the heat changes"
         yield (
             f"Beside the heat {' and '.join(off)} (standard deviation; {how}): the tests allow for"
             f" {MODEL_ERRORS:g} times that."
@@ -314,11 +308,7 @@ def residual_words(report: IdentificationReport) -> Iterator[Tested]:
     white, independent = (test.p_value >= 1 - LEVEL for test in (e.whiteness, e.independence))
     output_error = e.problem.predictor == "output-error"
     if output_error:
-        verdict = (
-            "are white"
-            if white
-            else "are not white, which output error allows: what disturbs the axis is slow"
-        )
+        verdict = "are white" if white else "are not white, which output error allows: what disturbs the axis is slow"
     elif white:
         verdict = "look like white noise, as they should"
     else:

@@ -131,8 +131,7 @@ def elimination_words(space: StateSpace) -> str:
     )
     if space.name == _PAPER:
         words += (
-            "; the paper counts for its tool and library 55, 9, 6 and 5 with the speed as the output, "
-            "6 with the angle"
+            "; the paper counts for its tool and library 55, 9, 6 and 5 with the speed as the output, 6 with the angle"
         )
     return words
 
@@ -269,9 +268,7 @@ def as_json(facts: Facts) -> str:
             "name": space.name,
             "states": space.states,
             "inputs": [{"name": u.name, "kind": _KINDS[u.kind]} for u in space.inputs],
-            "outputs": [
-                {"name": s.name, "quantity": s.quantity, "unit": UNITS[s.quantity]} for s in space.sensors
-            ],
+            "outputs": [{"name": s.name, "quantity": s.quantity, "unit": UNITS[s.quantity]} for s in space.sensors],
             "parameters": [
                 {"name": p.name, "unit": p.unit, "meaning": p.meaning, "nominal": facts.nominal.get(p.name)}
                 for p in space.parameters

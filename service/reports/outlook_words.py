@@ -150,11 +150,7 @@ def _motion(name: str, result: IdentificationResult) -> str:
 
 def _acts_by(drive: Drive, base: str) -> set[int]:
     """The inputs of a drive through which a parameter acts; empty: it acts through the states."""
-    return {
-        drive.inputs[term.col]
-        for term in drive.terms
-        if term.matrix == "B" and dict(term.powers).get(base, 0) > 0
-    }
+    return {drive.inputs[term.col] for term in drive.terms if term.matrix == "B" and dict(term.powers).get(base, 0) > 0}
 
 
 def shaped_for(name: str, result: IdentificationResult) -> bool:

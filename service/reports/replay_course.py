@@ -51,9 +51,7 @@ class Course:
     def __init__(self, monitor: AxisMonitor, most: int = MOST_BINS) -> None:
         self._monitor, self._most = monitor, most - most % 2
         names = monitor.model.monitored
-        self.h: dict[str, float] = dict(
-            zip(names, monitor.batch.thresholds[:, monitor.lane].tolist(), strict=True)
-        )
+        self.h: dict[str, float] = dict(zip(names, monitor.batch.thresholds[:, monitor.lane].tolist(), strict=True))
         """Threshold of each parameter"""
         self.causes = () if monitor.multimodel is None else monitor.multimodel.causes
         """Thresholds of the multi-model detector; empty: there is none"""

@@ -174,9 +174,7 @@ def overview_picture(axes: Sequence[ReplayedAxis]) -> str:
         panel.set_yticks(range(len(rows)), [f"{axis.snapshot.name} {name}" for axis, _, name in rows])
         tested = {(a.id, p.name): p.tested_s for a in axes for p in a.status.parameters}
         shares = panel.secondary_yaxis("right")
-        words = [
-            duration(tested[axis.id, name]) if tested[axis.id, name] else "never" for axis, _, name in rows
-        ]
+        words = [duration(tested[axis.id, name]) if tested[axis.id, name] else "never" for axis, _, name in rows]
         shares.set_yticks(range(len(rows)), words)
         shares.set_ylabel("tested for")
         for scale in (panel, shares):

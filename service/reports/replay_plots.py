@@ -72,9 +72,7 @@ class _Drawing:
         """The panels of these parameters; the last picture also has the causes of the multi-model detector."""
         fates = list(self._fates(chosen))
         with_causes = is_last and bool(self._course.causes)
-        heights = (
-            [_ESTIMATE, _G] * len(chosen) + [_G] * with_causes + [_FATE * (len(fates) + 1)] * bool(fates)
-        )
+        heights = [_ESTIMATE, _G] * len(chosen) + [_G] * with_causes + [_FATE * (len(fates) + 1)] * bool(fates)
         with style.figure(sum(heights) + _LEGEND) as drawn:
             grid = drawn.subplots(len(heights), 1, sharex=True, height_ratios=heights, squeeze=False)
             panels: list[Axes] = list(grid[:, 0])
@@ -97,9 +95,7 @@ class _Drawing:
             panels[-1].set(xlabel=f"time since the first sample [{self._unit.name}]", xlim=(0.0, end))
             style.legend_of(drawn, panels, _LINES)
             names = ", ".join(p.name for p in chosen)
-            return style.as_svg(
-                drawn, f"{self._axis.id}: course of the estimates of {names}, and of their tests", salt
-            )
+            return style.as_svg(drawn, f"{self._axis.id}: course of the estimates of {names}, and of their tests", salt)
 
     # --- estimates, g of the CUSUM tests, g of the multi-model detector ----------------------------------
 
@@ -191,9 +187,7 @@ class _Drawing:
         for alarm in self._axis.alarm_spans(names, self._unit):
             for axes in panels:
                 above, span = axes.get_xaxis_transform(), (alarm.start, alarm.end)
-                axes.axvspan(
-                    *span, color=style.ALARM_BACK, alpha=0.6, lw=0, zorder=0.5, label=style.ALARM_OPEN
-                )
+                axes.axvspan(*span, color=style.ALARM_BACK, alpha=0.6, lw=0, zorder=0.5, label=style.ALARM_OPEN)
                 axes.plot(span, (1, 1), color=style.ALARM, lw=4, transform=above, solid_capstyle="butt")
                 axes.axvline(alarm.start, color=style.ALARM, lw=1.3)
                 axes.axvline(alarm.raised, color=style.ALARM, lw=1, ls=(0, (6, 2, 1, 2)), label=_RAISED)

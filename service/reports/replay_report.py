@@ -29,9 +29,7 @@ def print_text(replayed: Replayed, console: Console) -> None:
             console.print(Text.assemble(("Not tested: ", "bold red"), words), soft_wrap=True)
     for axis in axes:
         gated = axis.status.counters["gated"]
-        console.print(
-            f"{axis.id}: {axis.status.samples} samples{f', {gated} of them gated' if gated else ''}"
-        )
+        console.print(f"{axis.id}: {axis.status.samples} samples{f', {gated} of them gated' if gated else ''}")
         if axis.snapshot.heat is not None:
             console.print(f"{axis.id}: {heat_words(axis.snapshot.heat)}")
     console.print(for_terminal(estimates(axes), "Estimates at the end"))
@@ -69,9 +67,7 @@ def not_tested(axis: ReplayedAxis) -> Iterator[str]:
 def heat_words(heat: Heat) -> str:
     """How warm an axis is at the end: "its heat is 12.3 W at the end"."""
     unsure = f" ± {plain(heat.sd_w, 2)}" if heat.sd_w > 0 else ""
-    return (
-        f"its heat is {plain(heat.heat_w, 3)}{unsure} W at the end{'' if heat.known else ', not known yet'}"
-    )
+    return f"its heat is {plain(heat.heat_w, 3)}{unsure} W at the end{'' if heat.known else ', not known yet'}"
 
 
 def of_what(axes: Sequence[ReplayedAxis]) -> str:
@@ -168,8 +164,7 @@ def dated(t_us: int | None) -> str:
 def alarm_sentences(axis: ReplayedAxis) -> Iterator[str]:
     """The message of each alarm."""
     return (
-        f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload)}"
-        for alarm in axis.alarms
+        f"{axis.id}: {episode_words(alarm, alarm.nominal, alarm.unit, alarm.same_payload)}" for alarm in axis.alarms
     )
 
 
@@ -186,9 +181,7 @@ def trend_sentences(axis: ReplayedAxis) -> Iterator[str]:
 
 def as_json(replayed: Replayed) -> str:
     """All results, each as the daemon's API answers it."""
-    return json_text(
-        {"axes": [_axis(axis) for axis in replayed.axes], "frames_dropped": replayed.frames_dropped}
-    )
+    return json_text({"axes": [_axis(axis) for axis in replayed.axes], "frames_dropped": replayed.frames_dropped})
 
 
 def _axis(axis: ReplayedAxis) -> dict[str, Any]:
@@ -197,7 +190,5 @@ def _axis(axis: ReplayedAxis) -> dict[str, Any]:
         **views.axis(axis.snapshot, now_us).model_dump(exclude={"last_sample_age_s", "silent"}),
         "trends": [trend.model_dump() for trend in views.trend(axis.snapshot).parameters],
         "alarms": [views.alarm(alarm).model_dump() for alarm in axis.alarms],
-        "not_tested_in_records": {
-            name: str(reason) for reason, names in axis.untested.items() for name in names
-        },
+        "not_tested_in_records": {name: str(reason) for reason, names in axis.untested.items() for name in names},
     }

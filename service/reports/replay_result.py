@@ -146,8 +146,7 @@ class Replay:
         snapshot = make_axis_snapshot(monitored, self._monitors.trends, status, active, received)
         doubts = remarks(axis.config.sample_interval_s, stamps)
         outside = [
-            f"at the end outside the conditions of the calibration: {words}"
-            for words in snapshot.outside_calibration
+            f"at the end outside the conditions of the calibration: {words}" for words in snapshot.outside_calibration
         ]
         notes = [f"{axis.id}: {words}" for words in (*status.confounded, *outside, *doubts)]
         return ReplayedAxis(snapshot, alarms, notes, self._courses.get(axis.id))

@@ -86,9 +86,7 @@ class ControlledAxis:
         named = {split_name(name)[0] for name in own}
         delay_s = fault.get(DELAY, self._delay_s) if DELAY not in own else self._delay_s
         if not 0 <= delay_s <= self.interval_s:
-            raise ValueError(
-                f"delay = {delay_s:g}: a torque acts from 0 to {self.interval_s:g} s after its sample"
-            )
+            raise ValueError(f"delay = {delay_s:g}: a torque acts from 0 to {self.interval_s:g} s after its sample")
         given = {name: value for name, value in changed.items() if name in named or name in self._given}
         self._drive.set(AxisModel(self._model.drive, given, ()).nominal)
         self._given, self._delay_s = given, delay_s
@@ -194,9 +192,7 @@ class SimulatedConditions:
                 " simulation has only after the torque: simulate a configuration in which its inertia is constant"
             )
         self._swings = [_swing(source.name, conditions) for source in self._sources]
-        self._derivatives = tuple(
-            derivative_of(source, axis.config.sample_interval_s) for source in self._sources
-        )
+        self._derivatives = tuple(derivative_of(source, axis.config.sample_interval_s) for source in self._sources)
         self._model = axis_model(axis.config)
         thermal = conditions.thermal and replace(conditions.thermal, start="cold")
         plain = replace(conditions, gates=(), min_speed=0.0, thermal=thermal)

@@ -126,9 +126,7 @@ def sender(config: Config, buses: Mapping[str, Bus]) -> Send:
         nonlocal began_s
         began_s = time.time() - moment.time_s if began_s is None else began_s
         # All frames are encoded first and then sent, so that those of a moment are close together on the bus.
-        frames = [
-            (buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)
-        ]
+        frames = [(buses[n], f) for n, e in encoders.items() for f in e.encode(moment.readings, moment.number)]
         for bus, (key, data) in frames:
             send(bus, key, data, began_s + moment.time_s)
         return len(frames)

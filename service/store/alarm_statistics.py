@@ -124,9 +124,7 @@ def statistics(connection: sqlite3.Connection, since_us: int, until_us: int) -> 
 
 def _most_frequent(names: Iterable[tuple[str, ...]]) -> tuple[Frequency, ...]:
     counts = sorted(Counter(names).items(), key=lambda found: (-found[1], found[0]))[:MOST_FREQUENT]
-    return tuple(
-        Frequency(axis, parameter, direction, count) for (axis, parameter, direction), count in counts
-    )
+    return tuple(Frequency(axis, parameter, direction, count) for (axis, parameter, direction), count in counts)
 
 
 def state_counts(connection: sqlite3.Connection) -> list[StateCount]:

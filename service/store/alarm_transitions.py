@@ -137,9 +137,7 @@ def taken_after(connection: sqlite3.Connection, number: int, limit: int) -> list
         " FROM alarm_transition t JOIN alarm a ON a.id = alarm_id WHERE t.id > ? ORDER BY t.id LIMIT ?"
     )
     rows = connection.execute(query, [number, limit])
-    return [
-        NumberedTransition(found, alarm_id, priority, _read(row)) for found, alarm_id, priority, *row in rows
-    ]
+    return [NumberedTransition(found, alarm_id, priority, _read(row)) for found, alarm_id, priority, *row in rows]
 
 
 _COLUMNS = ", ".join(RecordedTransition._fields)

@@ -110,9 +110,7 @@ def write_archive(target: Path, manifest: Manifest, sources: Mapping[str, Path |
         StoreError: a file cannot be read, a database is damaged, or the archive cannot be written.
     """
     with tempfile.TemporaryDirectory(prefix="axiswatch-backup-") as name, _explained():
-        copies = {
-            member: _copied(source, Path(name, str(i))) for i, (member, source) in enumerate(sources.items())
-        }
+        copies = {member: _copied(source, Path(name, str(i))) for i, (member, source) in enumerate(sources.items())}
         entries = {member: _entry(copy, member) for member, copy in sorted(copies.items())}
         manifest = manifest._replace(files=entries)
         with replacing(target) as file, tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as archive:
@@ -145,9 +143,7 @@ def _copy_database(source: Path, copy: Path) -> None:
             kept.execute("PRAGMA journal_mode=DELETE")
             check_integrity(kept)
     except sqlite3.Error as error:
-        raise StoreError(
-            f"{source}: {error}; a damaged file is set aside when the daemon starts again"
-        ) from error
+        raise StoreError(f"{source}: {error}; a damaged file is set aside when the daemon starts again") from error
 
 
 def _entry(file: Path, member: str) -> dict[str, Any]:
@@ -297,9 +293,7 @@ def _verify(archive: Path, file: Path, name: str, entry: Mapping[str, Any]) -> N
     except sqlite3.Error as error:
         raise _damaged(archive, f"{name}: {error}") from error
     if found != entry:
-        raise _damaged(
-            archive, f"{name} is not as it was: its SHA-256 or its schema differs from the manifest"
-        )
+        raise _damaged(archive, f"{name} is not as it was: its SHA-256 or its schema differs from the manifest")
 
 
 def _damaged(archive: Path, why: str) -> ArchiveError:

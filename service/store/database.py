@@ -120,16 +120,10 @@ class Database:
         """Check that the open file is still the one at its path: what is written to a deleted file is lost."""
         found = _identity(self.path)
         if found != self._file:
-            words = (
-                "{path} is no longer there: put it back, or restart axiswatch, which then begins a new one"
-            )
+            words = "{path} is no longer there: put it back, or restart axiswatch, which then begins a new one"
             if found is not None:
-                words = (
-                    "{path} has been replaced by another file: put the former one back, or restart axiswatch"
-                )
-            raise StoreError(
-                sentence("file gone" if found is None else "file replaced", words, path=self.path)
-            )
+                words = "{path} has been replaced by another file: put the former one back, or restart axiswatch"
+            raise StoreError(sentence("file gone" if found is None else "file replaced", words, path=self.path))
 
     def _with_functions(self, connection: sqlite3.Connection) -> sqlite3.Connection:
         for name, function in self._functions.items():
@@ -209,16 +203,12 @@ def _unusable(path: Path, error: OSError) -> str:
     words = f"{path}: {error.strerror}"
     if error.errno not in (errno.EACCES, errno.EPERM, errno.EROFS):
         return words
-    return (
-        f"{words}: {path.parent} must be a folder that the user of the daemon can write ([service] state_dir)"
-    )
+    return f"{words}: {path.parent} must be a folder that the user of the daemon can write ([service] state_dir)"
 
 
 def _connect(uri: str) -> sqlite3.Connection:
     # isolation_level None: transactions are started explicitly.  Several threads use the writer, one at a time.
-    return sqlite3.connect(
-        uri, uri=True, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
-    )
+    return sqlite3.connect(uri, uri=True, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False)
 
 
 def _opened(path: Path, migrations: Sequence[str], synchronous: Synchronous) -> sqlite3.Connection:
@@ -254,9 +244,7 @@ def _migrate(connection: sqlite3.Connection, path: Path, migrations: Sequence[st
     if version > len(migrations):
         raise StoreError(f"{path} was written by a newer version of axiswatch (its schema is {version})")
     for number in range(version, len(migrations)):
-        connection.executescript(
-            f"BEGIN IMMEDIATE; {migrations[number]}; PRAGMA user_version={number + 1}; COMMIT;"
-        )
+        connection.executescript(f"BEGIN IMMEDIATE; {migrations[number]}; PRAGMA user_version={number + 1}; COMMIT;")
 
 
 def _is_damage(error: BaseException) -> bool:

@@ -234,9 +234,7 @@ class Epochs:
         with self._db.write() as connection:
             epoch = _in_force(connection, axis)
             if epoch is not None and (epoch.number, epoch.state) == (number, "verifying"):
-                connection.execute(
-                    "UPDATE epoch SET state = 'current' WHERE axis = ? AND number = ?", [*_key(epoch)]
-                )
+                connection.execute("UPDATE epoch SET state = 'current' WHERE axis = ? AND number = ?", [*_key(epoch)])
                 _note(connection, epoch, "verified", note)
 
 
@@ -285,9 +283,7 @@ def _insert(connection: sqlite3.Connection, plan: EpochPlan, state: EpochState, 
     return row
 
 
-def _reconfigure(
-    connection: sqlite3.Connection, configured: EpochPlan, before: Epoch | None, at_us: int
-) -> Epoch:
+def _reconfigure(connection: sqlite3.Connection, configured: EpochPlan, before: Epoch | None, at_us: int) -> Epoch:
     """Put an epoch with the configured values in force; it ends the one before, and one that is learning."""
     note = Note(at_us, CONFIGURATION)
     if learning := _learning(connection, configured.axis):
@@ -299,17 +295,13 @@ def _reconfigure(
     return epoch
 
 
-def _end(
-    connection: sqlite3.Connection, epoch: Epoch, state: EpochState, event: EpochEventName, note: Note
-) -> None:
+def _end(connection: sqlite3.Connection, epoch: Epoch, state: EpochState, event: EpochEventName, note: Note) -> None:
     update = "UPDATE epoch SET state = ?, ended_us = ? WHERE axis = ? AND number = ?"
     connection.execute(update, [state, note.at_us, *_key(epoch)])
     _note(connection, epoch, event, note)
 
 
-def _cancel(
-    connection: sqlite3.Connection, epoch: Epoch, note: Note, event: EpochEventName, reason: str
-) -> None:
+def _cancel(connection: sqlite3.Connection, epoch: Epoch, note: Note, event: EpochEventName, reason: str) -> None:
     update = "UPDATE epoch SET reason = ? WHERE axis = ? AND number = ?"
     connection.execute(update, [reason, *_key(epoch)])
     _end(connection, epoch, "cancelled", event, note)

@@ -143,9 +143,7 @@ def _reaching(table: Resolution, since_s: int, ends: _Ends) -> Resolution:
     return table
 
 
-def _as_stored(
-    view: HistoryView, question: Question, known: Mapping[int, Series], table: Resolution
-) -> HistoryAnswer:
+def _as_stored(view: HistoryView, question: Question, known: Mapping[int, Series], table: Resolution) -> HistoryAnswer:
     since_s = 0 if question.since_s is None else question.since_s // PERIODS_S[table] * PERIODS_S[table]
     until_s = 1 << 62 if question.until_s is None else question.until_s
     rows = [view.rows(table, number, since_s, until_s, question.points + 1) for number in known]

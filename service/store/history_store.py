@@ -133,9 +133,7 @@ class HistoryView:
         """Starts of the oldest and the newest row of these series [s], for each resolution that has rows."""
         return _ends(self._connection, list(ids))
 
-    def rows(
-        self, table: Resolution, series: int, since_s: int, until_s: int, most: int | None = None
-    ) -> Rows:
+    def rows(self, table: Resolution, series: int, since_s: int, until_s: int, most: int | None = None) -> Rows:
         """The first ``most`` rows of a series that start at or after ``since_s`` and before ``until_s``."""
         query = f"SELECT t, n, cells FROM {table} WHERE series = ? AND t >= ? AND t < ? ORDER BY t LIMIT ?"
         values = [series, since_s, until_s, -1 if most is None else most]

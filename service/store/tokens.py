@@ -139,9 +139,7 @@ class TokenFile:
         with self._changing():
             tokens = self.tokens()
             if name in (token.name for token in tokens):
-                raise NameTakenError(
-                    f"there is a token {name!r} already; revoke it first, or choose another name"
-                )
+                raise NameTakenError(f"there is a token {name!r} already; revoke it first, or choose another name")
             self._write([*tokens, Token(name, scope, _digest(secret), created)])
         return secret
 
@@ -176,9 +174,7 @@ class TokenFile:
 
     def _write(self, tokens: Iterable[Token]) -> None:
         """Replace the file; only its owner may read it.  If root writes it, it gets the owner of the folder."""
-        entries = [
-            {"name": t.name, "scope": str(t.scope), "sha256": t.sha256, "created": t.created} for t in tokens
-        ]
+        entries = [{"name": t.name, "scope": str(t.scope), "sha256": t.sha256, "created": t.created} for t in tokens]
         text = json.dumps({"format": _FORMAT, "tokens": entries}, indent=1) + "\n"
         with replacing(self.path) as file:
             file.write(text.encode())

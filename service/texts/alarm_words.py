@@ -118,9 +118,7 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
         if not math.isfinite(size):
             return SENSORS[parameter].format(share="", amount="", by="", more=more)
         share = f"{_digits(abs(100 * size))} %"
-        return SENSORS[parameter].format(
-            share=f"{share} ", amount=f"{amount} {unit} ", by=f", by {share}", more=more
-        )
+        return SENSORS[parameter].format(share=f"{share} ", amount=f"{amount} {unit} ", by=f", by {share}", more=more)
     side = "below" if size < 0 else "above"
     if not math.isfinite(size):
         return f"{parameter} is {side} its nominal value, by how much is not known"

@@ -119,16 +119,12 @@ class Access:
         if not self._remote or (self._tls and self.needs_token):
             return None
         if not self.needs_token:
-            words = (
-                "insecure: everyone whose machine reaches this address may read and operate, without a token"
-            )
+            words = "insecure: everyone whose machine reaches this address may read and operate, without a token"
             if self._tls:
                 return sentence("no token", words)
             more = "; what is sent can be read and changed on the way (no TLS)"
             return sentence("no token, no TLS", words + more)
-        return sentence(
-            "no TLS", "insecure: what is sent, tokens too, can be read and changed on the way (no TLS)"
-        )
+        return sentence("no TLS", "insecure: what is sent, tokens too, can be read and changed on the way (no TLS)")
 
 
 def _unprotected(has_tokens: bool, tls: bool) -> str:

@@ -107,9 +107,7 @@ def router(state: AppState) -> APIRouter:
     def alarms(
         filters: Annotated[AlarmFilters, Depends()],
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 100,
-        cursor: Annotated[
-            str | None, Query(description="the page after the one that has given this as next")
-        ] = None,
+        cursor: Annotated[str | None, Query(description="the page after the one that has given this as next")] = None,
     ) -> models.Alarms:
         """Alarms raised at or after since and before until: those not yet recorded, then the others, latest first.
 
@@ -130,9 +128,7 @@ def router(state: AppState) -> APIRouter:
             recorded = [a for a in reversed(state.snapshot().alarms.standing) if f.match(a, now_us)]
             total, recorded = len(recorded), recorded[:wanted]
         files = [] if state.extracts is None else state.extracts.folder.files()  # list the folder only once
-        found = [
-            views.alarm(a, now_us, state.recording_of(a.since_us, files)) for a in (*first, *recorded)[:limit]
-        ]
+        found = [views.alarm(a, now_us, state.recording_of(a.since_us, files)) for a in (*first, *recorded)[:limit]]
         following, left = None, after is None and skipped + len(first) < len(waiting)
         if left or len(first) + len(recorded) > limit:
             last = recorded[-2:-1]

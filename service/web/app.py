@@ -51,9 +51,7 @@ on the motor side of the gear unless a description says otherwise; a number that
 _LONGEST_S = 2.0
 """Longest use of one answer with all axes [s]: all open pages request it once a second, so it is made once."""
 
-Entries = Annotated[
-    int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")
-]
+Entries = Annotated[int, Query(ge=1, le=10_000, description="maximum number of entries; neighbours are merged")]
 Only = Annotated[str | None, Query(description="only this one; default: all")]
 
 
@@ -218,9 +216,7 @@ def _describe_webhook(app: FastAPI) -> None:
         x_axiswatch_timestamp: Annotated[int, Header(description="time of this try, seconds since 1970")],
         x_axiswatch_signature: Annotated[
             str,
-            Header(
-                description="sha256=HMAC-SHA-256 in hexadecimal digits of the text TIMESTAMP.BODY, by the secret"
-            ),
+            Header(description="sha256=HMAC-SHA-256 in hexadecimal digits of the text TIMESTAMP.BODY, by the secret"),
         ],
     ) -> None:
         """A transition of an alarm, again and again until the answer is 2xx, or 4xx other than 408, 425 and 429."""

@@ -75,9 +75,7 @@ def router(state: AppState) -> APIRouter:
             axes=[_axis(axis, folder, state.reports) for axis in axes],
         )
 
-    @api.get(
-        "/{axis}/signals", summary="Live check of the signals of an axis", responses=_NOT_FOUND | _NO_LOOK
-    )
+    @api.get("/{axis}/signals", summary="Live check of the signals of an axis", responses=_NOT_FOUND | _NO_LOOK)
     def signals(axis: str) -> SignalCheck:
         """Rate, jitter, losses and ranges of the last ten seconds, and their problems in words."""
         found = state.axis(axis)
@@ -86,9 +84,7 @@ def router(state: AppState) -> APIRouter:
     return api
 
 
-def _steps(
-    state: AppState, setup: RobotSetup, axes: tuple[NamedAxis, ...], folder: Path
-) -> list[CommissioningStep]:
+def _steps(state: AppState, setup: RobotSetup, axes: tuple[NamedAxis, ...], folder: Path) -> list[CommissioningStep]:
     own, total = f"--config {shlex.quote(setup.file.name)}", len(axes)
     heard = [state.snapshot().axis(axis.id) for axis in axes]
     silent = sum(axis is None or is_silent(axis, state.now_us()) for axis in heard)
@@ -111,9 +107,7 @@ def _steps(
 
 
 def _axis(axis: NamedAxis, folder: Path, reports: ReportPages | None) -> AxisCommissioning:
-    identification, calibration = (
-        None if reports is None else reports.address_of(name) for name in pages_of(axis.id)
-    )
+    identification, calibration = (None if reports is None else reports.address_of(name) for name in pages_of(axis.id))
     model, motion = axis.config.model, motion_file(axis.id)
     return AxisCommissioning(
         axis=axis.id,

@@ -80,9 +80,7 @@ class Bode(models.Body):
     unit: str = Field(description="of the magnitude: rad or rad/s per N m")
     frequency_hz: list[float]
     nominal: BodeCurve = Field(description="with the nominal values that hold now")
-    present: BodeCurve | None = Field(
-        description="with the present estimates; null: they give no valid drive"
-    )
+    present: BodeCurve | None = Field(description="with the present estimates; null: they give no valid drive")
     magnitude_sd_db: list[models.Number] = Field(
         description="standard deviation of the present magnitude, by that of the estimates; empty: not known"
     )
@@ -209,13 +207,8 @@ def _response(
         drive, values, interval_s, frequency_hz, names=tuple(covariance), covariance=P, delay_s=delay_s
     )
     A, _, _ = AxisModel(drive, values, ()).matrices()
-    curve = BodeCurve(
-        magnitude_db=found.db.round(4).tolist(), phase_deg=np.degrees(found.phase).round(3).tolist()
-    )
+    curve = BodeCurve(magnitude_db=found.db.round(4).tolist(), phase_deg=np.degrees(found.phase).round(3).tolist())
     sd_db, sd_deg = (
-        [models.finite(x) for x in column.round(4).tolist()]
-        for column in (found.sd_db, np.degrees(found.sd_phase))
+        [models.finite(x) for x in column.round(4).tolist()] for column in (found.sd_db, np.degrees(found.sd_phase))
     )
-    return _Response(
-        curve, sd_db, sd_deg, tuple(sorted(mode.frequency_hz for mode in modes(np.linalg.eigvals(A))))
-    )
+    return _Response(curve, sd_db, sd_deg, tuple(sorted(mode.frequency_hz for mode in modes(np.linalg.eigvals(A)))))

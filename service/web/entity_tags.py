@@ -21,9 +21,7 @@ class EntityTags:
         if scope["type"] != "http" or scope["method"] != "GET":
             await self._app(scope, receive, send)
             return
-        await self._app(
-            scope, receive, _TaggedAnswer(Headers(scope=scope).get("if-none-match", ""), send).send
-        )
+        await self._app(scope, receive, _TaggedAnswer(Headers(scope=scope).get("if-none-match", ""), send).send)
 
 
 class _TaggedAnswer:

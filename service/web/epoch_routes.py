@@ -86,9 +86,7 @@ class Epoch(Body):
     sentences: list[Sentence] = Field(description=SENTENCES)
     done_s: Number = Field(description="operating time of the window that is under way [s]; null: none is")
     length_s: Number = Field(description="operating time that it needs [s]; null: none is under way")
-    values: list[NominalValue] = Field(
-        description="of the monitored parameters; empty while they are learned"
-    )
+    values: list[NominalValue] = Field(description="of the monitored parameters; empty while they are learned")
     events: list[EpochEvent] = Field(description="oldest first")
 
 
@@ -157,9 +155,7 @@ def router(state: AppState) -> APIRouter:
         if body.hours is not None:
             return _answer(state, axis, _baselines(state).learn(axis, body.hours * _HOUR_S, verify_s, note))
         assert body.nominal is not None
-        return _answer(
-            state, axis, _baselines(state).use_files(axis, body.nominal, body.thresholds, verify_s, note)
-        )
+        return _answer(state, axis, _baselines(state).use_files(axis, body.nominal, body.thresholds, verify_s, note))
 
     @api.post("/baseline/cancel", summary="End a learning window", responses=_CONFLICT)
     def cancel(axis: str, body: EpochNote, who: Admin) -> Epoch:

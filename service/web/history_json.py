@@ -76,9 +76,7 @@ def history_table(answer: HistoryAnswer) -> Mapping[str, Sequence[Any]]:
     return columns
 
 
-def _ordered(
-    axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]
-) -> Iterator[Course]:
+def _ordered(axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]) -> Iterator[Course]:
     known = {(c.series.parameter, c.series.unit): c for c in answer.courses}
     for name, (unit, _) in monitored.items():
         nothing = Course(Series(axis_id, name, unit), _nothing(answer.t))

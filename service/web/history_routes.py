@@ -57,9 +57,7 @@ class Readers:
             HTTPException: too many requests are waiting.
         """
         if self._busy >= MOST_READERS + MOST_WAITING:
-            raise HTTPException(
-                503, "too many ask for the history now; ask again", headers={"Retry-After": "1"}
-            )
+            raise HTTPException(503, "too many ask for the history now; ask again", headers={"Retry-After": "1"})
         self._busy += 1
         done = asyncio.get_running_loop().run_in_executor(self._pool, work)
         done.add_done_callback(self._finished)
@@ -105,9 +103,7 @@ def router(state: AppState) -> APIRouter:
         body = await readers.run(answered)
         return Response(body, media_type="application/json")
 
-    async def file(
-        f: HistoryFilters, resolution: Resolution | None, kind: Literal["csv", "parquet"]
-    ) -> Response:
+    async def file(f: HistoryFilters, resolution: Resolution | None, kind: Literal["csv", "parquet"]) -> Response:
         found, store = state.axis(f.axis, f.parameter), _store(state)
         answers = partial(pages, store, _question(state, f, MOST_POINTS, resolution))
         content = await readers.run(lambda: _written(answers(), kind))

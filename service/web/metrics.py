@@ -163,9 +163,7 @@ class Metrics:
         self._writers = {openmetrics: _Writer(openmetrics) for openmetrics in (False, True)}
         """Writers of ages and links; separate from those of the axes, which may be busy for long"""
         # Without ages: these must grow even while the worker hangs, as alert rules watch them.
-        self.of_axes = {
-            openmetrics: Latest(_Writer(openmetrics).of_axes, math.inf) for openmetrics in self._writers
-        }
+        self.of_axes = {openmetrics: Latest(_Writer(openmetrics).of_axes, math.inf) for openmetrics in self._writers}
 
     def scrape(self, accept: str) -> tuple[bytes, str]:
         """Body and content type, in a format that the Accept header allows."""
@@ -308,9 +306,7 @@ def _of_axes(snapshot: Snapshot, names: _Names) -> Iterator[_Family]:
     yield _Family("configuration_refused", _NONE, [snapshot.configuration_refused])
     history = snapshot.history
     yield _Family("history_waiting_points", _NONE, [history.waiting])
-    yield _Family(
-        "history_dropped_points", [(reason,) for reason in history.dropped], [*history.dropped.values()]
-    )
+    yield _Family("history_dropped_points", [(reason,) for reason in history.dropped], [*history.dropped.values()])
 
 
 def _ages(snapshot: Snapshot, now_us: int) -> Iterator[_Family]:
@@ -413,9 +409,7 @@ def _trends(axes: _Axes) -> Iterator[_Family]:
     yield _Family("parameter_slope_standard_deviation", labels, [t.slope_sd for t in trends])
     probability = [t.probability["drift"] + t.probability["both"] for t in trends]
     yield _Family("parameter_drift_probability", labels, probability)
-    reaches = [
-        ((a.id, r.name, "upper" if r.above else "lower"), a, p, t, r) for a, p, t in known for r in p.reaches
-    ]
+    reaches = [((a.id, r.name, "upper" if r.above else "lower"), a, p, t, r) for a, p, t in known for r in p.reaches]
     ends = [
         ((*limit, bound), (t_us - t.time_us) / 1e6)
         for limit, _, _, t, r in reaches
@@ -424,9 +418,7 @@ def _trends(axes: _Axes) -> Iterator[_Family]:
     ]
     yield _Family("limit_reached_seconds", [end for end, _ in ends], [s for _, s in ends])
     limits = [limit for limit, *_ in reaches]
-    yield _Family(
-        "limit_alarm_active", limits, [_is_limit_alarm_open(a, p.name, r) for _, a, p, _, r in reaches]
-    )
+    yield _Family("limit_alarm_active", limits, [_is_limit_alarm_open(a, p.name, r) for _, a, p, _, r in reaches])
     yield _Family("histories_lost", _ids(axes), [a.histories_lost for a in axes])
 
 

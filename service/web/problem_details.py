@@ -62,14 +62,12 @@ PROTECTED = described(401, "There are tokens, and none was given, or an unknown 
 """Error answers of every route that needs a token"""
 
 
-_MISTAKEN = described(
-    422, "A parameter or the body is not as described; detail says which, and what would be right"
-)[422]
+_MISTAKEN = described(422, "A parameter or the body is not as described; detail says which, and what would be right")[
+    422
+]
 _NO_TEXT = described(400, "The body is no UTF-8 text")[400]
 """Error answer of FastAPI itself, for every route with a body"""
-_UNCHANGED = {
-    "description": "If-None-Match has the ETag of the answer: it is as before, and there is no body"
-}
+_UNCHANGED = {"description": "If-None-Match has the ETag of the answer: it is as before, and there is no body"}
 
 
 def add_to_schema(app: FastAPI) -> None:
@@ -87,9 +85,7 @@ def add_to_schema(app: FastAPI) -> None:
         for hook in schema.get("webhooks", {}).values():
             hook["post"]["responses"].pop("422", None)  # the receiver decides what it answers
         for method, operation in operations:
-            if method == "get" and "application/json" in operation["responses"].get("200", {}).get(
-                "content", {}
-            ):
+            if method == "get" and "application/json" in operation["responses"].get("200", {}).get("content", {}):
                 operation["responses"]["304"] = _UNCHANGED
             if "application/json" in operation["responses"].get("422", {}).get("content", {}):
                 operation["responses"]["422"] = _MISTAKEN

@@ -30,9 +30,7 @@ class SignalCheck(Body):
     missing: Number = Field(description="share of missing samples; null: there are none")
     moves: bool | None = Field(description="whether the axis moves; null: not known")
     signals: list[SignalRange] = Field(description="torque, then angle or speed; empty without samples")
-    problems: list[str] = Field(
-        description="what keeps the axis from being identified or monitored, and what to do"
-    )
+    problems: list[str] = Field(description="what keeps the axis from being identified or monitored, and what to do")
     proposals: list[str] = Field(description="changes of the configuration that these values suggest")
     doubts: list[str] = Field(description="questions that these values do not answer, and how to answer them")
     sentences: list[Sentence] = Field(description=SENTENCES)

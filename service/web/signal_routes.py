@@ -26,12 +26,8 @@ class Signals(models.Body):
     """The last seconds of an axis: a number for each sample in each column."""
 
     axis: str
-    begin: models.Time | None = Field(
-        description="time of the first sample in this answer; null: it has none"
-    )
-    end: models.Time | None = Field(
-        description="time of the last one: as `since`, it asks for those that follow"
-    )
+    begin: models.Time | None = Field(description="time of the first sample in this answer; null: it has none")
+    end: models.Time | None = Field(description="time of the last one: as `since`, it asks for those that follow")
     unit: str = Field(description="of the motion and its prediction: rad or rad/s")
     outlier_limit: models.Number = Field(
         description="a larger prediction error, either way, counts as an outlier, in unit; while estimates are "

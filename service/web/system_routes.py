@@ -116,9 +116,7 @@ def router(state: AppState) -> APIRouter:
     def audit(
         _who: Admin,
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 50,
-        cursor: Annotated[
-            str | None, Query(description="the page after the one that has given this as next")
-        ] = None,
+        cursor: Annotated[str | None, Query(description="the page after the one that has given this as next")] = None,
     ) -> Audit:
         """Actions of persons on alarms, axes and epochs, and epochs started by a changed configuration."""
         found = state.journal.audit(limit + 1, None if cursor is None else _place(cursor))
@@ -155,9 +153,7 @@ def _databases(folder: Path, setup: RobotSetup) -> Iterator[DatabaseFile]:
 
 def _versions() -> dict[str, str]:
     own = {"Python": platform.python_version(), "SQLite": SQLITE_VERSION}
-    return {**own, "system": f"{platform.system()} {platform.release()}"} | {
-        name: version(name) for name in _LIBRARIES
-    }
+    return {**own, "system": f"{platform.system()} {platform.release()}"} | {name: version(name) for name in _LIBRARIES}
 
 
 def _memory_bytes() -> int | None:

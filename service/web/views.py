@@ -180,9 +180,7 @@ def alarm_record(
 ) -> models.AlarmRecord:
     """An alarm with its transitions, the name of its recording, and the state of its report."""
     found = [body(models.AlarmTransition, t) for t in transitions]
-    shown = report and models.ReplayReport(
-        **report._asdict(), sentences=models.sentence_bodies((report.problem,))
-    )
+    shown = report and models.ReplayReport(**report._asdict(), sentences=models.sentence_bodies((report.problem,)))
     return _alarm(models.AlarmRecord, a, now_us, transitions=found, recording=recording, report=shown)
 
 

@@ -35,10 +35,7 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -
     """A title and columns that are as wide as they must be."""
     lines = [[*header], *([_text(value) for value in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    body = [
-        "  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip()
-        for line in lines
-    ]
+    body = ["  ".join([line[0].ljust(widths[0]), *map(str.rjust, line[1:], widths[1:])]).rstrip() for line in lines]
     return "\n".join(["", "", title, "-" * max(map(len, title.splitlines())), *body])
 
 

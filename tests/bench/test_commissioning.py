@@ -75,9 +75,7 @@ def test_six_axes_of_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
     begins: dict[tuple[str, str], float] = {}
     ends: dict[str, tuple[float, str]] = {}
     all_s = 0.0
-    for all_s, line in lines_of(
-        "commission", record, "--config", config, "-o", made, "--budget", "10min", "--yes"
-    ):
+    for all_s, line in lines_of("commission", record, "--config", config, "-o", made, "--budget", "10min", "--yes"):
         if found := PHASE.match(line):
             begins.setdefault((found[1], found[2]), all_s)
         elif found := END.match(line):
@@ -94,9 +92,7 @@ def test_six_axes_of_ten_minutes(seed: int, say: Say, tmp_path: Path) -> None:
             (f"{axis}: calibrate", end_s - then_s, "", ""),
         ]
     rows.append(("commission, all", all_s, cpu_s() - before_s - init_cpu_s, ""))
-    rows.append(
-        ("init and commission", init_s + all_s, cpu_s() - before_s, f"aim: {AIM_S:.0f} s on two cores")
-    )
+    rows.append(("init and commission", init_s + all_s, cpu_s() - before_s, f"aim: {AIM_S:.0f} s on two cores"))
     say(
         f"From a table of {AXES} axes, {MINUTES:.0f} minutes at 200 Hz, to a commissioned robot",
         ("step", "s", "CPU s", ""),

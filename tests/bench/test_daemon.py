@@ -80,9 +80,7 @@ def test_latency(tmp_path: Path, seed: int, say: Say, service: str) -> None:
     say(f"from a frame to the estimate, {AXES} axes at 1 kHz, {blocks_of}", header, rows)
 
 
-def test_time_to_the_first_estimate(
-    tmp_path: Path, seed: int, say: Say, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_time_to_the_first_estimate(tmp_path: Path, seed: int, say: Say, monkeypatch: pytest.MonkeyPatch) -> None:
     """The robot's frames were made before: what it computes would take a third of a processor from the compiler."""
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     config = demo_config(tmp_path, axes=AXES)

@@ -69,9 +69,7 @@ def moved(axis: AxisSnapshot, number: int, now_us: int) -> AxisSnapshot:
     return replace(axis, status=replace(axis.status, time_us=now_us - 100_000, parameters=parameters))
 
 
-def test_three_hundred_axes_in_a_browser(
-    stage: Stage, say: Say, need: Callable[[str], str], tmp_path: Path
-) -> None:
+def test_three_hundred_axes_in_a_browser(stage: Stage, say: Say, need: Callable[[str], str], tmp_path: Path) -> None:
     chromium = need("chromium")
     rows = []
     with serving(stage) as url, sync_playwright() as playwright:
@@ -83,9 +81,7 @@ def test_three_hundred_axes_in_a_browser(
             page.goto(f"{url}/{address}")
             page.wait_for_selector(_READY[name], timeout=120_000)
             first_s = page.evaluate("performance.now()") / 1000
-            paint_s = (
-                page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime") / 1000
-            )
+            paint_s = page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime") / 1000
             page.wait_for_timeout(3000)
             first_mb = heap_mb(page)
             page.wait_for_timeout(1000 * LIVE_S + 500)
@@ -146,9 +142,7 @@ class Task(NamedTuple):
 def tasks_of(events: list[dict[str, Any]]) -> list[Task]:
     """The tasks of the busiest main thread, in the order of time."""
     mains = {
-        (e["pid"], e["tid"])
-        for e in events
-        if e["name"] == "thread_name" and e["args"]["name"] == "CrRendererMain"
+        (e["pid"], e["tid"]) for e in events if e["name"] == "thread_name" and e["args"]["name"] == "CrRendererMain"
     }
     tasks: dict[tuple[int, int], list[Task]] = {}
     for e in events:

@@ -95,9 +95,7 @@ def calibrated(model: AxisModel, settings: Settings, seed: int, between: float) 
     return replace(settings, thresholds=own, run_on=False), words
 
 
-def paper_delays(
-    model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
-) -> Delays:
+def paper_delays(model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]) -> Delays:
     """The first alarm, its first name, and the one that it gets three memory lengths later."""
     (right,) = fault
     found = [
@@ -108,9 +106,7 @@ def paper_delays(
     return summed_up(found, right)
 
 
-def _outcomes(
-    model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]
-) -> list[Reaction]:
+def _outcomes(model: AxisModel, settings: Settings, fault: Mapping[str, float], seeds: Sequence[int]) -> list[Reaction]:
     t_us, u, y = records(model, seeds, fault)
     W = len(seeds)
     bank = AxisBatch([model] * W, [settings] * W)

@@ -130,9 +130,7 @@ def test_black_boxes_on_the_bench(seed: int, say: Say) -> None:
         largest = np.sort(abs(errors).max(axis=1))
         rms = float(np.sqrt(np.mean(errors**2)))
         over_stated = float(np.sqrt(np.mean((errors / stated) ** 2))) if np.isfinite(stated).all() else "-"
-        rows.append(
-            (name, 1e3 * times[name], largest[0], largest[RECORDS // 2], largest[-1], rms, over_stated)
-        )
+        rows.append((name, 1e3 * times[name], largest[0], largest[RECORDS // 2], largest[-1], rms, over_stated))
     header = ("fit and response", "ms", "max dB, best", "median", "worst", "rms dB", "rms error / sd")
     say(f"black boxes, {RECORDS} records of 8000 samples, 0.5 to 40 Hz", header, rows)
     # Between its 60 lines the record has little torque, which only the models bridge.

@@ -127,9 +127,7 @@ def test_few_axes_one_by_one_or_in_lanes(samples: int, rounds: int, seed: int, s
     for axes in FEW:
         row: list[object] = [axes]
         for o in OUTPUTS:
-            one_by_one, lanes = (
-                medians[o, axes, shape] / samples / axes * 1e6 for shape in (ONE_BY_ONE, LANES)
-            )
+            one_by_one, lanes = (medians[o, axes, shape] / samples / axes * 1e6 for shape in (ONE_BY_ONE, LANES))
             row += [one_by_one, lanes, one_by_one / lanes]
         rows.append(row)
     say(

@@ -48,9 +48,7 @@ def moved(axis: AxisSnapshot, by: float) -> AxisSnapshot:
     )  # fmt: skip
     detectors = tuple(replace(d, evidence=by / 17) for d in status.detectors)
     counters = {**status.counters, "used": round(1e6 * by)}
-    status = replace(
-        status, parameters=parameters, detectors=detectors, counters=counters, innovation_variance=by
-    )
+    status = replace(status, parameters=parameters, detectors=detectors, counters=counters, innovation_variance=by)
     return replace(axis, status=status)
 
 
@@ -69,9 +67,7 @@ def test_a_thousand_axes(stage: Stage, seed: int, say: Say) -> None:
                 start = time.perf_counter()
                 body = client.get(path).content
                 seconds.append(time.perf_counter() - start)
-        rows += [
-            (path, snapshot, len(body) / 1e6, median(seconds), target) for snapshot, seconds in found.items()
-        ]
+        rows += [(path, snapshot, len(body) / 1e6, median(seconds), target) for snapshot, seconds in found.items()]
     header = ("", "snapshot", "MB", "s", "target s")
     say(f"answers for {AXES} axes, medians of {ROUNDS}", header, rows)
 

@@ -117,9 +117,7 @@ class Arm:
             ]
         )
         payload = truth.payload * factor.get("payload", 1.0)
-        fixed = np.array(
-            [truth.Jm, truth.k, truth.d, truth.stribeck, truth.ripple, truth.disturbance, self._phase]
-        )
+        fixed = np.array([truth.Jm, truth.k, truth.d, truth.stribeck, truth.ripple, truth.disturbance, self._phase])
         links = np.array([truth.masses, truth.lengths, truth.centres, truth.inertias])
         inertia = truth.inertia
         gains = np.array([[BANDWIDTH / 1.5] * 2, inertia * BANDWIDTH * 1.5, inertia])

@@ -37,14 +37,10 @@ def settings_for(output: Output, torque_noise: float, time_constants: float, *, 
         K = tuple(float(k) for k in gain)
     tau = slowest_time_constant(model, np.array(K or np.zeros(len(model.drive.states))), INTERVAL_S)
     lam = 1 - INTERVAL_S / (time_constants * tau)
-    return Settings.paper(
-        INTERVAL_S, lam=lam, lam0=lam0, K=K, settle_s=5 * tau, alpha2=1e9, joint_state=joint
-    )
+    return Settings.paper(INTERVAL_S, lam=lam, lam0=lam0, K=K, settle_s=5 * tau, alpha2=1e9, joint_state=joint)
 
 
-def honesty(
-    output: Output, torque_noise: float, settings: Settings, seed: int, axes: int, memories: int
-) -> Honesty:
+def honesty(output: Output, torque_noise: float, settings: Settings, seed: int, axes: int, memories: int) -> Honesty:
     """Axes with fresh noise and torque each, over so many memories behind the start."""
     model, rng, n = reference_model(output), np.random.default_rng(seed), round(settings.memory)
     # The seeding run alone takes ten memories.
@@ -58,9 +54,7 @@ def honesty(
     deviation = trace.theta[late] - model.theta0[:, np.newaxis]
     reported = settings.lam0 * trace.P[late] / (1 + settings.lam)
     least = settings.lam0 * window_variance(at_truth.psi[1:], settings.lam, np.arange(N)[late] - 1)
-    rms = (
-        np.sqrt(np.mean(squares, axis=(0, 2))) / model.scale for squares in (deviation**2, reported, least)
-    )
+    rms = (np.sqrt(np.mean(squares, axis=(0, 2))) / model.scale for squares in (deviation**2, reported, least))
     return Honesty(*rms)
 
 

@@ -48,9 +48,7 @@ def model_of(monitored: Sequence[str], values: Mapping[str, float]) -> AxisModel
 def settings_for(model: AxisModel, seed: int) -> Settings:
     """The paper's, with P(0) of this model."""
     settings = replace(settings_of(model.drive.output, seed), P0=())
-    return replace(
-        settings, P0=steady_p_of(model, settings, records(model, range(seed, seed + 50), samples=4000))
-    )
+    return replace(settings, P0=steady_p_of(model, settings, records(model, range(seed, seed + 50), samples=4000)))
 
 
 def records(

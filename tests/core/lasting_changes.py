@@ -77,9 +77,7 @@ class Course:
     @property
     def sized(self) -> Alarm | None:
         """Its alarm in the middle of the time between the name and the repair."""
-        forms = [
-            c.alarm for c in self.changes if c.alarm.parameter == self.parameter and c.alarm.ended_us is None
-        ]
+        forms = [c.alarm for c in self.changes if c.alarm.parameter == self.parameter and c.alarm.ended_us is None]
         known = [a for a in forms if a.size is not None]
         return known[len(known) // 2] if known else None
 
@@ -90,9 +88,7 @@ def truth() -> Truth:
 
 def monitor() -> AxisMonitor:
     model = AxisModel(three_mass("angle"), FOUND, PARAMETERS)
-    return AxisMonitor(
-        model, replace(recommended_settings(model, INTERVAL_S, OPTIONS), thresholds=THRESHOLDS)
-    )
+    return AxisMonitor(model, replace(recommended_settings(model, INTERVAL_S, OPTIONS), thresholds=THRESHOLDS))
 
 
 def courses(

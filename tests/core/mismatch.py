@@ -66,11 +66,7 @@ _RANGE = 60.0
 def _five_masses() -> dict[str, float]:
     """On the motor's side as masses, springs and dampers of robot arms are; on the arm's side in the drive."""
     J, k, d = (8e-3, 12e-3, 4.6e-3, 2.4e-3), (28.0, 45.0, 38.0, 12.0), (0.05, 0.04, 0.02, 0.01)
-    behind = {
-        f"{x}{i}": v / R**2
-        for x, values in zip("Jkd", (J, k, d), strict=True)
-        for i, v in enumerate(values, 1)
-    }
+    behind = {f"{x}{i}": v / R**2 for x, values in zip("Jkd", (J, k, d), strict=True) for i, v in enumerate(values, 1)}
     return {"Jm": 5.9e-3, **behind, "fm": 0.06, "fc": COULOMB * TORQUE_RMS, "tau0": 0.0, "kT": 1.0, "r": R}
 
 
@@ -90,13 +86,9 @@ NOMINAL = Truth(_five_masses())
 
 def redrawn(rng: np.random.Generator, by: float = 0.2) -> Truth:
     """All values by up to so much more or less; gear ratio and torque constant are what the controller knows."""
-    values = {
-        name: v if name in ("kT", "r") else v * rng.uniform(1 - by, 1 + by)
-        for name, v in NOMINAL.values.items()
-    }
+    values = {name: v if name in ("kT", "r") else v * rng.uniform(1 - by, 1 + by) for name, v in NOMINAL.values.items()}
     others = {
-        name: getattr(NOMINAL, name) * rng.uniform(1 - by, 1 + by)
-        for name in ("stribeck", "ripple", "disturbance")
+        name: getattr(NOMINAL, name) * rng.uniform(1 - by, 1 + by) for name in ("stribeck", "ripple", "disturbance")
     }
     return replace(NOMINAL, values=values, **others)
 
@@ -151,13 +143,9 @@ class MismatchPlant:
         viscous = np.asarray(truth.values["fm"] * (broken["fm"] * healthy - 1), np.float64)
         friction = np.array([truth.values["fc"] * broken["fc"], truth.stribeck, truth.values["tau0"] + push])
         u, y = self._moved(viscous, friction, broken["kT"], test)
-        return Block(
-            np.round(k * INTERVAL_S * 1e6).astype(np.int64), u, np.round(y / STEP) * STEP, np.round(warm, 1)
-        )
+        return Block(np.round(k * INTERVAL_S * 1e6).astype(np.int64), u, np.round(y / STEP) * STEP, np.round(warm, 1))
 
-    def _moved(
-        self, viscous: Floats, friction: Floats, kT: float, test: Floats | None = None
-    ) -> tuple[Floats, Floats]:
+    def _moved(self, viscous: Floats, friction: Floats, kT: float, test: Floats | None = None) -> tuple[Floats, Floats]:
         """Torque and angle of the next samples (N,); ``viscous`` (N,) is what is added to fm.
 
         ``friction`` is fc, the Stribeck part and the offset; ``kT`` a factor.
@@ -227,9 +215,7 @@ def _simulate(
             held[0] += gains[1] * h / INTEGRAL_S * off
             torque = gains[1] * off + held[0] + gains[2] * acceleration + test[k]
             total += torque
-            rubbing = (friction[0] + friction[1] * np.exp(-((v / STRIBECK_SPEED) ** 2))) * np.tanh(
-                v / SLIDING_SPEED
-            )
+            rubbing = (friction[0] + friction[1] * np.exp(-((v / STRIBECK_SPEED) ** 2))) * np.tanh(v / SLIDING_SPEED)
             acting = kT * torque * (1 + ripple * np.sqrt(2.0) * np.sin(PER_TURN * q + phase))
             acting += held[1] + friction[2] - rubbing - viscous[k] * v
             for i in range(n):
@@ -242,9 +228,7 @@ def _simulate(
         u[k] = total / SUBSTEPS
 
 
-def true_size(
-    truth: Truth, name: str, factor: float, kT: float, speed_scale: float, warmer: float = WARMER
-) -> float:
+def true_size(truth: Truth, name: str, factor: float, kT: float, speed_scale: float, warmer: float = WARMER) -> float:
     """What a change of the plant is in the unit of the monitor's parameter.
 
     It is another share of that than of the plant's value.  The monitor's Coulomb friction holds the Stribeck part, too,
@@ -313,9 +297,7 @@ class Watch:
         return episodes, (trace.theta - self.model.theta0 - shift) / self.model.scale
 
 
-def after_fault(
-    plant: MismatchPlant, watch: Watch, fault: Mapping[str, float], seconds: float
-) -> FaultAlarm | None:
+def after_fault(plant: MismatchPlant, watch: Watch, fault: Mapping[str, float], seconds: float) -> FaultAlarm | None:
     """What the first named alarm says when the plant breaks now; None: there is none in so many seconds of motion.
 
     Plant and monitor stay as they are.

@@ -85,9 +85,7 @@ def outcomes(name: str, factor: float, each: int, seed: int, joint: bool = False
         np.array([first_named(episodes) is not None for episodes in after]),
         np.array([e.parameter == name for e in named]),
         np.array([e.first[0] == name for e in named]),
-        np.array(
-            [(e.onset_low_us or 0) <= FAULT_AT * H_US <= e.onset_high_us for e in right if e.onset_high_us]
-        ),
+        np.array([(e.onset_low_us or 0) <= FAULT_AT * H_US <= e.onset_high_us for e in right if e.onset_high_us]),
         np.array([(e.size - size) / e.size_sd for e in right]),
         np.array([e.kind for e in right]),
     )

@@ -98,9 +98,7 @@ def outliers(name: str, grows: bool, seed: int) -> Situation:
     return Situation(case, settings, rec, lambda p: p.outliers >= 3 and p.starts == starts, 1e-8)
 
 
-RATIO = BY_NAME["speed-behind-the-gear"]._replace(
-    name="ratio-before-the-sensor", monitored=("r", "fa", "1/J2")
-)
+RATIO = BY_NAME["speed-behind-the-gear"]._replace(name="ratio-before-the-sensor", monitored=("r", "fa", "1/J2"))
 """What is measured depends on theta: C has a derivative."""
 FIVE_MASSES = (
     Case(
@@ -220,9 +218,7 @@ def by_rounding(model: AxisModel, paper: Paper, rec: Experiment) -> float:
     for _ in range(3):
         nearby = (np.nextafter(field, rng.choice([-np.inf, np.inf], field.shape)) for field in rec[1:])
         log = Paper(model, paper.s, P_start(model, paper.s)).run(rec.t_us, *nearby)
-        most = max(
-            most, *(apart(np.array(a), b) for a, b in ((log.theta, paper.log.theta), (log.g, paper.log.g)))
-        )
+        most = max(most, *(apart(np.array(a), b) for a, b in ((log.theta, paper.log.theta), (log.g, paper.log.g))))
     return most
 
 

@@ -94,10 +94,7 @@ def test_settings_at_the_ends_of_their_ranges() -> None:
 @pytest.mark.parametrize(
     ("models", "settings", "message"),
     [
-        *(
-            ([MODEL], [replace(SETTINGS, K=(0.0,) * n)], f"K has {n} entries, the drive 5 states")
-            for n in (1, 4, 6)
-        ),
+        *(([MODEL], [replace(SETTINGS, K=(0.0,) * n)], f"K has {n} entries, the drive 5 states") for n in (1, 4, 6)),
         ([MODEL], [replace(SETTINGS, P0=(1.0, 1.0))], "P0 has 2 entries, 3 parameters are monitored"),
         (
             [MODEL],
@@ -112,9 +109,7 @@ def test_settings_at_the_ends_of_their_ranges() -> None:
         ),
     ],
 )
-def test_a_batch_whose_parts_do_not_fit(
-    models: list[AxisModel], settings: list[Settings], message: str
-) -> None:
+def test_a_batch_whose_parts_do_not_fit(models: list[AxisModel], settings: list[Settings], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         AxisBatch(models, settings)
 

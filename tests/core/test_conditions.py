@@ -91,9 +91,7 @@ def test_unknown_conditions_close_the_gate(seed: int, case: Case, start: int, le
     held = shift.copy()
     held[start : start + length] = shift[start - 1]
     uninformed, gated = (AxisMonitor(case.model, lively(case)) for _ in range(2))
-    assert uninformed.update(SampleBlock(*rec, shift=unknown)) == gated.update(
-        SampleBlock(*rec, shift=held, gate=gate)
-    )
+    assert uninformed.update(SampleBlock(*rec, shift=unknown)) == gated.update(SampleBlock(*rec, shift=held, gate=gate))
     assert state(uninformed) == state(gated)
 
 
@@ -157,21 +155,15 @@ def test_no_alarm_with_nominal_values_that_follow(seed: int, settings: Settings)
     assert false <= binom.isf(BY_LUCK, SEEDS, FALSE_SHARE)
 
 
-@pytest.mark.parametrize(
-    ("parameter", "factor"), soaked([("kT", 1.2), ("1/Ja", 1.2), ("1/Ja", 0.8)], ("1/Ja", 1.2))
-)
-def test_the_same_fault_is_found_as_fast(
-    parameter: str, factor: float, seed: int, settings: Settings
-) -> None:
+@pytest.mark.parametrize(("parameter", "factor"), soaked([("kT", 1.2), ("1/Ja", 1.2), ("1/Ja", 0.8)], ("1/Ja", 1.2)))
+def test_the_same_fault_is_found_as_fast(parameter: str, factor: float, seed: int, settings: Settings) -> None:
     seed_range, fault = range(seed, seed + SEEDS), {parameter: factor}
     rec = posed(seed_range, fault)
     moving = watched(rec, settings, parameter, shift_of(rec))
     rest = watched(experiments(seed_range, fault), settings, parameter, None)
     ratio = float(np.median(moving.delay_s) / np.median(rest.delay_s))
     right = float(np.mean(moving.first == MODEL.monitored.index(parameter)))
-    print(
-        f"{parameter} x {factor}: {np.median(rest.delay_s):.2f} s at rest, {ratio:.2f} times that, right {right:.0%}"
-    )
+    print(f"{parameter} x {factor}: {np.median(rest.delay_s):.2f} s at rest, {ratio:.2f} times that, right {right:.0%}")
     assert ratio <= 1.5
     assert right > 0.75  # of 600 seeds 94 per cent, in the worst of the three
     assert moving.early.sum() <= binom.isf(BY_LUCK, SEEDS, FALSE_SHARE)

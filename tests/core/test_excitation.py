@@ -68,18 +68,14 @@ def test_the_ends_of_the_band_belong_to_it() -> None:
     assert lines_in(2000, 0.005, (0.3, 30.0), "odd").tolist() == list(range(3, 301, 2))
     assert lines_in(400, 0.005, (10.0, 10.0)).tolist() == [20]
     assert lines_in(64, 0.005, (0.0, 1e9)).tolist() == list(range(1, 32))
-    with pytest.raises(
-        ValueError, match=r"2000 samples 0\.005 s apart have no line between 0\.41 and 0\.49 Hz"
-    ):
+    with pytest.raises(ValueError, match=r"2000 samples 0\.005 s apart have no line between 0\.41 and 0\.49 Hz"):
         lines_in(2000, 0.005, (0.41, 0.49))
 
 
 @pytest.mark.parametrize(
     ("N", "band"), [(2000, (0.0, 30.0)), (1999, (0.5, 20.0)), (400, (10.0, 10.0)), (64, (0.0, 1e9))]
 )
-def test_the_short_form_has_the_lines_and_the_rms_value_asked_for(
-    N: int, band: tuple[float, float], seed: int
-) -> None:
+def test_the_short_form_has_the_lines_and_the_rms_value_asked_for(N: int, band: tuple[float, float], seed: int) -> None:
     x = multisine(np.random.default_rng(seed), N, 0.005, band, 1.23)
     assert np.sqrt(np.mean(x**2)) == pytest.approx(1.23, rel=1e-12)
     spectrum, lines = np.abs(np.fft.rfft(x)), lines_in(N, 0.005, band)
@@ -235,17 +231,13 @@ def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: Limits, s
     """Against another simulation, with 20 % more and less of it; a controller, or a linear drive, needs no words."""
     x = planned(seed, task(limits, two_masses(fc=0.3)))
     messages = [words for words in warnings(x) if "Coulomb friction" in words]
-    motions = [
-        replayed(replace(x.task.plant, values=two_masses(fc=fc)), x.motion.torque) for fc in (0.24, 0.36)
-    ]
+    motions = [replayed(replace(x.task.plant, values=two_masses(fc=fc)), x.motion.torque) for fc in (0.24, 0.36)]
     away, speed = (max(abs(m[i][-1]) for m in motions) for i in range(2))
     largest = max(np.abs(angle).max() for angle, _ in motions)
     assert len(messages) == 1
     (numbers,) = re.findall(r"ends up to (\S+) rad away, at up to (\S+) rad/s", messages[0])
     assert [float(n) for n in numbers] == pytest.approx([away, speed], rel=0.06)
-    assert (f"{100 * largest / limits.angle:.0f} % of the angle limit" in messages[0]) == (
-        largest > limits.angle
-    )
+    assert (f"{100 * largest / limits.angle:.0f} % of the angle limit" in messages[0]) == (largest > limits.angle)
     for other in (task(limits, two_masses(fc=0.3), command="angle"), task(limits)):
         assert not [words for words in warnings(planned(seed, other)) if "Coulomb friction" in words]
 
@@ -260,9 +252,7 @@ def test_what_has_the_limit_gets_the_low_peaks(seed: int) -> None:
 
 def test_a_torque_and_a_reference_are_of_one_motion(seed: int) -> None:
     """With friction, too: the drive under the torque alone goes where a good controller would have led it."""
-    given, followed = (
-        planned(seed, task(Limits(2, 20), two_masses(fc=0.3), command=c)) for c in ("torque", "angle")
-    )
+    given, followed = (planned(seed, task(Limits(2, 20), two_masses(fc=0.3), command=c)) for c in ("torque", "angle"))
     np.testing.assert_array_equal(given.motion.torque, followed.motion.torque)
     angle, _ = replayed(given.task.plant, given.motion.torque)
     reference = followed.trial.reference[0]
@@ -338,9 +328,7 @@ def test_predicted_deviations_are_those_of_many_estimates(torque_noise: float, s
             for n in names
         ]
     )
-    found = np.array(
-        [np.linalg.solve(p @ p.T, p @ e) for p, e in zip(psi.transpose(2, 0, 1), eps.T, strict=True)]
-    )
+    found = np.array([np.linalg.solve(p @ p.T, p @ e) for p, e in zip(psi.transpose(2, 0, 1), eps.T, strict=True)])
     ratio = found.std(axis=0) / x.accuracy.standard_deviations
     assert ratio == pytest.approx(1.0, abs=5 / np.sqrt(2 * runs))
 

@@ -35,9 +35,7 @@ def moved(seed: int, speed: float, scale: float, faster: float) -> tuple[Floats,
     rng = np.random.default_rng(seed)
     t, f = H * np.arange(SAMPLES, dtype=float), faster * np.array([0.31, 0.57, 0.9, 1.37, 2.1, 3.3])
     phase = rng.uniform(0, 2 * np.pi, (AXES, 6, 1))
-    wanted = (
-        speed / (2 * np.pi * f)[:, np.newaxis] / 3**0.5 * np.sin(2 * np.pi * np.outer(f, t) + phase)
-    ).sum(1)
+    wanted = (speed / (2 * np.pi * f)[:, np.newaxis] / 3**0.5 * np.sin(2 * np.pi * np.outer(f, t) + phase)).sum(1)
     wanted -= wanted[:, :1]
     rate, noise, b = np.gradient(wanted, H, axis=1), rng.standard_normal((2, AXES, SAMPLES)), 25.0
     q, v, u, y = np.zeros(AXES), np.zeros(AXES), np.zeros((AXES, SAMPLES)), np.zeros((AXES, SAMPLES))
@@ -48,9 +46,7 @@ def moved(seed: int, speed: float, scale: float, faster: float) -> tuple[Floats,
 
     for k in range(SAMPLES):
         y[:, k] = q + ENCODER_NOISE * noise[0, :, k]
-        u[:, k] = (
-            VALUES["J"] * (b**2 * (wanted[:, k] - q) + 1.4 * b * (rate[:, k] - v)) + 0.2 * noise[1, :, k]
-        )
+        u[:, k] = VALUES["J"] * (b**2 * (wanted[:, k] - q) + 1.4 * b * (rate[:, k] - v)) + 0.2 * noise[1, :, k]
         for _ in range(PARTS):
             h = H / PARTS
             a = acceleration(v + h / 2 * acceleration(v, u[:, k]), u[:, k])

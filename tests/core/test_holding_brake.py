@@ -18,9 +18,7 @@ from monitor_core.samples import SampleBlock
 from tests.core.chains import chain, one_mass, values
 from tests.core.moving_weight import MODEL, SETTINGS, moving
 
-MASS = AxisModel(
-    one_mass("angle"), {"kT": 1.0, "J": 0.01, "fm": 0.004, "fc": 0.1, "tau0": -1.0}, ("kT", "fm")
-)
+MASS = AxisModel(one_mass("angle"), {"kT": 1.0, "J": 0.01, "fm": 0.004, "fc": 0.1, "tau0": -1.0}, ("kT", "fm"))
 """A vertical linear axis: its weight always pulls with 1 N m, by which it falls with 100 rad/s^2."""
 N = 200
 T_US = np.arange(N, dtype=np.int64) * 5000

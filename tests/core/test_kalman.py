@@ -83,9 +83,7 @@ class Recursion(NamedTuple):
         return np.asarray(self.P @ self.C / self.S)
 
 
-@pytest.mark.parametrize(
-    ("name", "torque_noise"), soaked(product(DRIVES, (0.01, 0.1, 1.0)), *product(DRIVES, (0.1,)))
-)
+@pytest.mark.parametrize(("name", "torque_noise"), soaked(product(DRIVES, (0.01, 0.1, 1.0)), *product(DRIVES, (0.1,))))
 def test_gains_are_those_of_the_covariance_recursion(name: str, torque_noise: float) -> None:
     """In its steady state; and from there without its corrections, where samples are missing.
 

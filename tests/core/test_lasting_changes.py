@@ -62,9 +62,7 @@ def test_a_chattering_axis_has_one_alarm_that_is_announced_once(seed: int) -> No
     """kT changes each half minute, and comes back: one alarm of the tracker, which the off-delay raises once."""
     changes = chattering(seed)
     assert len({change.alarm.key for change in changes}) == 1
-    back = [
-        (before.alarm.ended_us, change) for before, change in pairwise(changes) if change.kind == "reopened"
-    ]
+    back = [(before.alarm.ended_us, change) for before, change in pairwise(changes) if change.kind == "reopened"]
     assert len(back) >= 3
     late = sum(change.alarm.updated_us - (ended_us or 0) >= OFF_DELAY_US for ended_us, change in back)
     assert late <= 1  # a time that was not found, between two others

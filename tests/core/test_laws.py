@@ -40,9 +40,7 @@ from tests.core.laws import (
 
 @law
 @given(seed=seeds, case=cases, way=ways, cuts=st.lists(st.integers(0, SAMPLES), max_size=4))
-def test_blocks_may_end_anywhere_and_states_be_saved(
-    seed: int, case: Case, way: Way, cuts: list[int]
-) -> None:
+def test_blocks_may_end_anywhere_and_states_be_saved(seed: int, case: Case, way: Way, cuts: list[int]) -> None:
     block, s = conditioned(seed, case, with_pause(seed, case)), lively(case, way)
     at_once, going, saved = (AxisMonitor(case.model, s) for _ in range(3))
     changes = list[AlarmChange]()

@@ -29,9 +29,7 @@ def linear(lam: float, torque_noise: float) -> tuple[AxisModel, Settings]:
     model = AxisModel(three_mass("speed"), VALUES, LINEAR)
     K = filter_gain(model, INTERVAL_S, torque_noise, NOISE["speed"])[0] if torque_noise else ()
     start = tuple((0.3 * model.scale) ** 2)
-    return model, Settings.paper(
-        INTERVAL_S, lam=lam, K=tuple(K), P0=start, settle_s=0.0, alpha2=1e9, joint_state=True
-    )
+    return model, Settings.paper(INTERVAL_S, lam=lam, K=tuple(K), P0=start, settle_s=0.0, alpha2=1e9, joint_state=True)
 
 
 def least_squares(psi: Floats, eps: Floats, settings: Settings) -> Floats:
@@ -45,9 +43,7 @@ def least_squares(psi: Floats, eps: Floats, settings: Settings) -> Floats:
 
 @pytest.mark.parametrize("lam", [FOREVER, 0.995, 0.98])
 @pytest.mark.parametrize("torque_noise", [0.0, 0.3], ids=["output error", "innovations"])
-def test_a_linear_regression_gives_recursive_least_squares(
-    torque_noise: float, lam: float, seed: int
-) -> None:
+def test_a_linear_regression_gives_recursive_least_squares(torque_noise: float, lam: float, seed: int) -> None:
     """Every estimate is that of weighted least squares in closed form, of psi and eps at nominal."""
     model, settings = linear(lam, torque_noise)
     rec = experiment(seed, {"kT": 1.2}, samples=400, fault_at=0)
@@ -153,17 +149,13 @@ def expected(rec: Experiment) -> tuple[Floats, Floats]:
     return np.array(theta), np.array(variance)
 
 
-def test_with_the_state_that_moves_it_is_the_joint_filter(
-    rec: Experiment, expected: tuple[Floats, Floats]
-) -> None:
+def test_with_the_state_that_moves_it_is_the_joint_filter(rec: Experiment, expected: tuple[Floats, Floats]) -> None:
     """Of 16 records they are 0.7 to 1.7 % of a standard deviation apart.
 
     Without the joint state it is 5 to 25 times as much.
     Friedland's separation but for a term of second order, and for K, which moves with theta there.
     """
-    s = Settings.paper(
-        INTERVAL_S, lam=LAM, lam0=LAM0, K=K, P0=tuple(P0), settle_s=0.0, alpha2=1e9, joint_state=True
-    )
+    s = Settings.paper(INTERVAL_S, lam=LAM, lam0=LAM0, K=K, P0=tuple(P0), settle_s=0.0, alpha2=1e9, joint_state=True)
     late, (theta, variance) = slice(500, None), expected
     apart = []
     for variant in (s, replace(s, joint_state=False)):

@@ -43,9 +43,7 @@ def test_a_nominal_value_follows_its_signals_and_no_other() -> None:
     assert shift[0, 2] == pytest.approx(-0.005 + 0.008)
 
 
-@pytest.mark.parametrize(
-    ("watched", "given"), [("1/Ja", "Ja"), ("Ja", "1/Ja"), ("Ja", "Ja"), ("1/Ja", "1/Ja")]
-)
+@pytest.mark.parametrize(("watched", "given"), [("1/Ja", "Ja"), ("Ja", "1/Ja"), ("Ja", "Ja"), ("1/Ja", "1/Ja")])
 def test_slopes_of_a_parameter_and_of_its_reciprocal_are_converted_exactly(watched: str, given: str) -> None:
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", watched))
     ja = REFERENCE_VALUES["Ja"]
@@ -61,9 +59,7 @@ def test_slopes_of_a_parameter_and_of_its_reciprocal_are_converted_exactly(watch
 def test_a_tenth_beyond_the_range_is_followed_and_no_more() -> None:
     reach = MARGIN * 40
     inside, outside = (20 - 0.99 * reach, 60 + 0.99 * reach), (20 - 1.01 * reach, 60 + 1.01 * reach)
-    shift, gate, reason = taken(
-        Conditions(("temperature",), (FRICTION,)), *((s,) for s in (*inside, *outside))
-    )
+    shift, gate, reason = taken(Conditions(("temperature",), (FRICTION,)), *((s,) for s in (*inside, *outside)))
     assert gate.all()
     assert np.isfinite(shift[:2, 2]).all()
     assert np.isnan(shift[2:, 2]).all()
@@ -84,9 +80,7 @@ def test_what_is_not_known_is_said() -> None:
 @pytest.mark.parametrize(("name", "slope"), [("fm", -1.0), ("Ja", -3.0), ("1/Ja", -3.0), ("1/Ja", 30.0)])
 def test_an_impossible_nominal_value_is_none(name: str, slope: float) -> None:
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("1/Ja", "fm"), bounds={"fm": (0.01, 0.1)})
-    value = {"Ja": REFERENCE_VALUES["Ja"], "1/Ja": 1 / REFERENCE_VALUES["Ja"], "fm": REFERENCE_VALUES["fm"]}[
-        name
-    ]
+    value = {"Ja": REFERENCE_VALUES["Ja"], "1/Ja": 1 / REFERENCE_VALUES["Ja"], "fm": REFERENCE_VALUES["fm"]}[name]
     i = 1 if name == "fm" else 0
     follow = Follow(name, Term.read("s"), slope * value, 0.0)
     shift, _, reason = taken(Conditions(("s",), (follow,)), (0.1,), (1.0,), model=model)
@@ -150,9 +144,7 @@ def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
         ("temperature", "angle2", "mode"), (FRICTION, inertia), (Gate("mode", (1.0, 2.0)),), min_speed=1.0
     )
     t_us, y = np.cumsum(rng.integers(0, 6000, 60)), np.cumsum(rng.normal(0, 0.005, 60))
-    signals = np.column_stack(
-        [rng.choice([NAN, 30.0, 45.0, 90.0], 60), rng.normal(0, 3, 60), rng.integers(0, 3, 60)]
-    )
+    signals = np.column_stack([rng.choice([NAN, 30.0, 45.0, 90.0], 60), rng.normal(0, 3, 60), rng.integers(0, 3, 60)])
     y[rng.random(60) < 0.05] = NAN
     at_once, parts = Operating(MODEL, conditions), Operating(MODEL, conditions)
     shift, gate = at_once.take(t_us, y, signals)
@@ -173,8 +165,6 @@ def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
         (Conditions((), (), (Gate("mode"),)), KeyError, "no signal mode"),
     ],
 )
-def test_what_cannot_be_followed_is_refused(
-    conditions: Conditions, error: type[Exception], words: str
-) -> None:
+def test_what_cannot_be_followed_is_refused(conditions: Conditions, error: type[Exception], words: str) -> None:
     with pytest.raises(error, match=words):
         Operating(MODEL, conditions)

@@ -40,9 +40,7 @@ def healthy(seed: int) -> Experiment:
 def strike(values: Floats, sizes: tuple[float, float], rng: np.random.Generator) -> tuple[Floats, np.ndarray]:
     """The values with a few outliers of either sign, their sizes even in logarithm; and which they are."""
     hit = rng.random(values.shape) < SHARE
-    size = np.exp(rng.uniform(np.log(sizes[0]), np.log(sizes[1]), values.shape)) * rng.choice(
-        [-1, 1], values.shape
-    )
+    size = np.exp(rng.uniform(np.log(sizes[0]), np.log(sizes[1]), values.shape)) * rng.choice([-1, 1], values.shape)
     return np.where(hit, values + size, values), hit
 
 
@@ -108,9 +106,7 @@ def test_what_healthy_records_show_is_no_outlier(settings: Settings, seed: int) 
     coloured = replace(settings, lam=0.98, settle_s=1.0, K=tuple(K), lam0=4 * lam0)
     clean, start = healthy(seed), 1000  # by then the running variance has come down
     y, hit = strike(clean.y, (7 * np.sqrt(lam0), 8 * np.sqrt(lam0)), np.random.default_rng(seed))
-    batch, _ = side_by_side(
-        MODEL, coloured, clean._replace(y=np.where(np.arange(len(y))[:, None] < start, clean.y, y))
-    )
+    batch, _ = side_by_side(MODEL, coloured, clean._replace(y=np.where(np.arange(len(y))[:, None] < start, clean.y, y)))
     assert batch.state.lam0_running.max() < 2 * lam0
     assert counted(batch) <= 2 < hit[start:].sum() / 10
 

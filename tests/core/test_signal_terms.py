@@ -28,9 +28,7 @@ def test_terms_are_read(text: str, factors: list[tuple[str, tuple[tuple[int, str
     assert Term.read(text).factors == tuple(factors)
 
 
-NAMES = st.tuples(
-    st.sampled_from("abz"), st.text("az09_", max_size=3), st.sampled_from(["", "-a", "-1"])
-).map("".join)
+NAMES = st.tuples(st.sampled_from("abz"), st.text("az09_", max_size=3), st.sampled_from(["", "-a", "-1"])).map("".join)
 FACTORS = st.builds(
     Factor,
     st.sampled_from(sorted(FUNCTIONS)),
@@ -68,9 +66,7 @@ def test_a_term_is_written_as_it_is_read(term: Term) -> None:
     ],
 )
 def test_what_is_no_term_is_refused(text: str) -> None:
-    with pytest.raises(
-        ValueError, match=r"is neither a signal nor one of cos\(...\), sin\(...\), square\(...\)"
-    ):
+    with pytest.raises(ValueError, match=r"is neither a signal nor one of cos\(...\), sin\(...\), square\(...\)"):
         Term.read(text)
 
 

@@ -29,9 +29,7 @@ def alone(case: Case) -> AxisMonitor:
     return AxisMonitor(case.model, case.settings(alpha2=1e9))
 
 
-def run(
-    monitor: AxisMonitor, rec: Experiment, start: int, stop: int | None = None, later_us: int = 0
-) -> None:
+def run(monitor: AxisMonitor, rec: Experiment, start: int, stop: int | None = None, later_us: int = 0) -> None:
     piece = slice(start, stop)
     monitor.update(SampleBlock(rec.t_us[piece] + later_us, rec.u[piece], rec.y[piece]))
 
@@ -143,9 +141,7 @@ def test_lost_samples_raise_no_alarm(lost: int, seed: int) -> None:
 def test_what_its_bounds_hold_is_invalid(seed: int) -> None:
     """A torque constant half as large again, and bounds that allow a tenth: no number, and the others have theirs."""
     model = replace(reference_model("speed"), bounds={"kT": (0.9, 1.1)})
-    settings = Settings.paper(
-        0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, information_floor=0.05, min_excitation=0.05
-    )
+    settings = Settings.paper(0.005, P0=(1e-2, 1e-6, 1e-4), settle_s=0.0, information_floor=0.05, min_excitation=0.05)
     monitor = AxisMonitor(model, settings)
     rec, held = experiment(seed, {"kT": 1.5}, samples=2000), list[bool]()
     run(monitor, rec, 0, 1400)
@@ -161,9 +157,7 @@ def test_what_its_bounds_hold_is_invalid(seed: int) -> None:
 
 def test_errors_far_beyond_the_model_are_invalid(seed: int) -> None:
     """Noise of twenty times what is expected, for ten memories of lambda_0."""
-    settings = Settings.paper(
-        0.005, lam=0.98, lam0=1.0, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0, joint_state=True
-    )
+    settings = Settings.paper(0.005, lam=0.98, lam0=1.0, P0=(1e-4, 1e-8, 1e-6), settle_s=0.0, joint_state=True)
     monitor = AxisMonitor(reference_model("speed"), settings)
     t, u, y = experiment(seed, samples=4000)
     monitor.update(SampleBlock(t[:2000], u[:2000], y[:2000]))
@@ -208,9 +202,7 @@ def test_numbers_of_a_parameter(own: tuple[Threshold, ...], seed: int) -> None:
         assert (p.name, p.nominal, p.estimate) == (case.monitored[i], case.model.theta0[i], st.theta[i, 0])
         assert p.p_diagonal == P_ii
         assert p.standard_deviation == pytest.approx(math.sqrt(settings.lam0 * P_ii / 1.97))
-        assert p.nu == pytest.approx(
-            threshold.alpha1 * math.sqrt(settings.lam0 * P_ii) + threshold.allowance * size
-        )
+        assert p.nu == pytest.approx(threshold.alpha1 * math.sqrt(settings.lam0 * P_ii) + threshold.allowance * size)
         assert p.h == pytest.approx(threshold.alpha2 * size)
         assert (p.g_up, p.g_down) == tuple(st.g[:, i, 0])
     assert monitor.status().time_us == 399 * 5000

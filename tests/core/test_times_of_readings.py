@@ -103,9 +103,7 @@ def test_disturbance_and_mean_go_together() -> None:
     disturbance_first = three_mass("speed").with_disturbance().with_mean_speed()
     assert (mean_first.mean_state, disturbance_first.mean_state) == (5, 6)
     values = {**REFERENCE_VALUES, "Td": 0.1}
-    lam0 = [
-        filter_gain(AxisModel(d, values, ("kT",)), H, 0.1, 1.0)[1] for d in (mean_first, disturbance_first)
-    ]
+    lam0 = [filter_gain(AxisModel(d, values, ("kT",)), H, 0.1, 1.0)[1] for d in (mean_first, disturbance_first)]
     assert lam0[0] == pytest.approx(lam0[1], rel=1e-9)
 
 
@@ -131,9 +129,7 @@ def watched(monitored: tuple[str, ...], u: Floats, y: Floats) -> tuple[AxisBatch
     else:
         model = AxisModel(three_mass("speed"), REFERENCE_VALUES, monitored)
     K, lam0 = filter_gain(model, H, TORQUE_NOISE, NOISE)
-    settings = Settings.paper(
-        H, K=tuple(K), lam0=lam0, settle_s=2.0, information_floor=0.05, min_excitation=0.05
-    )
+    settings = Settings.paper(H, K=tuple(K), lam0=lam0, settle_s=2.0, information_floor=0.05, min_excitation=0.05)
     settings = replace(settings, P0=steady_p(model, settings, range(20)))
     axes = u.shape[1]
     batch = AxisBatch([model] * axes, [settings] * axes)

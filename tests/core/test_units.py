@@ -50,11 +50,7 @@ class Units(NamedTuple):
 
     def model(self, model: AxisModel) -> AxisModel:
         own = {p.name: self.factor(p.unit) for p in model.drive.parameters} | {"kT": 1 / self.torque}
-        theta = {
-            n: own[base] ** (-1 if inverse else 1)
-            for n in model.monitored
-            for base, inverse in [split_name(n)]
-        }
+        theta = {n: own[base] ** (-1 if inverse else 1) for n in model.monitored for base, inverse in [split_name(n)]}
         return replace(
             model,
             nominal={name: value * own[name] for name, value in model.nominal.items()},
@@ -84,9 +80,7 @@ class Units(NamedTuple):
     way=ways,
     exponents=st.tuples(st.integers(-9, 9), st.integers(-9, 9), st.integers(0, 4)),
 )
-def test_units_scale_results_and_nothing_else(
-    seed: int, case: Case, way: Way, exponents: tuple[int, int, int]
-) -> None:
+def test_units_scale_results_and_nothing_else(seed: int, case: Case, way: Way, exponents: tuple[int, int, int]) -> None:
     """Torque, angle and time in other units: theta in its units, P and g with it, alarms at the same samples.
 
     But for the angle where there is weight: its cosine is that of radians; and for the time where outliers are passed

@@ -62,9 +62,7 @@ class Warmth:
 class WarmingPlant(MismatchPlant):
     """The plant in time, cold at first."""
 
-    def __init__(
-        self, rng: np.random.Generator, truth: Truth = NOMINAL, warming: Warming | None = None
-    ) -> None:
+    def __init__(self, rng: np.random.Generator, truth: Truth = NOMINAL, warming: Warming | None = None) -> None:
         super().__init__(truth, rng)
         self._warmth = Warmth(warming or Warming())
         self._broken: dict[str, float] = dict.fromkeys(("kT", "fc", "fm"), 1.0)

@@ -63,9 +63,7 @@ def run_program(
 
 
 @contextmanager
-def running(
-    *arguments: str | Path, log: Path, program: Sequence[str] = PROGRAM
-) -> Iterator[subprocess.Popen[bytes]]:
+def running(*arguments: str | Path, log: Path, program: Sequence[str] = PROGRAM) -> Iterator[subprocess.Popen[bytes]]:
     """A command that goes on; killed at the end if it is still there."""
     with log.open("ab") as file:
         process = subprocess.Popen(

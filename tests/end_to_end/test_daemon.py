@@ -99,9 +99,7 @@ def gives_the_same_bits(config: Path, last: list[dict[str, Any]], alarm: dict[st
         status = monitor.status()
         assert found["samples"] == rest_axis["samples"] == status.samples
         assert found["last_sample"] == rest_axis["last_sample"]
-        for p, rest, kept in zip(
-            found["parameters"], rest_axis["parameters"], status.parameters, strict=True
-        ):
+        for p, rest, kept in zip(found["parameters"], rest_axis["parameters"], status.parameters, strict=True):
             for name in ("estimate", "standard_deviation", "p_diagonal"):
                 assert p[name] == rest[name] == getattr(kept, name)
     assert [a["parameter"] for a in replayed[1]["alarms"]][:1] == ["fm"]
@@ -230,7 +228,5 @@ def wait_until_silent(d: Daemon) -> list[dict[str, Any]]:
     return wait_for(settled)
 
 
-def test_kill_9_at_any_moment_loses_no_shown_alarm_and_nothing_of_a_checkpoint(
-    tmp_path: Path, seed: int
-) -> None:
+def test_kill_9_at_any_moment_loses_no_shown_alarm_and_nothing_of_a_checkpoint(tmp_path: Path, seed: int) -> None:
     assert killed(tmp_path, seed, kills=4, while_starting=False)

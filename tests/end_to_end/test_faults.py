@@ -32,9 +32,7 @@ UNRECORDED = "cannot be recorded yet, is tried again"
 UNSAVED = "the state of the monitors cannot be saved"
 
 
-def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(
-    tmp_path: Path, seed: int
-) -> None:
+def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(tmp_path: Path, seed: int) -> None:
     config = demo_config(tmp_path, axes=1, service="checkpoint_interval_s = 1.0")
     with daemon(config) as d:
         limit_files(d, 1)
@@ -52,9 +50,7 @@ def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(
         alarms = d.get("api/v1/alarms?parameter=fm")["alarms"]
         assert min(alarm["raised"] for alarm in alarms) <= before
         assert 1 in [alarm["id"] for alarm in alarms], "under the number that was shown"
-        assert len({(alarm["direction"], alarm["raised"]) for alarm in alarms}) == len(alarms), (
-            "recorded once"
-        )
+        assert len({(alarm["direction"], alarm["raised"]) for alarm in alarms}) == len(alarms), "recorded once"
         assert d.get("api/v1/service")["checkpoint"] is not None
         assert d.stop() == 0
 
@@ -70,9 +66,7 @@ def messages(d: Daemon) -> list[str]:
     return found
 
 
-def test_a_fault_of_the_program_ends_it_with_1_and_a_clear_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_of_the_program_ends_it_with_1_and_a_clear_log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def update(_: FramePipeline) -> None:
         raise ZeroDivisionError("division by a fault")
 
@@ -132,9 +126,7 @@ def test_values_that_are_none_and_short_frames_change_nothing_and_a_second_signa
         assert [p["estimate"] for p in axis["parameters"]] == [p["nominal"] for p in axis["parameters"]]
         assert d.get("api/v1/service")["buses"][0]["dropped"]["too_short"] == 1
         assert 'axiswatch_frames_dropped_total{bus="can0",reason="too_short"} 1.0' in d.text("metrics")
-        assert 'axiswatch_values_dropped_total{axis="demo.axis1",reason="not_finite"} 20.0' in d.text(
-            "metrics"
-        )
+        assert 'axiswatch_values_dropped_total{axis="demo.axis1",reason="not_finite"} 20.0' in d.text("metrics")
         ends_at_once_by_a_second_signal(d)
 
 

@@ -43,9 +43,7 @@ def test_every_command_shown_is_run_here() -> None:
 
     What a daemon is needed for: in test_daemon.py.
     """
-    starts = {
-        " ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE
-    }
+    starts = {" ".join(line.split()[:2]) if line.startswith("axiswatch") else line.split()[0] for line in CONSOLE}
     commands = (
         "check listen run status alarms history baseline token backup restore simulate replay play model excite"
         " identify calibrate init"
@@ -53,9 +51,7 @@ def test_every_command_shown_is_run_here() -> None:
     assert starts == {"curl", *(f"axiswatch {name}" for name in (*commands.split(), "commission"))}
 
 
-@pytest.mark.parametrize(
-    "target", ["run", "test", "bench", "soak", "lint", "format", "docs", "lock", "image-test"]
-)
+@pytest.mark.parametrize("target", ["run", "test", "bench", "soak", "lint", "format", "docs", "lock", "image-test"])
 def test_targets_of_make(target: str, need: Callable[[str], str]) -> None:
     done = subprocess.run(
         [need("make"), "-n", target], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=True
@@ -114,9 +110,7 @@ def test_a_table_and_ten_lines_are_enough_to_identify_an_axis(tmp_path: Path, se
     assert abs(slope["slope"]) < 5 * slope["standard_deviation"] + 0.001 * values["fm"]
 
 
-def test_a_robot_is_commissioned_by_one_command(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_is_commissioned_by_one_command(tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "axis.toml").write_text(TOML[0], encoding="utf-8")
     write_record(tmp_path / "healthy.csv", load(write_robot(tmp_path), {}), 34, seed)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)
@@ -232,13 +226,9 @@ def test_the_drive_drawn_here_is_modelled_and_simulated(tmp_path: Path) -> None:
     assert (modelled.exit_code, modelled.stderr) == (0, "")
     assert all(name in modelled.stdout for name in ("Jm", "Ja", "k", "d", "f", "motor", "arm"))
     config = edit(demo_config(tmp_path, axes=1), ('drive = "three-mass"', 'drive = "two.mo"'))
-    text = re.sub(
-        r"^initial_p = .*\n|\[robot.axis.model.nominal\]\n(.* = .*\n)*", "", config.read_text(), flags=re.M
-    )
+    text = re.sub(r"^initial_p = .*\n|\[robot.axis.model.nominal\]\n(.* = .*\n)*", "", config.read_text(), flags=re.M)
     config.write_text(text.replace('["kT", "1/Ja", "fm"]', '["1/Ja", "f"]'), encoding="utf-8")
-    simulated = axiswatch(
-        "simulate", "--config", config, "--fault", "f=1.3", "--fault-after", "0.5", "--seconds", "1"
-    )
+    simulated = axiswatch("simulate", "--config", config, "--fault", "f=1.3", "--fault-after", "0.5", "--seconds", "1")
     assert (simulated.exit_code, simulated.stderr) == (0, "")
     assert "demo.axis1: f x 1.3" in simulated.stdout
 
@@ -251,14 +241,10 @@ def test_the_history_is_fetched_as_a_file(tmp_path: Path, monkeypatch: pytest.Mo
             done = axiswatch(*arguments(command, tmp_path))
             assert done.exit_code == 0, done.output
     journal.close()
-    assert (
-        (tmp_path / "axis1.csv").read_text(encoding="utf-8").startswith("time,parameter,unit,n,estimate_mean")
-    )
+    assert (tmp_path / "axis1.csv").read_text(encoding="utf-8").startswith("time,parameter,unit,n,estimate_mean")
 
 
-def test_an_alarm_is_followed_by_command_line_and_by_rest(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_alarm_is_followed_by_command_line_and_by_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every step shown is possible, in the order of the document: of alarm 1 by commands, of alarm 2 by REST.
 
     Both ways take the axis of alarm 2 out of service and return it.

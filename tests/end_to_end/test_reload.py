@@ -42,9 +42,7 @@ def asked_as(d: Daemon, host: str) -> int:
         return error.code
 
 
-def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refused(
-    tmp_path: Path, seed: int
-) -> None:
+def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refused(tmp_path: Path, seed: int) -> None:
     for name in ("first", "second"):
         (tmp_path / name).mkdir()
     config, other = demo_config(tmp_path / "first"), demo_config(tmp_path / "second")
@@ -91,9 +89,7 @@ def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refuse
             assert [link["name"] for link in d.get("api/v1/service")["links"]] == ["orders"]
 
             # A bus that cannot be opened: the one that was there goes on, and so do the links.
-            edit(
-                config, ('"no secret"', '"secret"'), ('"orders"', '"others"'), (away, 'channel = "10.0.0.1"')
-            )
+            edit(config, ('"no secret"', '"secret"'), ('"orders"', '"others"'), (away, 'channel = "10.0.0.1"'))
             assert "cannot open udp_multicast 10.0.0.1" in hung_up(d, REFUSED)["reason"]
             count = d.axis()["samples"]
             wait_for(lambda: d.axis()["samples"] > count + 200)

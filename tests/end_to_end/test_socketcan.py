@@ -40,9 +40,7 @@ def robot(config: Path, seed: int) -> Iterator[Callable[[], int]]:
             thread.join(PATIENCE_S)
             return sent[0].frames
 
-        thread = threading.Thread(
-            target=lambda: sent.append(run_robot(SimulatedRobot(read, seed), send_moment, stop))
-        )
+        thread = threading.Thread(target=lambda: sent.append(run_robot(SimulatedRobot(read, seed), send_moment, stop)))
         thread.start()
         try:
             yield end

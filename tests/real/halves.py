@@ -53,9 +53,7 @@ class RealAxis(NamedTuple):
         return load(folder / "axis.toml", {})
 
 
-def identified(
-    axis: RealAxis, half: str, folder: Path, request: Request | None = None
-) -> IdentificationReport:
+def identified(axis: RealAxis, half: str, folder: Path, request: Request | None = None) -> IdentificationReport:
     """Nominal values from that half, a text that selects it, into a file, even if they are rejected."""
     config = axis.config(folder, axis.guess)
     report = prepare(config, config.axes[0], [half], [], request or Request()).run(PROVENANCE)
@@ -79,9 +77,7 @@ class Watched(NamedTuple):
         return with_fault(MonitoredAxis(self.model, self.settings), self.block, change, start)
 
 
-def with_fault(
-    axis: MonitoredAxis, block: SampleBlock, change: Mapping[str, float], start: int
-) -> SampleBlock:
+def with_fault(axis: MonitoredAxis, block: SampleBlock, change: Mapping[str, float], start: int) -> SampleBlock:
     """The record if these values change by so much at sample ``start``: the torque that the same motion needs."""
     nominal = axis.model.nominal
     values = {**nominal, **{name: nominal[name] + by for name, by in change.items()}}

@@ -144,9 +144,7 @@ def after_fault(half: Watched, change: Mapping[str, float], begins_s: float) -> 
     alarms = half.alarms(half.with_fault(change, start))
     assert len({alarm.key for alarm in alarms}) == 1
     delay_s, last = (alarms[0].raised_us - int(half.block.t_us[start])) * 1e-6, alarms[-1]
-    print(
-        f"EMPS {change} at {begins_s:g} s: {last.parameter} {last.direction}, {last.size} after {delay_s:.2f} s"
-    )
+    print(f"EMPS {change} at {begins_s:g} s: {last.parameter} {last.direction}, {last.size} after {delay_s:.2f} s")
     assert last.doubt == ""
     return delay_s, last
 

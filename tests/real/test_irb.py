@@ -89,9 +89,7 @@ def test_a_fault_in_the_second_half_is_named(irb_record: SampleBlock, fault: Fau
     others = [i for i, name in enumerate(monitor.model.monitored) if name != fault.alarm[0]]
     assert g[:, others].max() < 10
     parameter = monitor.status().parameters[monitor.model.monitored.index(fault.alarm[0])]
-    assert parameter.estimate == pytest.approx(
-        parameter.nominal + fault.change, abs=3 * parameter.standard_deviation
-    )
+    assert parameter.estimate == pytest.approx(parameter.nominal + fault.change, abs=3 * parameter.standard_deviation)
 
 
 def raised(episodes: Sequence[Alarm]) -> set[tuple[str, str]]:

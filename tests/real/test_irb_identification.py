@@ -54,9 +54,7 @@ def simulation(record: Record) -> Estimate:
 @pytest.fixture(scope="module", params=[0, 1], ids=["first half", "second half"])
 def half(record: Record, request: pytest.FixtureRequest) -> Estimate:
     middle = record.duration_s / 2
-    return fit(
-        problem("output-error"), [between(record, request.param * middle, (request.param + 1) * middle)]
-    )
+    return fit(problem("output-error"), [between(record, request.param * middle, (request.param + 1) * middle)])
 
 
 def problem(predictor: Predictor) -> Problem:

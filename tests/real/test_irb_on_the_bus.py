@@ -143,9 +143,7 @@ def test_replay_of_the_recorded_frames_gives_the_same_state(played: Played) -> N
 def test_quantised_on_the_bus_the_record_gives_the_same_estimates(played: Played, irb_path: Path) -> None:
     live = played.axis["parameters"]
     for from_bus, from_file in zip(live, replayed(played, irb_path)["parameters"], strict=True):
-        assert from_bus["estimate"] == pytest.approx(
-            from_file["estimate"], abs=0.2 * from_file["standard_deviation"]
-        )
+        assert from_bus["estimate"] == pytest.approx(from_file["estimate"], abs=0.2 * from_file["standard_deviation"])
         assert from_bus["p_diagonal"] == pytest.approx(from_file["p_diagonal"], rel=0.2)
 
 

@@ -63,9 +63,7 @@ MEMORY_S = 3.0
 def read(records_dir: Path, name: str, folder: Path, joint: int) -> Loaded:
     """Columns without names: t, six angles, six speeds, six currents, .."""
     columns = {"time": 0, "angle": joint, "torque": 12 + joint}
-    return loaded(
-        records_dir / "ur10e" / name, folder, INTERVAL_S, {n: {"column": str(c)} for n, c in columns.items()}
-    )
+    return loaded(records_dir / "ur10e" / name, folder, INTERVAL_S, {n: {"column": str(c)} for n, c in columns.items()})
 
 
 @pytest.fixture(scope="module", params=soaked(JOINTS, 2), ids=lambda joint: f"joint {joint}")
@@ -88,9 +86,7 @@ def estimate(record: Record, joint: int) -> Estimate:
     return fit(Problem(drive, nominal, free, speed_scale=SPEED_SCALE), [record])
 
 
-def test_friction_of_the_halves_agrees(
-    halves: tuple[Estimate, Estimate], request: pytest.FixtureRequest
-) -> None:
+def test_friction_of_the_halves_agrees(halves: tuple[Estimate, Estimate], request: pytest.FixtureRequest) -> None:
     apart = differences(*halves)
     for name, z in apart.items():
         k = halves[0].names.index(name)
@@ -131,9 +127,7 @@ def test_a_weight_that_the_drive_lacks_is_named_and_refused(
     free = tuple(p.name for p in drive.parameters if p.name in START)
     nominal = {p.name: 1.0 if p.positive else 0.0 for p in drive.parameters}
     scale, *more = speed_scales([record])
-    options = IdentificationOptions(
-        monitored=WATCHED, unknown=free, start="records", speed_scales=tuple(more)
-    )
+    options = IdentificationOptions(monitored=WATCHED, unknown=free, start="records", speed_scales=tuple(more))
     result = identify(Problem(drive, nominal, free, speed_scale=scale), [record], (), options)
     print(f"UR10e joint {joint}: {result.verdict}, {result.held}, {dict(result.estimate.values)}")
     assert result.estimate.fit[0] > 99.9
@@ -142,9 +136,7 @@ def test_a_weight_that_the_drive_lacks_is_named_and_refused(
     assert (result.rejection is Rejection.POOR) == (quality is Quality.POOR)
 
 
-def of_whole_robot(
-    joint: int, pose: tuple[str, ...], records_dir: Path, folder: Path
-) -> IdentificationResult:
+def of_whole_robot(joint: int, pose: tuple[str, ...], records_dir: Path, folder: Path) -> IdentificationResult:
     """A joint while all six move, fitted to the first half and validated on the second; tau0 follows the pose."""
     columns = {"time": 0, "angle": joint, "torque": 12 + joint}
     path = records_dir / "ur10e" / "ur-20_02_19_14harm50sec.csv"
@@ -168,9 +160,7 @@ def of_whole_robot(
     return identify(problem, [first], [second], options)
 
 
-def test_the_weight_of_all_links_is_identified_while_all_joints_move(
-    records_dir: Path, tmp_path: Path
-) -> None:
+def test_the_weight_of_all_links_is_identified_while_all_joints_move(records_dir: Path, tmp_path: Path) -> None:
     """The shoulder holds the upper arm and, at the angle of both joints, the forearm; the elbow the forearm alone."""
     result = of_whole_robot(2, ("cos(q2)", "cos(q2 + q3)"), records_dir, tmp_path)
     print(f"UR10e joint 2, all moving: {result.verdict}, {list(result.slopes())}")
@@ -245,9 +235,7 @@ def test_no_row_of_a_sound_file_is_refused(name: str, records_dir: Path, tmp_pat
 
 
 @pytest.fixture(scope="module")
-def watched(
-    found: Estimate, record: Record, tmp_path_factory: pytest.TempPathFactory
-) -> tuple[AxisModel, Settings]:
+def watched(found: Estimate, record: Record, tmp_path_factory: pytest.TempPathFactory) -> tuple[AxisModel, Settings]:
     """What the daemon makes of a configuration with these values and noises, and else its defaults."""
     folder = tmp_path_factory.mktemp("joint")
     (folder / "joint.mo").write_text(ONE_MASS, encoding="utf-8")

@@ -70,9 +70,7 @@ def identified(folder: Path, records: Sequence[Path]) -> Path:
         axis: "nominal = {{ {} }}".format(", ".join(f"{n} = {v}" for n, v in values.items()))
         for axis, values in START.items()
     }
-    config = configured(
-        folder, "identify.toml", {axis: f"friction_speed_scale = 1.0\n{given[axis]}" for axis in AXES}
-    )
+    config = configured(folder, "identify.toml", {axis: f"friction_speed_scale = 1.0\n{given[axis]}" for axis in AXES})
     for axis in AXES:
         schedule = [word for text in SCHEDULES[axis] for word in ("--schedule", text)]
         found, page = folder / f"{axis}.toml", folder / f"{axis}.html"
@@ -89,9 +87,7 @@ def identified(folder: Path, records: Sequence[Path]) -> Path:
 def calibrated(config: Path, records: Sequence[Path], options: CalibrationOptions) -> Path:
     """The configuration with thresholds from these records, too."""
     write_thresholds(config, records, options)
-    lines = {
-        axis: f'nominal_file = "{axis}.toml"\nthresholds_file = "{axis}-thresholds.toml"' for axis in AXES
-    }
+    lines = {axis: f'nominal_file = "{axis}.toml"\nthresholds_file = "{axis}-thresholds.toml"' for axis in AXES}
     return configured(config.parent, "watched.toml", lines)
 
 

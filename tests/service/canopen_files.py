@@ -38,9 +38,7 @@ def eds(pdos: Sequence[Pdo] = TWO_PDOS) -> str:
     text += "\n[DummyUsage]\n" + "".join(f"Dummy000{n}=1\n" for n in range(1, 8))
     text += _entry("1005", "COB-ID SYNC", UINT32, "0x80")
     for number, pdo in enumerate(pdos):
-        text += _record(
-            f"18{number:02X}", [("5", UINT8), (pdo.cob_id, UINT32), (str(pdo.transmission), UINT8)]
-        )
+        text += _record(f"18{number:02X}", [("5", UINT8), (pdo.cob_id, UINT32), (str(pdo.transmission), UINT8)])
         mapped = [(f"0x{entry}", UINT32) for entry in pdo.objects]
         text += _record(f"1A{number:02X}", [(str(len(mapped)), UINT8), *mapped])
     text += _record("2030", [("1", UINT8), ("0", INT8)])

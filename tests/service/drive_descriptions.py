@@ -31,9 +31,7 @@ class Frame(NamedTuple):
 
 
 FRAMES = (
-    Frame(
-        "Drive", 0x181, False, 4, (Bits("Torque", 0, 16, 0.0625, "Nm"), Bits("Count", 16, 8, 1, "", False))
-    ),
+    Frame("Drive", 0x181, False, 4, (Bits("Torque", 0, 16, 0.0625, "Nm"), Bits("Count", 16, 8, 1, "", False))),
     Frame("Motion", 0x18FF0200, True, 8, (Bits("Angle", 15, 32, 0.0009765625, "rad", big=True),)),
 )
 
@@ -71,9 +69,7 @@ def table() -> list[dict[str, Any]]:
 
 
 def kcd() -> str:
-    text = (
-        '<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">\n<Document/>\n<Bus name="can0">\n'
-    )
+    text = '<NetworkDefinition xmlns="http://kayak.2codeornot2code.org/1.0">\n<Document/>\n<Bus name="can0">\n'
     for f in FRAMES:
         form = ' format="extended"' if f.extended else ""
         text += f'<Message id="{f.can_id:#x}" name="{f.name}" length="{f.length}"{form}>\n'

@@ -32,9 +32,7 @@ def alarms(file: Path, late: Path) -> list[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("monitor", [WATCHED, INERTIAS], ids=["kT", "Jm"])
-def test_a_torque_half_a_millisecond_late_is_named_and_is_no_inertia(
-    monitor: str, tmp_path: Path, seed: int
-) -> None:
+def test_a_torque_half_a_millisecond_late_is_named_and_is_no_inertia(monitor: str, tmp_path: Path, seed: int) -> None:
     file = written(tmp_path, monitor=monitor)
     late = record(tmp_path, file, seed, 0.0005)
     (alarm,) = alarms(file, late)

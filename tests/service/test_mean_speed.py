@@ -56,9 +56,7 @@ def test_the_model_has_the_mean_and_the_predictor_goes_with_it(tmp_path: Path) -
     assert len(settings.K_after) > 0
 
 
-def test_estimates_are_right_and_the_fault_is_found(
-    course: tuple[np.ndarray, np.ndarray], tmp_path: Path
-) -> None:
+def test_estimates_are_right_and_the_fault_is_found(course: tuple[np.ndarray, np.ndarray], tmp_path: Path) -> None:
     u, y = course
     after = run(read(tmp_path / "a"), u, y)
     before = run(read(tmp_path / "b"), u[:FAULT], y[:FAULT])
@@ -74,9 +72,7 @@ def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarra
     """The whole way: values 5 to 10 % off, a record, nominal.toml, the daemon with it quiet, the next motion."""
     wrong = ("fm = 0.06 ", "fm = 0.066 ")
     file = configured(tmp_path / "a", "interval_mean = true", wrong)
-    rows = [
-        f"{k * H:.3f},{a},{b}" for k, (a, b) in enumerate(zip(*(c.tolist() for c in course), strict=True))
-    ]
+    rows = [f"{k * H:.3f},{a},{b}" for k, (a, b) in enumerate(zip(*(c.tolist() for c in course), strict=True))]
     (tmp_path / "a.csv").write_text("t,u,phi\n" + "\n".join(rows[:FAULT]))
     found = tmp_path / "a" / "nominal.toml"
     args = ["identify", str(tmp_path / "a.csv"), "--config", str(file), "-o", str(found)]
@@ -104,8 +100,6 @@ def test_identified_watched_and_planned_with(course: tuple[np.ndarray, np.ndarra
 def test_a_resolution_of_counts_in_an_interval(tmp_path: Path) -> None:
     """A drive that counts increments: one more or less is a step of its mean speed."""
     step = 2 * math.pi / 4096 / H
-    file = configured(
-        tmp_path / "a", f"interval_mean = true\nresolution = {step!r}", ("output_noise = 0.02\n", "")
-    )
+    file = configured(tmp_path / "a", f"interval_mean = true\nresolution = {step!r}", ("output_noise = 0.02\n", ""))
     axis = load(file, {}).axes[0]
     assert axis_settings(axis, axis_model(axis.config)).lam0 > step**2 / 12

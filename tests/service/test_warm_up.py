@@ -208,9 +208,7 @@ def test_after_a_pause_the_models_wait_longer_than_the_tests_of_the_estimates(ma
     """What is left of the heat is not certain then; the tests of the estimates tolerate more."""
     text, plant = made.config.read_text(encoding="utf-8"), copy.deepcopy(made.plant)
     config = made.config.with_name("models.toml")
-    config.write_text(
-        re.sub("detector = .*", 'detector = { alarm_source = "multimodel" }', text), encoding="utf-8"
-    )
+    config.write_text(re.sub("detector = .*", 'detector = { alarm_source = "multimodel" }', text), encoding="utf-8")
     watchers, waited = [Watcher(path) for path in (made.config, config)], list[list[int]]()
     for seconds, pause_s in ((DAY_S / 3, 1.5), (5.0, 100.0), (100.0, 0.0)):
         waited.append([0, 0])
@@ -300,8 +298,7 @@ def test_warmer_than_in_the_records_it_waits_or_allows_for_more(made: Made) -> N
     usual = monitor.settings.tests(len(PARAMETERS))[2] * monitor.model.scale
     more = monitor.batch.allowance[:, monitor.lane] - usual
     slopes = {
-        s["parameter"]: s["slope"]
-        for s in tomllib.loads(made.config.with_name("nominal.toml").read_text())["schedule"]
+        s["parameter"]: s["slope"] for s in tomllib.loads(made.config.with_name("nominal.toml").read_text())["schedule"]
     }
     (thermal,) = (thermal_of(axis.config) for axis in load(made.config, {}).axes)
     assert thermal is not None
@@ -339,9 +336,7 @@ def test_the_heat_does_not_depend_on_the_cuts_between_blocks(made: Made) -> None
     assert at_once.heat is not None
     assert at_once.heat.known
     assert at_once.heat == parts.heat
-    for mine, other in zip(
-        at_once.monitor.to_arrays().values(), parts.monitor.to_arrays().values(), strict=True
-    ):
+    for mine, other in zip(at_once.monitor.to_arrays().values(), parts.monitor.to_arrays().values(), strict=True):
         np.testing.assert_array_equal(mine, other)
 
 

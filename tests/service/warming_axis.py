@@ -70,13 +70,9 @@ def configured(folder: Path, name: str, lines: str) -> Path:
 
 def on_a_bus(config: Path) -> Path:
     """The configuration with a bus, which the daemon and ``replay`` ask for."""
-    text = BUS + config.read_text(encoding="utf-8").replace(
-        "sample_interval_s", 'bus = "can0"\nsample_interval_s'
-    )
+    text = BUS + config.read_text(encoding="utf-8").replace("sample_interval_s", 'bus = "can0"\nsample_interval_s')
     for column, signal in (("torque", "Torque"), ("angle", "Angle")):
-        text = text.replace(
-            f'column = "{column}"', f'column = "{column}", message = "Axis1State", signal = "{signal}"'
-        )
+        text = text.replace(f'column = "{column}"', f'column = "{column}", message = "Axis1State", signal = "{signal}"')
     path = config.with_name("bus.toml")
     path.write_text(text, encoding="utf-8")
     return path
@@ -89,9 +85,7 @@ def identified(
     nominal = ", ".join(f"{name} = {value}" for name, value in values.items())
     config = configured(folder, "identify.toml", f"nominal = {{ {nominal} }}\n{lines}")
     found, page = folder / "nominal.toml", folder / "identify.html"
-    result = axiswatch(
-        "identify", *records, "--config", config, "--force", "-o", found, "--report", page, *words
-    )
+    result = axiswatch("identify", *records, "--config", config, "--force", "-o", found, "--report", page, *words)
     if result.exit_code:
         raise RefusedError(result.output[-1000:])
     return configured(folder, "axis.toml", 'nominal_file = "nominal.toml"\n'), result.output
@@ -138,9 +132,7 @@ class Watcher:
         return Watcher(self._config, restarted(self._config, self._monitors, START_US))
 
 
-def after_fault(
-    plant: WarmingPlant, watcher: Watcher, fault: Mapping[str, float], seconds: float
-) -> list[FaultAlarm]:
+def after_fault(plant: WarmingPlant, watcher: Watcher, fault: Mapping[str, float], seconds: float) -> list[FaultAlarm]:
     """All alarms, as named at last, within so many seconds of motion after the plant breaks now.
 
     Plant and monitor stay as they are.

@@ -50,9 +50,7 @@ def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pyt
     assert logs == []
 
 
-def test_the_second_process_compiles_what_the_first_then_uses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_second_process_compiles_what_the_first_then_uses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiled for other types than those of the kernel, a part would be there twice, and no second saved."""
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     assert CacheFiller().fill([Shape.FEW_AXES])

@@ -40,9 +40,7 @@ def over_runs(output: Output, torque_noise: float, time_constants: float, joint:
 
 # The state moves with the estimates; the paper's recursion needs an ample memory.
 @pytest.mark.parametrize(("output", "torque_noise"), CASES)
-@pytest.mark.parametrize(
-    ("time_constants", "joint", "within"), [(1.8, True, 0.2), (9.0, True, 0.1), (9.0, False, 0.1)]
-)
+@pytest.mark.parametrize(("time_constants", "joint", "within"), [(1.8, True, 0.2), (9.0, True, 0.1), (9.0, False, 0.1)])
 def test_reported_deviations_are_true_and_the_least(
     output: Output, torque_noise: float, time_constants: float, joint: bool, within: float, seed: int
 ) -> None:

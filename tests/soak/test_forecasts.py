@@ -32,9 +32,7 @@ def holds(rng: np.random.Generator, scatter: Scatter, late: bool) -> bool:
     truth_h = hours * (1 + rng.uniform(0.3, 2.0))
     since = rng.uniform(0.2, 0.6) * hours if late else 0.0
     slope = (LIMIT - SIZE) / (truth_h - since)
-    trend = trend_of(
-        months(rng, hours, lambda t: SIZE + slope * np.maximum(t - since, 0.0), *scatter), SIZE, 3600.0
-    )
+    trend = trend_of(months(rng, hours, lambda t: SIZE + slope * np.maximum(t - since, 0.0), *scatter), SIZE, 3600.0)
     assert trend is not None
     f, truth_us = forecast(trend, LIMIT, True), START_US + round(truth_h * HOUR_US)
     return f.low_us <= truth_us and (f.high_us is None or truth_us <= f.high_us)

@@ -49,9 +49,7 @@ def test_a_real_log_ten_times_as_fast(records_dir: Path, tmp_path: Path) -> None
     reader.close()
     stats, found = reader.stats(), concatenate_frames(taken)
     lasts_s = (frames.t_us[-1] - frames.t_us[0]) / 1e6
-    print(
-        f"\n{sent} frames in {took_s:.1f} s, {lasts_s / took_s:.1f} times as fast; up to {late_s:.2f} s late"
-    )
+    print(f"\n{sent} frames in {took_s:.1f} s, {lasts_s / took_s:.1f} times as fast; up to {late_s:.2f} s late")
     print(f"{found.size} taken, dropped {dict(stats.dropped)}")
     assert sent == frames.size == found.size + stats.dropped["kernel_overflow"] + stats.dropped["queue_full"]
     if found.size == frames.size:

@@ -122,8 +122,6 @@ def test_six_axes_stay_far_below_the_bound_for_a_year(tmp_path: Path) -> None:
             (number,) = connection.execute(f"SELECT count(*) FROM {table}").fetchone()
             per_day[table] = size / number * DAY_S / max(period_s, INTERVAL_S)
     year = len(series) * sum(per_day[table] * min(365, age_s / DAY_S) for table, age_s in AGES.items())
-    print(
-        {table: f"{size:.0f} bytes a day" for table, size in per_day.items()}, f"a year: {year / 1e6:.0f} MB"
-    )
+    print({table: f"{size:.0f} bytes a day" for table, size in per_day.items()}, f"a year: {year / 1e6:.0f} MB")
     assert year < 0.5e9
     store.close()

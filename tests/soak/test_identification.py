@@ -44,9 +44,7 @@ WHITE = tuple(EXPERIMENTS)[:3]
 def experiment(request: pytest.FixtureRequest, seed: int) -> tuple[str, Spread]:
     make, noise = EXPERIMENTS[request.param]
     seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(SEEDS)]
-    found = Spread.joined(
-        [spread(make(seeds[k : k + AT_ONCE]), seed + k, noise) for k in range(0, SEEDS, AT_ONCE)]
-    )
+    found = Spread.joined([spread(make(seeds[k : k + AT_ONCE]), seed + k, noise) for k in range(0, SEEDS, AT_ONCE)])
     print(f"\n{request.param}: {found.lines()}")
     return request.param, found
 

@@ -47,9 +47,7 @@ def timed(what: str) -> Iterator[None]:
     print(f"{what}: {time.monotonic() - began:.0f} s")
 
 
-def test_from_a_device_to_a_running_daemon(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_from_a_device_to_a_running_daemon(tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """One axis, recorded for half a minute."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(commission, "options_for", lambda _budget_s: FEW)

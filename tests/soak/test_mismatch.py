@@ -79,9 +79,7 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     Raises:
         RefusedError: a command does.
     """
-    signal = multisine(
-        np.random.default_rng(seed), round(EXCITE_S / INTERVAL_S), INTERVAL_S, EXCITE_HZ, EXCITE_RMS
-    )
+    signal = multisine(np.random.default_rng(seed), round(EXCITE_S / INTERVAL_S), INTERVAL_S, EXCITE_HZ, EXCITE_RMS)
     excited = _written(folder / "excite.csv", plant.take(EXCITE_S, test=signal))
     operation = [_written(folder / "cold.csv", plant.take(RECORD_S))]
     for _ in range(round(BETWEEN_S / RECORD_S)):
@@ -116,9 +114,7 @@ def _identified(folder: Path, values: dict[str, float], records: list[Path], *wo
     text = ", ".join(f"{name} = {value}" for name, value in values.items())
     config.write_text(AXIS % f"nominal = {{ {text} }}", encoding="utf-8")
     found.unlink(missing_ok=True)
-    result = axiswatch(
-        "identify", *records, "--config", config, "--force", "-o", found, "--report", page, *words
-    )
+    result = axiswatch("identify", *records, "--config", config, "--force", "-o", found, "--report", page, *words)
     names = " ".join(path.name for path in records)
     if result.exit_code:
         print(f"identify {names}: {result.output.splitlines()[-1]}")
@@ -207,12 +203,9 @@ def test_twenty_plants(seed: int, tmp_path: Path) -> None:
         f" {len(plants)} plants; refused {refused}"
     )
     alarms_by_fault = {
-        name: [(a, true) for plant in plants for fault, a, true in plant.found if fault == name]
-        for name in FAULTS
+        name: [(a, true) for plant in plants for fault, a, true in plant.found if fault == name] for name in FAULTS
     }
-    share = {
-        name: float(np.mean([right(name, a) for a, _ in alarms])) for name, alarms in alarms_by_fault.items()
-    }
+    share = {name: float(np.mean([right(name, a) for a, _ in alarms])) for name, alarms in alarms_by_fault.items()}
     for name, (factor, seconds) in FAULTS.items():
         good = [(a, true) for a, true in alarms_by_fault[name] if a is not None and right(name, a)]
         delay, size = (np.median([getattr(a, field) for a, _ in good]) for field in ("named_s", "size"))

@@ -35,12 +35,8 @@ def tried(number: int, seed: int, folder: Path) -> tuple[list[str], list[Tried]]
     config = identified(folder, [first])
     config = calibrated(config, [write(folder / "second.csv", arm.take(CALIBRATE_S))], BUDGET)
     watcher = Watcher(config)
-    false = {
-        f"{axis}: {e.first} at {e.raised_us * 1e-6:.0f} s" for axis, e in watcher.take(arm.take(HEALTHY_S))
-    }
-    found = [
-        Tried(number, name, after_change(arm, watcher, case.changes, WATCH_S)) for name, case in CASES.items()
-    ]
+    false = {f"{axis}: {e.first} at {e.raised_us * 1e-6:.0f} s" for axis, e in watcher.take(arm.take(HEALTHY_S))}
+    found = [Tried(number, name, after_change(arm, watcher, case.changes, WATCH_S)) for name, case in CASES.items()]
     return sorted(false), found
 
 

@@ -47,9 +47,7 @@ def monitors() -> AxisMonitors:
     return AxisMonitors(load(shipped("demo/axiswatch.toml"), {}).axes)
 
 
-def test_an_hour_without_a_fault_is_an_hour_without_an_alarm(
-    config: Config, monitors: AxisMonitors, seed: int
-) -> None:
+def test_an_hour_without_a_fault_is_an_hour_without_an_alarm(config: Config, monitors: AxisMonitors, seed: int) -> None:
     changes = list(run(SimulatedRobot(config, seed), monitors, HOUR_S))
     assert changes == []
     for monitor in monitors.by_id.values():

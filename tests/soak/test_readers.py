@@ -53,9 +53,7 @@ def test_twenty_clients_that_ask_for_histories_cost_no_sample(tmp_path: Path, se
         assert d.stop() == 0
     found = {axis["name"]: (axis["samples"], sum(axis["dropped"].values())) for axis in axes}
     print({axis["name"]: (axis["dropped"], axis["clock"], axis["counters"], axis["stamps"]) for axis in axes})
-    print(
-        f"answers by status: {dict(answers)}; samples and drops: {found}; frames: {bus['frames']}, {bus['dropped']}"
-    )
+    print(f"answers by status: {dict(answers)}; samples and drops: {found}; frames: {bus['frames']}, {bus['dropped']}")
     assert answers[200] > CLIENTS
     assert sum(bus["dropped"].values()) == 0
     for samples, dropped in found.values():

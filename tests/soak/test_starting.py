@@ -26,9 +26,7 @@ MASSES = {"two": 2, "three": 3, "five": 5}
 )
 @pytest.mark.parametrize("way", ["scratch", "given"])
 @pytest.mark.parametrize("name", CASES)
-def test_fits_end_at_the_optimum(
-    name: str, way: Way, output: Output, noise: float, seeds: int, seed: int
-) -> None:
+def test_fits_end_at_the_optimum(name: str, way: Way, output: Output, noise: float, seeds: int, seed: int) -> None:
     case, what = CASES[name], f"{name} masses {WORDS[way]}, {output} with {noise:g} of the noise"
     good = _count(what, lambda k: case.away(seed + k, way, noise, output), seeds)
     assert good >= at_least(seeds, case.of_hundred)

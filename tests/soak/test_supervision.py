@@ -105,9 +105,7 @@ def delays(settings: Settings, fault: dict[str, float], seed: int, day: Axis | N
     ("lam", "joint", "fault"), [(0.995, False, {"kT": 1.2}), (0.98, True, {"kT": 1.5})], ids=["1s", "0.25s"]
 )
 @pytest.mark.parametrize("kind", ["standing", "braked", "constant speed", "sine"])
-def test_a_day_with_an_hour_of_motion(
-    kind: str, lam: float, joint: bool, fault: dict[str, float], seed: int
-) -> None:
+def test_a_day_with_an_hour_of_motion(kind: str, lam: float, joint: bool, fault: dict[str, float], seed: int) -> None:
     """The fault comes right after the long pause and five seconds of motion: medians of 200 axes each.
 
     With 0.98, a quarter of a second, a change of 20 % would be four standard deviations: the fault is larger there.
@@ -123,9 +121,7 @@ def test_a_day_with_an_hour_of_motion(
     assert day.alarms == []
     rested, fresh = delays(settings, fault, seed, day), delays(settings, fault, seed, None)
     ratio = np.median(rested) / np.median(fresh)
-    print(
-        f"delay after the pause {np.median(rested):.2f} s, without one {np.median(fresh):.2f} s: {ratio:.3f}"
-    )
+    print(f"delay after the pause {np.median(rested):.2f} s, without one {np.median(fresh):.2f} s: {ratio:.3f}")
     assert 0.8 < ratio < 1.2
 
 

@@ -96,9 +96,7 @@ def watched(number: int, seed: int, folder: Path) -> Run:
             for piece in range(2):
                 for e in watcher.take(plant.take(DAY_S / 4)):
                     if e.key not in seen:
-                        false.append(
-                            f"day {day}, {half}: {e.parameter} {e.direction} {e.stage}, {watcher.heat}"
-                        )
+                        false.append(f"day {day}, {half}: {e.parameter} {e.direction} {e.stage}, {watcher.heat}")
                     seen.add(e.key)
                 hours += DAY_S / 4 / 3600
                 if day in (0, 3, DAYS - 1) and (part, piece) in ((0, 0), (1, 1)):
@@ -127,9 +125,7 @@ def test_ten_days_with_a_cold_start_each(seed: int, tmp_path: Path) -> None:
                 print(f"   {trial}", flush=True)
     tried = [trial for run in runs for trial in run.tried]
     false = sum(len(run.false) for run in runs)
-    print(
-        f"\n{false} false alarms in {sum(run.hours for run in runs):.0f} h of {len(runs)} axes; refused {refused}"
-    )
+    print(f"\n{false} false alarms in {sum(run.hours for run in runs):.0f} h of {len(runs)} axes; refused {refused}")
     for fault in FAULTS:
         own = [trial for trial in tried if trial.fault == fault]
         good = [trial.alarms[0] for trial in own if trial.right]

@@ -53,9 +53,7 @@ def days_of(number: int, seed: int, folder: Path) -> tuple[list[str], list[Tried
 
 def changed(number: int, arm: WarmingArm, watcher: Watcher) -> list[Tried]:
     """What is made of each change, if it happened now."""
-    return [
-        Tried(number, name, after_change(arm, watcher, case.changes, WATCH_S)) for name, case in CASES.items()
-    ]
+    return [Tried(number, name, after_change(arm, watcher, case.changes, WATCH_S)) for name, case in CASES.items()]
 
 
 def test_days_with_a_cold_start_each(seed: int, tmp_path: Path) -> None:

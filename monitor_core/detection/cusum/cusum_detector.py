@@ -239,9 +239,7 @@ def _causes(e: Evidence, alarm: Alarm, named: Sequence[Alarm] = ()) -> Causes:
     return single_faults(d, V + e.allowed, known, prior, e.payload)
 
 
-def _sizes(
-    e: Evidence, since_us: int, changed: Sequence[Alarm], allowed: Floats
-) -> list[tuple[float, float]]:
+def _sizes(e: Evidence, since_us: int, changed: Sequence[Alarm], allowed: Floats) -> list[tuple[float, float]]:
     """Size and standard deviation since ``since_us`` of each alarm, given that no other parameters have changed."""
     d, V = e.since(since_us)
     estimates = sizes(d, V + allowed, [e.parameters.index(alarm.parameter) for alarm in changed], e.payload)
@@ -272,8 +270,7 @@ def _reported(e: Evidence, causes: Causes) -> tuple[Cause, ...]:
     order = np.argsort(-causes.probability, kind="stable")
     names = [e.parameters[k] for k in order]
     ordered = [
-        Cause(name, float(causes.probability[k]), _alike(e, causes, name))
-        for name, k in zip(names, order, strict=True)
+        Cause(name, float(causes.probability[k]), _alike(e, causes, name)) for name, k in zip(names, order, strict=True)
     ]
     return tuple(cause for cause in ordered if cause.probability >= MIN_PROBABILITY)
 

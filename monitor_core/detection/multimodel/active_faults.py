@@ -64,8 +64,7 @@ class ActiveFaults:
         """
         known = {hypothesis.cause: hypothesis for hypothesis in reversed(self.hypotheses)}
         self._active = {
-            cause: known[cause] if math.isnan(size) else self._of_size(cause, size)
-            for cause, size in sizes.items()
+            cause: known[cause] if math.isnan(size) else self._of_size(cause, size) for cause, size in sizes.items()
         }
 
     def lanes(self) -> tuple[Hypothesis, ...]:
@@ -125,9 +124,7 @@ class ActiveFaults:
     def with_total_sizes(self, shares: tuple[Share, ...]) -> tuple[Share, ...]:
         """The shares with the sizes of the active faults added."""
         before = {
-            cause: hypothesis.size
-            for cause, hypothesis in self._active.items()
-            if not math.isnan(hypothesis.size)
+            cause: hypothesis.size for cause, hypothesis in self._active.items() if not math.isnan(hypothesis.size)
         }
         return tuple(replace(share, size=share.size + before.get(share.cause, 0.0)) for share in shares)
 
@@ -135,16 +132,14 @@ class ActiveFaults:
         """The hypothesis of a cause with this size: one of the bank, or a new one."""
         own = [hypothesis for hypothesis in self.hypotheses if hypothesis.cause == cause]
         same = (hypothesis for hypothesis in own if hypothesis.size == size or math.isnan(hypothesis.size))
-        return next(same, None) or replace(
-            hypothesis_of(self._model, self._settings, cause, size), alike=own[0].alike
-        )
+        return next(same, None) or replace(hypothesis_of(self._model, self._settings, cause, size), alike=own[0].alike)
 
     def to_array(self) -> Floats:
         """Index of the cause and size of each active fault (k, 2), to be saved."""
         causes = self.causes
-        return np.array(
-            [(causes.index(c), hypothesis.size) for c, hypothesis in self._active.items()], float
-        ).reshape(-1, 2)
+        return np.array([(causes.index(c), hypothesis.size) for c, hypothesis in self._active.items()], float).reshape(
+            -1, 2
+        )
 
     def from_array(self, rows: Floats) -> None:
         """Restore the faults from ``to_array``.

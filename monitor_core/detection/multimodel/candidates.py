@@ -101,15 +101,11 @@ def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float)
     plain: dict[str, Callable[[], Hypothesis]] = {
         TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size)), is_gain=True),
         # A last resort: the scale of an encoder is fixed by design, and a change of it looks almost like one of kT.
-        OUTPUT_SCALE: lambda: Hypothesis(
-            cause, size, output=Distortion(math.exp(size)), weight=_LAST, is_gain=True
-        ),
+        OUTPUT_SCALE: lambda: Hypothesis(cause, size, output=Distortion(math.exp(size)), weight=_LAST, is_gain=True),
         TORQUE_SIGN: lambda: Hypothesis(cause, torque=Distortion(-1.0)),
         OUTPUT_SIGN: lambda: Hypothesis(cause, output=Distortion(-1.0)),
         DELAY: lambda: Hypothesis(cause, size, delay_s=size * settings.interval_s),
-        OUTPUT_OFFSET: lambda: Hypothesis(
-            cause, size, output=Distortion(offset=size * math.sqrt(settings.lam0))
-        ),
+        OUTPUT_OFFSET: lambda: Hypothesis(cause, size, output=Distortion(offset=size * math.sqrt(settings.lam0))),
         OUTPUT_STUCK: lambda: Hypothesis(cause, frozen=True),
     }
     return plain[cause]()
@@ -146,9 +142,7 @@ def _brakes_in_proportion(model: AxisModel, s: Settings, name: str) -> bool:
         return False
     K, model = s.gain(len(model.drive.states)), replace(model, monitored=(), scales={}, bounds={})
     doubled = {**model.nominal, name: 2 * model.nominal[name]}
-    before, after = (
-        slowest_time_constant(m, K, s.interval_s) for m in (model, replace(model, nominal=doubled))
-    )
+    before, after = (slowest_time_constant(m, K, s.interval_s) for m in (model, replace(model, nominal=doubled)))
     return after > before / math.sqrt(2)
 
 
@@ -177,9 +171,7 @@ def _lost_torque(model: AxisModel, s: Settings, cause: str, size: float) -> Hypo
     noise = math.sqrt(s.lam0 * (1 - _corrected(model, s)))
     K, lam = _random_torque(model, s.interval_s, noise, math.exp(size) * s.lam0)
     weight, still = (1.0, True) if cause == TORQUE_STUCK else (_LAST, False)
-    return Hypothesis(
-        cause, size, torque=Distortion(0.0), K=K, variance=lam / s.lam0, still=still, weight=weight
-    )
+    return Hypothesis(cause, size, torque=Distortion(0.0), K=K, variance=lam / s.lam0, still=still, weight=weight)
 
 
 def _corrected(model: AxisModel, s: Settings) -> float:
@@ -188,9 +180,7 @@ def _corrected(model: AxisModel, s: Settings) -> float:
     return float(min(C @ s.gain(len(C)), 0.99))
 
 
-def _random_torque(
-    model: AxisModel, interval_s: float, noise: float, lam: float
-) -> tuple[tuple[float, ...], float]:
+def _random_torque(model: AxisModel, interval_s: float, noise: float, lam: float) -> tuple[tuple[float, ...], float]:
     """Gain and innovation variance for the torque noise with which the variance is ``lam``; by bisection."""
     low, high = -12.0, 12.0
     K, found = filter_gain(model, interval_s, noise, noise)
@@ -301,9 +291,7 @@ def chosen(every: Sequence[Hypothesis], distinct: Sequence[Distinct]) -> tuple[H
     return tuple(replace(every[d.place], alike=d.alike) for d in distinct)
 
 
-def distinct_candidates(
-    model: AxisModel, settings: Settings, every: Sequence[Hypothesis]
-) -> tuple[Distinct, ...]:
+def distinct_candidates(model: AxisModel, settings: Settings, every: Sequence[Hypothesis]) -> tuple[Distinct, ...]:
     """Find the candidates that change the data, each in another way.
 
     Their predictions for one random record are compared over its second half.

@@ -70,9 +70,7 @@ class Hypothesis:
         numbers += [*self.factors.values(), *self.shifts.values()]
         positive = [self.variance, self.weight, abs(self.output.scale)]
         if not (all(map(math.isfinite, numbers + positive)) and min(positive) > 0):
-            raise ValueError(
-                f"a hypothesis of {self.cause!r} with numbers that are not finite, or not positive"
-            )
+            raise ValueError(f"a hypothesis of {self.cause!r} with numbers that are not finite, or not positive")
 
     @property
     def has_steps(self) -> bool:
@@ -81,12 +79,8 @@ class Hypothesis:
 
     def after(self, base: "Hypothesis") -> "Hypothesis":
         """This change in addition to ``base``."""
-        factors = {
-            n: self.factors.get(n, 1.0) * base.factors.get(n, 1.0) for n in {**base.factors, **self.factors}
-        }
-        shifts = {
-            n: self.shifts.get(n, 0.0) + base.shifts.get(n, 0.0) for n in {**base.shifts, **self.shifts}
-        }
+        factors = {n: self.factors.get(n, 1.0) * base.factors.get(n, 1.0) for n in {**base.factors, **self.factors}}
+        shifts = {n: self.shifts.get(n, 0.0) + base.shifts.get(n, 0.0) for n in {**base.shifts, **self.shifts}}
         return Hypothesis(
             cause=self.cause,
             size=self.size,

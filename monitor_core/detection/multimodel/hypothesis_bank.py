@@ -247,9 +247,7 @@ class HypothesisBank:
         """Run samples with the same nominal values."""
         done, events = 0, list[Event]()
         while done < len(block.t):
-            done = run_hypotheses(
-                self._lanes, self._tables, self._predictors, self._memory, block, done, trace
-            )
+            done = run_hypotheses(self._lanes, self._tables, self._predictors, self._memory, block, done, trace)
             if self._memory.integers[kernel.WAIT, 0] == 0:
                 events += self._decide(int(block.t[done - 1]))
         return events

@@ -204,6 +204,4 @@ def _moving(model: AxisModel, acts: Floats) -> Ints:
     """Indices of the inputs that depend on motion or pose and have an effect under any hypothesis."""
     kinds = model.drive.inputs
     of_input = np.abs(acts.reshape(-1, len(kinds), acts.shape[1])).max(axis=(0, 2))
-    return np.array(
-        [c for c, kind in enumerate(kinds) if kind in (*OF_MOTION, WEIGHT) and of_input[c]], dtype=np.int64
-    )
+    return np.array([c for c, kind in enumerate(kinds) if kind in (*OF_MOTION, WEIGHT) and of_input[c]], dtype=np.int64)

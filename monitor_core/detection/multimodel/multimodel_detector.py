@@ -125,9 +125,7 @@ def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisB
     # if the drive filters its torque.  Its evidence varies with the motion and with any fault, so faults would be
     # reported as a delay: leave these hypotheses out.
     own = [limit for limit in limits.own if not (limit.cause == DELAY and limit.allowance > 0)]
-    found = [
-        replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike) for limit in own
-    ]
+    found = [replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike) for limit in own]
     h, allowance = (np.array([getattr(limit, name) for limit in own]) for name in ("h", "allowance"))
     return HypothesisBank(model, settings, found, h, allowance)
 
@@ -137,9 +135,7 @@ class _Defaults(NamedTuple):
     hypotheses: tuple[Hypothesis, ...]
 
 
-def _defaults(
-    model: AxisModel, settings: Settings, distinct: tuple[Distinct, ...] | None = None
-) -> _Defaults:
+def _defaults(model: AxisModel, settings: Settings, distinct: tuple[Distinct, ...] | None = None) -> _Defaults:
     """Hypotheses for axes without calibrated limits: the distinct candidates, which are computed if not given.
 
     Raises:

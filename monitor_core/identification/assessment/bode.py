@@ -106,9 +106,7 @@ def _regular(records: Sequence[Record], interval_s: float) -> tuple[list[Record]
     return [resample(record, coarsest_s) for record in cut], (words,)
 
 
-def _tried(
-    name: str, find: Callable[[], FrequencyResponse]
-) -> tuple[FrequencyResponse | None, tuple[str, ...]]:
+def _tried(name: str, find: Callable[[], FrequencyResponse]) -> tuple[FrequencyResponse | None, tuple[str, ...]]:
     try:
         return find(), ()
     except ValueError as error:

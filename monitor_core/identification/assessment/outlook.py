@@ -54,9 +54,7 @@ class Outlook:
     ``sizes``: sizes given by the user, by name of the parameter; for the others the size is the value.
     """
 
-    def __init__(
-        self, estimate: Estimate, records: Sequence[Record], sizes: Mapping[str, float] = {}
-    ) -> None:
+    def __init__(self, estimate: Estimate, records: Sequence[Record], sizes: Mapping[str, float] = {}) -> None:
         self._estimate, self._records, self._sizes = estimate, records, sizes
         self._duration_s = sum(record.duration_s for record in records)
 
@@ -121,9 +119,7 @@ class Outlook:
             return None
         return (*(found.get(w.name, w) for w in without), found[LOAD])
 
-    def _changes(
-        self, names: Sequence[str], memory_s: float, weight: Mapping[str, float]
-    ) -> Mapping[str, float]:
+    def _changes(self, names: Sequence[str], memory_s: float, weight: Mapping[str, float]) -> Mapping[str, float]:
         """Smallest change of each parameter that shows within the memory if the others are monitored, too."""
         if not names:
             return {}

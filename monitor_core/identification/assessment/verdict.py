@@ -156,9 +156,7 @@ def verdict_of(
     found = Verdict(explained(traces), explained(validated), basis, ())
     ill_posed = found.quality is Quality.POOR and friction_dominates(estimate.problem, records)
     leaves_out = estimate.problem.min_speed > 0
-    if ill_posed or (
-        found.quality is not Quality.GOOD and (leaves_out or _weight_acts(estimate.problem, records))
-    ):
+    if ill_posed or (found.quality is not Quality.GOOD and (leaves_out or _weight_acts(estimate.problem, records))):
         fitted, other = (explained_torque(tried) for tried in (own, others or own))
         if min(fitted, other) > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)

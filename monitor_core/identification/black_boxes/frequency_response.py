@@ -58,9 +58,7 @@ class FrequencyResponse:
         return self.db - sigmas * self.sd_db, self.db + sigmas * self.sd_db
 
 
-def by_gradient(
-    frequency_hz: Floats, G: Complexes, dG: Complexes, root: Floats, name: str = ""
-) -> FrequencyResponse:
+def by_gradient(frequency_hz: Floats, G: Complexes, dG: Complexes, root: Floats, name: str = "") -> FrequencyResponse:
     """The delta method:  d log G = sum_i (dG/dtheta_i / G) dtheta_i,  real part the gain, imaginary part the phase.
 
     dG (F, p) are the derivatives with respect to theta, and root (p, r) has root root' the covariance of theta.
@@ -111,9 +109,7 @@ class Spectrum(NamedTuple):
     u: Complexes  # (F,)
 
 
-def local_response(
-    records: Sequence[Record] | Sequence[Regular], frequency_hz: ArrayLike
-) -> FrequencyResponse:
+def local_response(records: Sequence[Record] | Sequence[Regular], frequency_hz: ArrayLike) -> FrequencyResponse:
     """G at any frequencies (F,); NaN where the lines nearby are not excited.
 
     The records have one interval.  The polynomial of G is common, each stretch without a missing sample has its own
@@ -159,9 +155,7 @@ def _fit(spectra: Sequence[Spectrum], band: tuple[float, float], at: float) -> t
     """G and its variance: y on the powers of frequency times u, and on those alone for each stretch."""
     used = [(s, np.flatnonzero((s.frequency_hz >= band[0]) & (s.frequency_hz <= band[1]))) for s in spectra]
     used = [(s, k) for s, k in used if k.size > _DEGREE + 1]
-    powers = [
-        ((s.frequency_hz[k] - at) / (band[1] - band[0]))[:, None] ** np.arange(_DEGREE + 1) for s, k in used
-    ]
+    powers = [((s.frequency_hz[k] - at) / (band[1] - band[0]))[:, None] ** np.arange(_DEGREE + 1) for s, k in used]
     y, u = np.concatenate([s.y[k] for s, k in used]), np.concatenate([s.u[k] for s, k in used])
     X, T = np.vstack(powers) * u[:, None], block_diag(*powers)
     # Project out the transients first, so that only G remains.

@@ -80,8 +80,7 @@ def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, 
 def fits(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
     """NRMSE of each record, per cent, where a predictor leaves these errors."""
     return tuple(
-        _nrmse(np.where(s.counts, s.record.y, np.nan), e.eps)
-        for s, e in zip(predictor.series, errors, strict=True)
+        _nrmse(np.where(s.counts, s.record.y, np.nan), e.eps) for s, e in zip(predictor.series, errors, strict=True)
     )
 
 

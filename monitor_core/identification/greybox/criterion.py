@@ -214,9 +214,7 @@ def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> fl
     return criterion(predictor, predictor.start(), np.inf).cost
 
 
-def _search(
-    predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None
-) -> SearchResult:
+def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> SearchResult:
     longest, clipped = np.full((2, xi.size), np.inf)
     # Of an axis that stands at first, with errors that count from min_speed on, nothing determines the initial state.
     clipped[predictor.layout.shared :] = predictor.farthest_starts()

@@ -130,9 +130,7 @@ def _variance(end: SearchResult, errors: Sequence[Errors], limit: float) -> floa
     return clipped / freedom / _CLIPPED_VARIANCE
 
 
-def _information(
-    predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float
-) -> Information:
+def _information(predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float) -> Information:
     """Information on everything that the records share, including noise levels."""
     layout, shared = predictor.layout, predictor.layout.shared
     gradients, starts = [e.psi[:, :shared] for e in errors], [e.psi[:, shared:] for e in errors]

@@ -187,9 +187,7 @@ def information(
         known = np.isfinite(np.diag(accuracy.covariance))
         covariance = accuracy.covariance.copy()
         covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
-        return Information(
-            _consistent(accuracy, covariance), covariance * np.outer(sizes, sizes), white, order
-        )
+        return Information(_consistent(accuracy, covariance), covariance * np.outer(sizes, sizes), white, order)
 
 
 def _consistent(accuracy: Accuracy, covariance: Floats) -> Accuracy:

@@ -123,9 +123,7 @@ class Structure:
         for k, i in enumerate(self._free):
             slopes[:, k] = terms * self._exponent[:, i] / v[i] if v[i] else self._slopes(v, i)
         flat = self._constant + self._sums @ terms
-        return Linear(
-            *self._parts(flat * self._unit), *self._parts(self._sums @ slopes * self._unit[:, None])
-        )
+        return Linear(*self._parts(flat * self._unit), *self._parts(self._sums @ slopes * self._unit[:, None]))
 
     def _slopes(self, v: Floats, i: int) -> Floats:
         """d term / d v_i = c E_i v_i^(E_i - 1) ..., also where v_i = 0."""
@@ -138,9 +136,7 @@ class Structure:
 
     def _parts(self, flat: Floats) -> list[Floats]:
         split = np.split(flat, self._ends[1:-1])
-        return [
-            s.reshape(*self._shapes[part], *flat.shape[1:]) for part, s in zip(_PARTS, split, strict=True)
-        ]
+        return [s.reshape(*self._shapes[part], *flat.shape[1:]) for part, s in zip(_PARTS, split, strict=True)]
 
 
 # --- Mean speed for a fixed theta: the angle since the last sample over the interval ----------------------------------
@@ -219,9 +215,7 @@ def middle_speed(
         row, slopes = AB[state], dAB[state]
     half, dhalf = (np.multiply.outer(intervals_s / 2, part) for part in (row, slopes))
     friction = kinds == COULOMB
-    braked, dbraked = (
-        part[:, n:] * friction.reshape(shape) for part, shape in ((half, -1), (dhalf, (-1, 1)))
-    )
+    braked, dbraked = (part[:, n:] * friction.reshape(shape) for part, shape in ((half, -1), (dhalf, (-1, 1))))
     half[:, n:][:, friction] = 0.0
     dhalf[:, n:][:, friction] = 0.0
     if late_s is None:
@@ -233,9 +227,7 @@ def middle_speed(
     )
 
 
-def _late(
-    half: Floats, dhalf: Floats, torque: Ints, intervals_s: Floats, late_s: float
-) -> tuple[Floats, Floats]:
+def _late(half: Floats, dhalf: Floats, torque: Ints, intervals_s: Floats, late_s: float) -> tuple[Floats, Floats]:
     """Split the effect of the torque: a share (1 - late / h)^2 of the held torque, the rest of the torque before.
 
     See ``mean_torque_share`` of the kernel.

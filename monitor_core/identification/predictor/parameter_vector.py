@@ -58,9 +58,7 @@ class Layout:
         interval_s: the delay stays in the interval that it starts in.
     """
 
-    def __init__(
-        self, problem: Problem, drive: Drive, disturbance: Disturbance | None, interval_s: float
-    ) -> None:
+    def __init__(self, problem: Problem, drive: Drive, disturbance: Disturbance | None, interval_s: float) -> None:
         self._noise, self._nominal, self._delay_s = disturbance, dict(problem.nominal), problem.delay_s
         self._interval_s = interval_s
         self.free = problem.free

@@ -75,8 +75,7 @@ class Predictor:
         late = whole_intervals(problem.delay_s, self.interval_s)
         self._whole_s = late * self.interval_s
         self.series = [
-            series(record, names, late, [signal for _, signal in torques], problem.min_speed)
-            for record in records
+            series(record, names, late, [signal for _, signal in torques], problem.min_speed) for record in records
         ]
         start = self.layout.point(self.layout.start())
         self.d = AxisModel(acting, start.values, ()).balance()
@@ -263,9 +262,7 @@ class Predictor:
         if self.drive.mean_state >= 0:
             X, dX = hold_mean(system, torque, intervals_s, late, self.drive.mean_state, self.interval_s)
         else:
-            X, dX = (
-                hold(system, intervals_s) if late is None else hold_late(system, torque, intervals_s, late)
-            )
+            X, dX = hold(system, intervals_s) if late is None else hold_late(system, torque, intervals_s, late)
         return X, dX if late is None or self.layout.free_delay else dX[:, :-1]
 
     def _late_s(self, point: Point) -> float | None:
@@ -279,9 +276,7 @@ class Predictor:
         kinds, source = self._kinds[acts], self._source[acts]
         state = self.drive.speed_state if self.drive.output != "speed" else None
         late = self._late_s(point)
-        parts = [
-            middle_speed(system, kinds, state, s.intervals_s(j), late) for j, system in enumerate(levels)
-        ]
+        parts = [middle_speed(system, kinds, state, s.intervals_s(j), late) for j, system in enumerate(levels)]
         middle = MiddleSpeed(*(s.in_order(list(part)) for part in zip(*parts, strict=True)))
         if self.drive.speed_state < 0:  # no acceleration is known: friction is that of the measured speed
             middle = MiddleSpeed(*(0 * part for part in middle))

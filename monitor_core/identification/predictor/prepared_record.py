@@ -80,9 +80,7 @@ def series(
             raise ValueError(f"{record.name or 'record'}: the axis is nowhere as fast as {min_speed:g} rad/s")
         counts = measured * fast
     if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
-        raise ValueError(
-            f"{record.name or 'record'}: a delay of more than one interval needs equal intervals"
-        )
+        raise ValueError(f"{record.name or 'record'}: a delay of more than one interval needs equal intervals")
     u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
     weights = _filled([record.signals[name] for name in torques], len(record))
     return Series(record, u, y, measured, counts, np.append(step, 0), level, pairs, values, weights)

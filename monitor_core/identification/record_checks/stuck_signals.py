@@ -104,9 +104,7 @@ def _stuck(record: Record) -> Iterator[Finding]:
     t, y = record.t[k], record.y[k]
     if np.ptp(y) <= _SAME * max(1e-9, float(abs(y).max())):
         value = f"{y[0]:.6g} {record.unit}"
-        yield Finding(
-            "stuck", "refuse", f"the {record.quantity} is {value} throughout, whatever the torque", y[0]
-        )
+        yield Finding("stuck", "refuse", f"the {record.quantity} is {value} throughout, whatever the torque", y[0])
         return
     if (found := stuck_runs(record)).start.size:
         yield _says_stuck(record, t, found)

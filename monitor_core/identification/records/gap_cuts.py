@@ -73,7 +73,5 @@ def long_pieces(record: Record, shortest_s: float = 0.0) -> list[Record]:
     """
     if not (record.intervals > GAP * record.interval_s).any():
         return [record]
-    found = [
-        piece for piece in pieces(record) if len(piece) >= _MIN_SAMPLES and piece.duration_s >= shortest_s
-    ]
+    found = [piece for piece in pieces(record) if len(piece) >= _MIN_SAMPLES and piece.duration_s >= shortest_s]
     return found if sum(map(len, found)) >= _MIN_SHARE * len(record) else []

@@ -156,9 +156,7 @@ class Record:
         for name, values in arrays.items():
             if values.ndim != 1 or values.shape != arrays["t"].shape:
                 wanted = f"({arrays['t'].size},)" if arrays["t"].ndim == 1 else "one dimension"
-                raise ValueError(
-                    f"{self._what}: {name} has the shape {values.shape}, not {wanted} like the times"
-                )
+                raise ValueError(f"{self._what}: {name} has the shape {values.shape}, not {wanted} like the times")
         if arrays["t"].size < 2:
             raise ValueError(f"{self._what}: {arrays['t'].size} samples; at least two are needed")
 
@@ -167,9 +165,7 @@ class Record:
             raise ValueError(f"{self._what}: the time of sample {_first(~np.isfinite(t))} is not finite")
         if not (np.diff(t) > 0).all():
             k = _first(np.diff(t) <= 0)
-            raise ValueError(
-                f"{self._what}: times must increase, but after sample {k} at {t[k]} s comes {t[k + 1]} s"
-            )
+            raise ValueError(f"{self._what}: times must increase, but after sample {k} at {t[k]} s comes {t[k + 1]} s")
 
 
 def _first(where: Bools) -> int:

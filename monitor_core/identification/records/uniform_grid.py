@@ -152,9 +152,7 @@ def _filtered(record: Record, values: Floats, t: Floats, parts: int) -> tuple[Fl
         reach = len(taps) // 2
         # Beyond the ends the signal is continued by point reflection; samples affected by that are not valid.
         smooth = oaconvolve(np.pad(smooth, reach, mode="reflect", reflect_type="odd"), taps, mode="valid")
-    valid = _covered(
-        record.t[known], t, max(interval, 1.5 * grid_interval(record)), interval if parts > 1 else 0.0
-    )
+    valid = _covered(record.t[known], t, max(interval, 1.5 * grid_interval(record)), interval if parts > 1 else 0.0)
     inside = np.arange(fine.size)[::parts]
     valid &= (inside >= reach) & (inside < fine.size - reach)
     return smooth[::parts], valid

@@ -46,9 +46,7 @@ def names(masses: int) -> tuple[str, ...]:
     return (*J, *(f"{letter}{i}" for letter in "kd" for i in range(1, masses)))
 
 
-def problem_of(
-    masses: int, output: Output, like: Problem | None = None, friction: Sequence[str] = FRICTION
-) -> Problem:
+def problem_of(masses: int, output: Output, like: Problem | None = None, friction: Sequence[str] = FRICTION) -> Problem:
     """The chain with this number of masses, all free, with the settings of ``like``; its values have no meaning."""
     nominal = {
         **dict.fromkeys(names(masses), 1.0),

@@ -70,9 +70,7 @@ def rigid(problem: Problem, measured: Measured) -> tuple[FittedChain, ...]:
     w = 2 * np.pi * measured.frequency_hz
     order = 1 if measured.output == "speed" else 2
     a = np.median(np.abs(measured.target().G) * w**order)
-    return tuple(
-        _settled(problem, ChainParameters(problem), Modal(np.zeros(1), np.array([a]), w[:1] / 2), measured)
-    )
+    return tuple(_settled(problem, ChainParameters(problem), Modal(np.zeros(1), np.array([a]), w[:1] / 2), measured))
 
 
 def longer(problem: Problem, shorter: Sequence[FittedChain], measured: Measured) -> tuple[FittedChain, ...]:
@@ -87,9 +85,7 @@ def longer(problem: Problem, shorter: Sequence[FittedChain], measured: Measured)
     return tuple(distinct(grown))[:_BEAM]
 
 
-def _settled(
-    problem: Problem, parameters: ChainParameters, modal: Modal, measured: Measured
-) -> Iterator[FittedChain]:
+def _settled(problem: Problem, parameters: ChainParameters, modal: Modal, measured: Measured) -> Iterator[FittedChain]:
     """The chain with these modes, fitted; none where there is no such chain."""
     try:
         values = parameters.values(chain_of_modes(modal.p, modal.a), modal.decay)
@@ -149,8 +145,7 @@ def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ..
     peaks = at[(gain > 0) & (gain >= padded[:-2]) & (gain > padded[2:])]
     chosen = peaks[np.argsort(-gain[peaks])[:_MAX_MODES]]
     return tuple(
-        Mode(float(p[k]), float(a[best[k], k]), float(_DECAY_RATIOS[best[k]] * p[k]), float(gain[k]))
-        for k in chosen
+        Mode(float(p[k]), float(a[best[k], k]), float(_DECAY_RATIOS[best[k]] * p[k]), float(gain[k])) for k in chosen
     )
 
 

@@ -74,9 +74,7 @@ def grow(
             break
         if models and not found.cost < models[-1].estimate.cost:
             # With a stiff spring it is the shorter chain: larger errors only show that the search failed.
-            failed = (
-                "its search ended at larger errors than that with one mass fewer, so it missed the best fit"
-            )
+            failed = "its search ended at larger errors than that with one mass fewer, so it missed the best fit"
             break
         models = judged([*models, _of(masses, found, measured, validation)], records)
         if len(models) > 1 and not is_supported(*models[-2:]):
@@ -88,9 +86,7 @@ def grow(
 def _of(masses: int, found: Estimate, measured: Measured, validation: Sequence[Record]) -> ChainModel:
     aside = tuple(trace.fit for trace in traces_of(found.problem, validation)) if validation else ()
     chain_found = ChainParameters(found.problem).chain(found.problem.nominal)
-    return ChainModel(
-        masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0]))
-    )
+    return ChainModel(masses, found, 0.0, 0.0, 0.0, aside, doubt_of(chain_found, float(measured.frequency_hz[0])))
 
 
 # --- Chains of different length compared ------------------------------------------------------------------------------
@@ -152,9 +148,7 @@ def doubt_of(chain: Chain, lowest_hz: float) -> str:
         return f"one of them is only {lightest:.1g} of the whole inertia, too little for a part of a drive"
     slowest = float(modes_of_chain(chain)[0][1:].min(initial=np.inf)) / (2 * np.pi)
     if slowest < lowest_hz:
-        return (
-            f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, the lowest that the records show"
-        )
+        return f"its resonance at {slowest:.2g} Hz is below {lowest_hz:.2g} Hz, the lowest that the records show"
     return ""
 
 

@@ -220,10 +220,7 @@ def _dampers(problem: Problem, bases: tuple[str, ...]) -> Ints:
     """(pairs, 2): a damper, and the spring that joins the same inertias."""
     powers = [dict(term.powers) for term in problem.drive.terms if term.matrix == "A"]
     # What the terms of A with a parameter are divided by: the inertias on which its torque acts.
-    joined = {
-        name: {other for held in powers if name in held for other, e in held.items() if e < 0}
-        for name in bases
-    }
+    joined = {name: {other for held in powers if name in held for other, e in held.items() if e < 0} for name in bases}
     units = {name: problem.drive.parameter(name).unit for name in bases}
     pairs = [
         (i, bases.index(spring))

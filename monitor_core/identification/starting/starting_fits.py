@@ -57,9 +57,7 @@ class Candidate:
     expected: float  # the cost of the right values, within the uncertainty of the response
 
 
-def fit_from_scratch(
-    problem: Problem, records: Sequence[Record], *, progress: Progress | None = None
-) -> Estimate:
+def fit_from_scratch(problem: Problem, records: Sequence[Record], *, progress: Progress | None = None) -> Estimate:
     """The fit from the records alone; the nominal values of free parameters are not used.
 
     ``progress`` is called with the steps done and their maximum.
@@ -96,9 +94,7 @@ def fit_from_torque_balance(problem: Problem, records: Sequence[Record]) -> Esti
     return replace(fitted, started_from="Started from the torque balance of the records as one mass.")
 
 
-def hold_balanced_inertia(
-    problem: Problem, records: Sequence[Record], terms: Sequence[str]
-) -> Problem | None:
+def hold_balanced_inertia(problem: Problem, records: Sequence[Record], terms: Sequence[str]) -> Problem | None:
     """The problem with the inertia held that the torque balance shows; None: no rigid drive, or it shows none.
 
     A torque that rings with the arm, which the motor hardly follows, is noise to one mass.  The next sample is then

@@ -147,9 +147,7 @@ def following(
     Raises:
         ValueError: the fit cannot start.
     """
-    heated = [
-        with_heat(record, warm_up.model, start) for record, start in zip(records, warm_up.starts, strict=True)
-    ]
+    heated = [with_heat(record, warm_up.model, start) for record, start in zip(records, warm_up.starts, strict=True)]
     before, schedule = found.problem, dict.fromkeys(warm_up.slopes, (HEAT,))
     scheduled = scheduled_terms(schedule, heated)
     heated = [with_terms(record, scheduled) for record in heated]
@@ -197,9 +195,7 @@ def with_heat(record: Record, model: ThermalModel, start: tuple[float, ...]) -> 
     return replace(record, signals={**record.signals, HEAT: heat})
 
 
-def _carried(
-    records: Sequence[Record], begins_s: Sequence[float | None], output: Output
-) -> list[float | None]:
+def _carried(records: Sequence[Record], begins_s: Sequence[float | None], output: Output) -> list[float | None]:
     """Pause before each record that follows the one before it [s]; None: it follows none."""
     pauses: list[float | None] = [None]
     for k, (before, record) in enumerate(pairwise(records)):

@@ -82,9 +82,7 @@ def speeds_of(record: Record) -> tuple[Floats, Floats]:
     return speed, np.asarray(steps.interval_us * 1e-6, np.float64)
 
 
-def windows_of(
-    found: Estimate, records: Sequence[Record], unit: ThermalModel
-) -> tuple[list[str], list[Windows]]:
+def windows_of(found: Estimate, records: Sequence[Record], unit: ThermalModel) -> tuple[list[str], list[Windows]]:
     """Names of what psi is of, and the windows of each record; power by the friction of ``unit``.
 
     Raises:
@@ -203,9 +201,7 @@ class Search:
     def seeing(self, seen: Sequence[Bools]) -> Search:
         """The search restricted to these windows (W,) of each record."""
         masked = [
-            w._replace(
-                information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis]
-            )
+            w._replace(information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis])
             for w, by in zip(self.windows, seen, strict=True)
         ]
         return Search(masked, self.index, self.carried, self.start)
@@ -218,9 +214,7 @@ class Search:
             pause = self.carried[k]
             now = (given.get(k, 0.0),) * len(now) if pause is None else model.cooled(now, pause)
             starts.append(now)
-            courses = [
-                heat_course(w.power, start, tau_s) for start, (tau_s, _) in zip(now, model.parts, strict=True)
-            ]
+            courses = [heat_course(w.power, start, tau_s) for start, (tau_s, _) in zip(now, model.parts, strict=True)]
             now = tuple(last for _, last in courses)
             parts = zip(courses, model.parts, strict=True)
             out.append(np.asarray(sum(share * course for (course, _), (_, share) in parts)))

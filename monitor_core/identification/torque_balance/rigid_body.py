@@ -125,11 +125,7 @@ def unexplained(
     parts, terms = windowed_parts(records), tuple(balance.torques)
     ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
     for least in dict.fromkeys((_least(parts, min_speed), None)):
-        fits = [
-            (fit.expected, window)
-            for window in ladder
-            if (fit := _fit(parts, window, speed_scale, terms, least))
-        ]
+        fits = [(fit.expected, window) for window in ladder if (fit := _fit(parts, window, speed_scale, terms, least))]
         if fits:
             break
     else:
@@ -195,6 +191,4 @@ def resting_torque(rigid: Rigid, part: GridPart) -> Floats:
     """Torque that keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
     terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))
     still = np.zeros(len(part.y))
-    return sum(
-        (rigid.torques[term] * term_values(term, still, part.angle, 1.0) for term in terms), start=still
-    )
+    return sum((rigid.torques[term] * term_values(term, still, part.angle, 1.0) for term in terms), start=still)

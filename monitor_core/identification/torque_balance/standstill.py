@@ -99,9 +99,7 @@ def find_standstill(records: Sequence[Record]) -> Standstill | None:
             return None
         rests.append(rest)
     total = sum(map(len, records))
-    stands, braked = (
-        sum(map(np.count_nonzero, part)) / total for part in zip(*(r[1:] for r in rests), strict=True)
-    )
+    stands, braked = (sum(map(np.count_nonzero, part)) / total for part in zip(*(r[1:] for r in rests), strict=True))
     only_braked = seldom or (not one_way and stands <= _LEAST)
     if only_braked and not braked:
         return None
@@ -155,9 +153,7 @@ def _braked(part: GridPart, resting: Floats, friction: float, slowest: float) ->
     idle &= np.abs(speed_of(part, AROUND)) < slowest
     samples = np.flatnonzero(idle)
     runs = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)
-    held = [
-        run for run in runs if run.size * part.h >= _BRAKED_S and _stands(part.angle[run], part.h, slowest)
-    ]
+    held = [run for run in runs if run.size * part.h >= _BRAKED_S and _stands(part.angle[run], part.h, slowest)]
     return np.concatenate([np.zeros(0, np.int64), *held])
 
 

@@ -16,9 +16,7 @@ from monitor_core.drive.structure import Output
 from monitor_core.identification.records.measured_record import Record, pieces
 from monitor_core.identification.records.uniform_grid import mean_torque
 
-TorqueTerm = Literal[
-    "viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"
-]
+TorqueTerm = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"]
 """Terms of the torque in addition to the inertia: friction, an offset; powers of the angle, for effects of the pose;
 friction that falls with the speed, or grows faster than it; a signal of the record, named SIGNAL."""
 SIGNAL = "torque of signals"
@@ -94,9 +92,7 @@ def balance_equations(
     return np.concatenate(rows), np.concatenate(torque)
 
 
-def residual_torque(
-    rows: Floats, torque: Floats, fitted: slice = slice(None), judged: slice = slice(None)
-) -> Floats:
+def residual_torque(rows: Floats, torque: Floats, fitted: slice = slice(None), judged: slice = slice(None)) -> Floats:
     """Torque of the judged equations that these terms, fitted to the fitted equations, do not explain."""
     rows = of_unit_length(rows)
     found = np.linalg.lstsq(rows[fitted], torque[fitted], rcond=_DETERMINED)[0]
@@ -191,9 +187,7 @@ def windowed_equations(
     columns = [
         viscous
         if term == "viscous"
-        else over(
-            g, part.signals[SIGNAL] if term == "signal" else term_values(term, speed, angle, speed_scale)
-        )
+        else over(g, part.signals[SIGNAL] if term == "signal" else term_values(term, speed, angle, speed_scale))
         for term in terms
     ]
     return np.column_stack([inertia, *columns]), over(g, part.u)

@@ -132,9 +132,7 @@ def _with_energies(
     loads: Sequence[str],
 ) -> LinkWeights:
     terms = [Term.read(text) for text in found.terms]
-    parts, window = moving_parts(
-        records, [*moving, *loads, *(name for term in terms for name in term.signals)]
-    )
+    parts, window = moving_parts(records, [*moving, *loads, *(name for term in terms for name in term.signals)])
     if not parts:
         return found
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
@@ -191,9 +189,7 @@ def _values(term: Term, part: GridPart) -> Floats:
     return values
 
 
-_FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType(
-    {"cos": np.cos, "sin": np.sin, "": np.asarray}
-)
+_FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType({"cos": np.cos, "sin": np.sin, "": np.asarray})
 
 
 def _cosines_and_sines(*sums: Sum) -> list[Term]:
@@ -210,9 +206,7 @@ class _LinkBalance(WeightBalance):
     ``own`` and ``angles`` as in ``link_weights``.
     """
 
-    def __init__(
-        self, parts: Sequence[GridPart], window: int, scale: float, own: str, angles: Sequence[str]
-    ) -> None:
+    def __init__(self, parts: Sequence[GridPart], window: int, scale: float, own: str, angles: Sequence[str]) -> None:
         super().__init__(parts, window, scale)
         self._own, self._angles = own, angles
         self._columns: dict[Term, Floats] = {}

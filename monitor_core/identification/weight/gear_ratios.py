@@ -56,9 +56,7 @@ def gear_ratios(
     trial = _RatioSearch(parts, window, angles, accelerations, speed_scales(records)[1])
     ratios, sums, left = _first(trial, own)
     for _ in range(2):
-        tried = [
-            _with_another(trial, own, other, motors, ratios, sums) for other in angles if other not in ratios
-        ]
+        tried = [_with_another(trial, own, other, motors, ratios, sums) for other in angles if other not in ratios]
         best = min(tried, key=lambda found: found[2], default=None)
         if best is None or not best[2] < _MAX_REMAINING * left:
             break

@@ -220,9 +220,7 @@ class EnergyBalance(WeightBalance):
         used = [index for place in chosen for index in self.same_sum[place]]
         best, least = 0, np.inf
         for places in self._by_length:
-            errors = [
-                np.inf if place in chosen else self.error((*used, *self.same_sum[place])) for place in places
-            ]
+            errors = [np.inf if place in chosen else self.error((*used, *self.same_sum[place])) for place in places]
             if min(errors) < _CLEARLY_LESS * least:
                 least = min(errors)
                 best = places[int(np.argmin(errors))]
@@ -251,8 +249,7 @@ class EnergyBalance(WeightBalance):
         carried = [part.signals[energy.load] if energy.load else np.ones(len(part.u)) for part in self._parts]
         if not energy.axes:
             return self.column(
-                mass * energy.function_values(part)[0]
-                for mass, part in zip(carried, self._parts, strict=True)
+                mass * energy.function_values(part)[0] for mass, part in zip(carried, self._parts, strict=True)
             )
         j, k = energy.axes
         n = energy.times(own)

@@ -72,9 +72,7 @@ def turning_weight(record: Record) -> TurningWeight | None:
 def _least(trials: Floats, left: Floats, best: int) -> float:
     """Where the parabola through the best trial and its neighbours is least."""
     before, at, after = left[best - 1 : best + 2]
-    return float(
-        trials[best] + (trials[best + 1] - trials[best]) * (before - after) / 2 / (before - 2 * at + after)
-    )
+    return float(trials[best] + (trials[best + 1] - trials[best]) * (before - after) / 2 / (before - 2 * at + after))
 
 
 def _trials(extent: float) -> Floats:

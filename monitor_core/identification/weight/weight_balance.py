@@ -89,9 +89,7 @@ class WeightBalance:
         scale = np.where(size > 0, size, 1.0)
         return np.asarray(np.linalg.lstsq(rows[part] / scale, self.torque[part])[0] / scale)
 
-    def missed(
-        self, columns: Sequence[Floats], fitted: slice = slice(None), judged: slice = slice(None)
-    ) -> float:
+    def missed(self, columns: Sequence[Floats], fitted: slice = slice(None), judged: slice = slice(None)) -> float:
         """Sum of squares that further columns leave of the torque, in the judged windows with values of the fitted."""
         missed = residual_torque(np.column_stack([self.rows, *columns]), self.torque, fitted, judged)
         return float(missed @ missed)
@@ -107,9 +105,7 @@ def moving_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list
     return _parts(records, angles, _MOST_MOVING_SAMPLES, _MOVING_SHARE)
 
 
-def _parts(
-    records: Sequence[Record], signals: Sequence[str], most: int, share: float
-) -> tuple[list[GridPart], int]:
+def _parts(records: Sequence[Record], signals: Sequence[str], most: int, share: float) -> tuple[list[GridPart], int]:
     parts = [
         _thinned(part, most)
         for part in windowed_parts(records)

@@ -64,9 +64,7 @@ def first_use(uses: Sequence[Use]) -> Use:
     return next((use for use in uses if use.is_name), uses[0])
 
 
-def sign_of(
-    name: str, uses: Sequence[Use], value: float | None, least: float = -math.inf
-) -> tuple[bool, bool]:
+def sign_of(name: str, uses: Sequence[Use], value: float | None, least: float = -math.inf) -> tuple[bool, bool]:
     """Whether a parameter must be positive; else, whether it must not be negative.  ``least``: as the user declared.
 
     So it is where it is a factor, to an odd power, of something positive, or not negative.  To an even power, or in a

@@ -32,9 +32,7 @@ class Reduction:
     of each speed, by the angle of its inertia.
     """
 
-    def __init__(
-        self, flat: FlatModel, sensors: tuple[FlatSensor, ...], system: System, balances: Balances
-    ) -> None:
+    def __init__(self, flat: FlatModel, sensors: tuple[FlatSensor, ...], system: System, balances: Balances) -> None:
         self.flat, self.sensors, self.balances = flat, sensors, balances
         self.inputs = tuple(sorted(flat.inputs, key=lambda u: u.kind))
         declared = {v.name: k for k, v in enumerate(flat.variables)}

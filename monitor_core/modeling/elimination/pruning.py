@@ -100,12 +100,8 @@ def _notes(
     lines = {
         "left out, since no sensor observes it or no input moves it": left_out,
         "has no effect on any sensor": [u.name for k, u in enumerate(reduction.inputs) if k not in acting],
-        "has no influence on what is measured": [
-            p.name for p in reduction.flat.parameters if p.name not in seen
-        ],
-        "merged, since its parts cannot be distinguished": [
-            name for name in definitions if name in occurring
-        ],
+        "has no influence on what is measured": [p.name for p in reduction.flat.parameters if p.name not in seen],
+        "merged, since its parts cannot be distinguished": [name for name in definitions if name in occurring],
     }
     return tuple(f"{what}: {', '.join(names)}" for what, names in lines.items() if names)
 
@@ -166,9 +162,7 @@ def rigid_angles(reduction: Reduction) -> Angles:
     ((name, c),) = sensor.items()
     found: Angles = {name: Laurent.number(1) / c}
     links = [reduction.angle_of(v.name) for v in reduction.flat.variables if v.relative]
-    pairs = [
-        pair for link in links if len(link) == 2 for pair in (tuple(link.items()), tuple(link.items())[::-1])
-    ]
+    pairs = [pair for link in links if len(link) == 2 for pair in (tuple(link.items()), tuple(link.items())[::-1])]
     before = 0
     while len(found) > before:
         before = len(found)
@@ -199,9 +193,7 @@ def rest(reduction: Reduction, rigid: Angles) -> Dense:
 
 def ratio(reduction: Reduction, rigid: Angles) -> Dense:
     """The angle (m, 1) at the flange of each input that depends on the motion."""
-    values = {
-        k: _total(reduction.angle_of(u.angle), rigid) for k, u in enumerate(reduction.inputs) if u.angle
-    }
+    values = {k: _total(reduction.angle_of(u.angle), rigid) for k, u in enumerate(reduction.inputs) if u.angle}
     return {(k, 0): c for k, c in values.items() if c}
 
 
@@ -227,9 +219,7 @@ def hidden(ss: StateSpace) -> tuple[str, ...]:
     unseen = null_space(krylov_basis(A.T, C.T, point.prime), point.prime)
     found = (("no input changes", unmoved), ("no sensor observes", unseen))
     return tuple(
-        f"{what} a certain combination of the states {_names(ss, vectors)}"
-        for what, vectors in found
-        if len(vectors)
+        f"{what} a certain combination of the states {_names(ss, vectors)}" for what, vectors in found if len(vectors)
     )
 
 

@@ -79,17 +79,11 @@ class System:
         self.orders = orders_of(flat, rows)
         self.far = distances(rows, [u.name for u in flat.inputs if u.kind == TORQUE])
         # Preference of variables to keep: angles of inertias, others, deflections; near the motor first; drawn first.
-        self.keep = {
-            v.name: (v.prefer - v.relative, -self.distance(v.name), -k) for k, v in enumerate(flat.variables)
-        }
+        self.keep = {v.name: (v.prefer - v.relative, -self.distance(v.name), -k) for k, v in enumerate(flat.variables)}
         relative = [v.name for v in flat.variables if v.relative]
-        stiff = {
-            name for row, is_law in zip(rows, law, strict=True) if is_law for name in row if 0 in row[name]
-        }
+        stiff = {name for row, is_law in zip(rows, law, strict=True) if is_law for name in row if 0 in row[name]}
         self.stiff = sorted((name for name in relative if name in stiff), key=self.distance)
-        self.flat_states = len(
-            {name for row in rows for name, operator in row.items() if degree(operator) > 0}
-        )
+        self.flat_states = len({name for row in rows for name, operator in row.items() if degree(operator) > 0})
         self.lines = [
             Line(row, equation.origin, kinematic=not is_law)
             for row, equation, is_law in zip(rows, flat.equations, law, strict=True)
@@ -229,9 +223,7 @@ def _pivots(system: System, row: Row) -> list[str]:
     worth = {name: degree(op) + system.orders[name] for name, op in row.items()}
     highest = max(worth.values(), default=0)
     candidates = [
-        name
-        for name, op in row.items()
-        if name not in system.inputs and set(op) == {0} and worth[name] == highest
+        name for name, op in row.items() if name not in system.inputs and set(op) == {0} and worth[name] == highest
     ]
     if highest == ANGLE:
         return sorted(candidates, key=lambda name: system.keep[name])
@@ -241,9 +233,7 @@ def _pivots(system: System, row: Row) -> list[str]:
 def _check(line: Line, system: System) -> None:
     unknown = [name for name in line.row if name not in system.inputs]
     if line.row and not unknown:
-        raise ModelError(
-            "its equations contradict each other: a torque acts where nothing can balance it", line.origin
-        )
+        raise ModelError("its equations contradict each other: a torque acts where nothing can balance it", line.origin)
     if len(line.row) == 1 and line.kinematic:
         (operator,) = line.row.values()
         if set(operator) == {0} and not operator[0].is_unit:

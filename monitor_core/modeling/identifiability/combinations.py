@@ -199,9 +199,7 @@ def entries_seen(
     place = {name: j for j, name in enumerate(coordinates)}
     for text, entry in sorted(named.items(), key=lambda item: (len(item[0]), item[0])):
         slopes = tuple(_entry_slope(ss, entry, coordinates, s) for s in first)
-        if all(
-            rank(np.vstack([s.seen, g]), s.prime) == len(s.seen) for s, g in zip(first, slopes, strict=True)
-        ):
+        if all(rank(np.vstack([s.seen, g]), s.prime) == len(s.seen) for s, g in zip(first, slopes, strict=True)):
             columns = frozenset(place[name] for name in entry.names if name in place)
             yield Combination(text, columns, partial(_entry_slope, ss, entry, coordinates, first[0]))
 

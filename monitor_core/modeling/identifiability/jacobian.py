@@ -56,17 +56,13 @@ class Sample:
         return np.asarray(self.seen * inverse(self.values, self.prime) % self.prime)
 
 
-def samples_of(
-    ss: StateSpace, coordinates: Sequence[str], seed: Seed, inputs: Sequence[int]
-) -> list[list[Sample]]:
+def samples_of(ss: StateSpace, coordinates: Sequence[str], seed: Seed, inputs: Sequence[int]) -> list[list[Sample]]:
     """For each prime, as many random points as it takes until no further one adds anything.
 
     ``coordinates`` are names of parameters, drawn or merged, that vary; all others are known, or follow from them.
     """
     rng, enough = np.random.default_rng(seed), len(coordinates) + 2
-    taken = [
-        _until_settled(points_of(ss, rng, [prime] * enough), ss, coordinates, inputs) for prime in PRIMES
-    ]
+    taken = [_until_settled(points_of(ss, rng, [prime] * enough), ss, coordinates, inputs) for prime in PRIMES]
     most = max(len(sample.seen) for some in taken for sample in some)
     return [[sample for sample in some if len(sample.seen) == most] for some in taken]
 

@@ -98,9 +98,7 @@ def _parallel(complement: Ints, order: Sequence[int], prime: int) -> list[list[i
 def _relation(complement: Ints, columns: Sequence[int], prime: int) -> Vector | None:
     """The one vector of the space that is zero outside the columns and nowhere in them, if there is just one."""
     relations = null_space(complement[:, list(columns)], prime)
-    return (
-        _spread(relations[0], columns, complement, prime) if len(relations) == 1 and relations.all() else None
-    )
+    return _spread(relations[0], columns, complement, prime) if len(relations) == 1 and relations.all() else None
 
 
 def _spread(relation: Ints, columns: Sequence[int], complement: Ints, prime: int) -> Vector | None:

@@ -77,9 +77,7 @@ def _sorted_out(
     alone = [j for j in range(len(names)) if not hidden[:, j].any()]
     invisible = [j for j in range(len(names)) if not sample.seen[:, j].any()]
     groups = [g for g in components(hidden) if len(g) > 1]
-    seen = tuple(
-        tuple(text for text, inside in combinations if inside & {names[j] for j in g}) for g in groups
-    )
+    seen = tuple(tuple(text for text, inside in combinations if inside & {names[j] for j in g}) for g in groups)
     ranks = [len(g) - rank(hidden[:, g], sample.prime) for g in groups]
     return Identifiability(
         identifiable=tuple(names[j] for j in alone),
@@ -94,9 +92,7 @@ def _sorted_out(
     )
 
 
-def _held(
-    free: Sequence[FlatParameter], hidden: Ints, groups: Sequence[tuple[int, ...]], prime: int
-) -> list[int]:
+def _held(free: Sequence[FlatParameter], hidden: Ints, groups: Sequence[tuple[int, ...]], prime: int) -> list[int]:
     """Parameters that, held, leave no hidden direction in the groups; the best known ones first."""
     chosen: list[int] = []
     for j in sorted(chain.from_iterable(groups), key=lambda j: (by_unit(free[j].unit, _HELD), j)):

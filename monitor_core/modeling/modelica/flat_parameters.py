@@ -35,9 +35,7 @@ def flat_parameters(
     for use, role, number, problem in impossible(every, values.nominal):
         raise ModelError(f"its {role.name} ({role.meaning}) is {number:g}: it {problem}", use.origin)
     of_tables = sorted(occurring - set(written))  # of bearings
-    return tuple(
-        _parameter(n, values, comments.get(n, ""), units.get(n, ""), every) for n in (*written, *of_tables)
-    )
+    return tuple(_parameter(n, values, comments.get(n, ""), units.get(n, ""), every) for n in (*written, *of_tables))
 
 
 def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequence[Use]) -> FlatParameter:

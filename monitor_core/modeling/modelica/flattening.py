@@ -48,9 +48,7 @@ def flatten(root: ast.Tree, model: ast.Class) -> FlatModel:
 class _Flattening:
     """The parts of a model, collected from the instance and its flat class."""
 
-    def __init__(
-        self, root: ast.Tree, model: ast.Class, instance: InstanceClass, flat: InstanceClass
-    ) -> None:
+    def __init__(self, root: ast.Tree, model: ast.Class, instance: InstanceClass, flat: InstanceClass) -> None:
         self.model, self.flat = model, flat
         self.places: dict[str, Origin] = {}
         self.comments: dict[str, str] = {}
@@ -111,9 +109,7 @@ class _Flattening:
                 problem = f"{name} cannot be connected: a flange must have an angle phi and a flow tau"
                 raise ModelError(problem, place)
         if flanges[0] != flanges[1]:
-            kinds = [
-                f"{n} is a {'flange' if f else 'signal'}" for n, f in zip((left, right), flanges, strict=True)
-            ]
+            kinds = [f"{n} is a {'flange' if f else 'signal'}" for n, f in zip((left, right), flanges, strict=True)]
             raise ModelError(f"{' and '.join(kinds)}: they cannot be connected", place)
         if flanges[0]:
             ends = (End(left, not clause._left_inner), End(right, not clause._right_inner))
@@ -240,9 +236,7 @@ def _check(
     for equation in equations:
         for name, order in equation.terms:
             if order and name in known:
-                raise ModelError(
-                    f"the derivative of {name}, a measured signal, is not known", equation.origin
-                )
+                raise ModelError(f"the derivative of {name}, a measured signal, is not known", equation.origin)
     if len(equations) != len(unknowns):
         missing = "one or more are missing" if len(equations) < len(unknowns) else "there are too many"
         problem = f"{len(equations)} equations for {len(unknowns)} variables: {missing}"

@@ -138,9 +138,7 @@ def _points(table: object, values: Values, origin: Origin) -> list[Point]:
         raise ModelError(f"tau_pos must be a table: {_FORM}", origin)
     rows = table.values if table.values and isinstance(table.values[0], ast.Array) else (table,)
     if len(rows) > 2:
-        raise ModelError(
-            f"tau_pos has {len(rows)} points (a Stribeck curve); only two are supported: {_FORM}", origin
-        )
+        raise ModelError(f"tau_pos has {len(rows)} points (a Stribeck curve); only two are supported: {_FORM}", origin)
     points = []
     for row in rows:
         if not isinstance(row, ast.Array) or len(row.values) != 2:

@@ -144,17 +144,13 @@ def _check_modifications(
         if values and scope is not None:
             _check_variables(scope, values, at)
         if values and inner is not None and not _is_simple(inner) and name == ("value",):
-            raise ModelError(
-                f"a value for all of {at.component} is not supported: give its parameters one by one", at
-            )
+            raise ModelError(f"a value for all of {at.component} is not supported: give its parameters one by one", at)
         for modification in change.modifications:
             if isinstance(modification, ast.ClassModification) and inner is not None:
                 _check_modifications(inner, modification, at, scope)
 
 
-def _modified(
-    cls: ast.Class, name: Sequence[str], place: Origin
-) -> tuple[ast.Class | None, ast.Symbol | None]:
+def _modified(cls: ast.Class, name: Sequence[str], place: Origin) -> tuple[ast.Class | None, ast.Symbol | None]:
     """The class and the symbol that a modification changes; None for an attribute of a number."""
     symbol: ast.Symbol | None = None
     for k, part in enumerate(name):
@@ -240,9 +236,7 @@ def _check_connector(cls: ast.Class, end: ast.ComponentRef, place: Origin) -> No
 
 
 def _has_subscripts(name: ast.ComponentRef) -> bool:
-    return any(i is not None for indices in name.indices for i in indices) or any(
-        map(_has_subscripts, name.child)
-    )
+    return any(i is not None for indices in name.indices for i in indices) or any(map(_has_subscripts, name.child))
 
 
 def _is_connector(symbol: ast.Symbol, cls: ast.Class) -> bool:

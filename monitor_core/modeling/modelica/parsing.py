@@ -90,9 +90,7 @@ class _Listener(ASTListener):  # type: ignore[misc]
             node.file, node.line = self._file, ctx.start.line
 
     def exitComposition(self, ctx: Any) -> None:
-        if any(
-            child.getText() == "external" for child in ctx.children or () if not hasattr(child, "children")
-        ):
+        if any(child.getText() == "external" for child in ctx.children or () if not hasattr(child, "children")):
             self._refuse("an external function is not supported", ctx)
         super().exitComposition(ctx)
 
@@ -125,9 +123,7 @@ class _Listener(ASTListener):  # type: ignore[misc]
                 ctx,
                 name,
             )
-        if self._file and (
-            ctx.declaration().array_subscripts() or ctx.parentCtx.parentCtx.array_subscripts()
-        ):
+        if self._file and (ctx.declaration().array_subscripts() or ctx.parentCtx.parentCtx.array_subscripts()):
             self._refuse("arrays are not supported: write the components one by one", ctx, name)
 
     def exitRegular_element(self, ctx: Any) -> None:

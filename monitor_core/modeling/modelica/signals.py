@@ -17,9 +17,7 @@ class Signals:
         places: where each symbol is declared.
     """
 
-    def __init__(
-        self, causality: Mapping[str, str], kinds: Mapping[str, str], places: Mapping[str, Origin]
-    ) -> None:
+    def __init__(self, causality: Mapping[str, str], kinds: Mapping[str, str], places: Mapping[str, Origin]) -> None:
         self._kinds, self._places = kinds, places
         self._inputs = {name for name, sort in causality.items() if sort == "input"}
         self._outputs = {name for name, sort in causality.items() if sort == "output"}

@@ -55,9 +55,7 @@ class Values:
         if name not in self._known:
             if name in self._busy:
                 ring = [*self._busy[self._busy.index(name) :], name]
-                raise ModelError(
-                    f"its value depends on itself: {' -> '.join(ring)}", self.place(self._busy[-1])
-                )
+                raise ModelError(f"its value depends on itself: {' -> '.join(ring)}", self.place(self._busy[-1]))
             self._busy.append(name)
             self._known[name] = self._value(name)
             self._busy.pop()
@@ -125,8 +123,7 @@ class Values:
         free = sorted({n for number in numbers for n in number.names})
         if free:
             raise ModelError(
-                f"{name} of a parameter ({', '.join(free)}) is not supported: "
-                f"make {name}(...) a parameter of its own",
+                f"{name} of a parameter ({', '.join(free)}) is not supported: make {name}(...) a parameter of its own",
                 origin,
             )
         try:
@@ -182,9 +179,7 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
     except ValueError as error:
         raise ModelError(str(error), origin) from None
     except OverflowError:
-        raise ModelError(
-            "this power cannot be calculated: it is too large, or not a real number", origin
-        ) from None
+        raise ModelError("this power cannot be calculated: it is too large, or not a real number", origin) from None
     except NotLaurentError as error:
         raise ModelError(
             f"{error} is not a single product, so a division by it is not supported: make the quotient a parameter",

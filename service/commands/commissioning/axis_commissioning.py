@@ -79,9 +79,7 @@ class Order(NamedTuple):
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
 
 
-def commission_axis(
-    order: Order, review: Review, progress: Progress = lambda _phase, _work, _share: None
-) -> Outcome:
+def commission_axis(order: Order, review: Review, progress: Progress = lambda _phase, _work, _share: None) -> Outcome:
     """Identify and calibrate an axis, unless both are done already with the same configuration and records.
 
     ``review``: findings about its signals; an axis with faults is refused.
@@ -130,9 +128,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             guessed = order.shorten and not tried  # the first drive may be a guess
             for part in (task.with_most_moving_parts(), task) if guessed else (task,):
                 report = part.run(provenance, _within("identify", progress))
-                again = (
-                    None if schedule and report.rejection else retry(report, text, axis, tried, load, turn)
-                )
+                again = None if schedule and report.rejection else retry(report, text, axis, tried, load, turn)
                 if report.rejection and again:  # the complete records would not help
                     break
             tried.append(axis.config.model.drive)
@@ -259,9 +255,7 @@ def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -
         except _MISTAKES as error:
             return replace(outcome, refusal=f"not calibrated: {error}")
     if found is None:
-        return replace(
-            outcome, refusal="not calibrated: the records are too short, or move the axis too little"
-        )
+        return replace(outcome, refusal="not calibrated: the records are too short, or move the axis too little")
     page, values = pages_of(order.axis_id)[1], f"{order.axis_id}-thresholds.toml"
     replace_text(order.folder / page, calibration_files.as_html(found))
     replace_text(order.folder / values, calibration_files.as_toml(found))

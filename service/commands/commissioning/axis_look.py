@@ -98,8 +98,7 @@ def look_at_axis(
     return look._replace(
         problems=(*problems, *still, *found.faults, *_lossy(look)),
         proposals=tuple(
-            sentence("proposal", "{reason}. -> {change}", reason=c.reason, change=c.change)
-            for c in found.corrections
+            sentence("proposal", "{reason}. -> {change}", reason=c.reason, change=c.change) for c in found.corrections
         ),
         doubts=found.doubts,
     )
@@ -128,9 +127,7 @@ def missing_messages(
 
 def _no_samples(reason: str) -> Sentence:
     """Advice for frames that were received but give no samples."""
-    words = (
-        "its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the messages"
-    )
+    words = "its frames make no samples: {reason}; see sample_interval_s, pairing_tolerance_s and the messages"
     return sentence("no samples", words, reason=reason)
 
 

@@ -69,9 +69,7 @@ def record_buses(config: Config, path: Path, seconds: float, stop: Event, show: 
             if now - shown >= _SHOW_S:
                 shown = now
                 heard = sum(counts.total() for counts in traffic.values())
-                words = (
-                    f"{heard} frames, {motions.take()} of {len(config.axes)} axes move{_lost_words(buses)}"
-                )
+                words = f"{heard} frames, {motions.take()} of {len(config.axes)} axes move{_lost_words(buses)}"
                 show(words, now - began, seconds)
         states = {bus.name: bus.reader.stats().state for bus in buses}
         lost = {bus.name: bus.lost for bus in buses}

@@ -138,9 +138,7 @@ def fastest(records: Sequence[Record]) -> float:
         t, y = record.t[record.measured], record.y[record.measured]
         # Over several samples, so that noise of an angle does not count as speed.
         step = min(10, len(t) - 1)
-        speeds.append(
-            abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y)
-        )
+        speeds.append(abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y))
     return float(np.quantile(np.concatenate(speeds), 0.99))
 
 
@@ -153,6 +151,5 @@ def moves(values: Floats, quantity: str) -> bool:
     usual = float(np.median(steps[steps > 0]))
     low, middle, high = np.quantile(values, (_OUTLIER_SHARE, 0.5, 1 - _OUTLIER_SHARE))
     return bool(
-        high - low > _MIN_RANGE_PER_STEP * usual
-        or (quantity == "speed" and abs(middle) > _MIN_RANGE_PER_STEP * usual)
+        high - low > _MIN_RANGE_PER_STEP * usual or (quantity == "speed" and abs(middle) > _MIN_RANGE_PER_STEP * usual)
     )

@@ -254,9 +254,7 @@ def remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationOp
         reason = "for a longer one the records are too short"
         changes = [Correction(("estimator", "memory_s"), error.memory_s, reason)]
         if error.joint_state:
-            changes.append(
-                Correction(("estimator", "joint_state"), True, f"with a memory of {error.memory_s:g} s")
-            )
+            changes.append(Correction(("estimator", "joint_state"), True, f"with a memory of {error.memory_s:g} s"))
         words = ", ".join(change.change for change in changes)
         return Remedy(words, replace(outcome, corrections=(*outcome.corrections, *changes)), options)
     left = tuple(name for name in outcome.watched if name not in error.without)

@@ -70,9 +70,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     own = names.get(axis.config.name, "")
     extents = {n: float(np.max([_extent(r.signals.get(n)) for r in loaded])) for n in names.values()}
     known = [name for name in names.values() if math.isfinite(extents[name])]
-    turning = {
-        names[other.config.name] for other in config.axes if other.config.name in names and _turns_on(other)
-    }
+    turning = {names[other.config.name] for other in config.axes if other.config.name in names and _turns_on(other)}
     motors = [name for name in known if extents[name] >= _MOST_TURN and name not in given | turning]
     known_loads, accelerations = (
         [name for name in names if all(_extent(r.signals.get(name)) > 0 for r in loaded)]

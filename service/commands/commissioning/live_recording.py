@@ -62,9 +62,7 @@ def record_live(config: Config, text: str, folder: Path, seconds: float, yes: bo
         (folder / RECORDS).mkdir(exist_ok=True)
     except OSError as error:
         raise RecordError(f"cannot write {folder / RECORDS}: {error.strerror}") from None
-    console.print(
-        f"Looking at {', '.join(bus.name for bus in config.bus)} for {look_s:g} s ...", markup=False
-    )
+    console.print(f"Looking at {', '.join(bus.name for bus in config.bus)} for {look_s:g} s ...", markup=False)
     with stopped_by_signals() as stop, steps_bar("look") as show:
         look = look_at(config, text, folder, look_s, stop, show)
     for words in _words(look):

@@ -46,9 +46,7 @@ class SignalLook:
     ``config`` returns the configuration in force; ``extracts`` keep the last frames; None: no frames are kept.
     """
 
-    def __init__(
-        self, config: Callable[[], Config], extracts: Extracts | None, now_us: Callable[[], int]
-    ) -> None:
+    def __init__(self, config: Callable[[], Config], extracts: Extracts | None, now_us: Callable[[], int]) -> None:
         self._config, self._extracts, self._now_us = config, extracts, now_us
         self._lock = threading.Lock()
 
@@ -107,9 +105,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
             faults = (replaced(words, str(path), "the last seconds") for words in found.faults)
             return found._replace(faults=tuple(faults))
 
-        return _signal_check(
-            look_at_axis(axis, inputs.stamps, _loaded(config, axis, own, path), problems, review)
-        )
+        return _signal_check(look_at_axis(axis, inputs.stamps, _loaded(config, axis, own, path), problems, review))
 
 
 def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:

@@ -78,11 +78,7 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
     while True:
         checked, used = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
         new, wrong = _first(checked, used)
-        if (
-            new is None
-            or len(found) == _MAX_ROUNDS
-            or (new.key, new.value) in [(c.key, c.value) for c in found]
-        ):
+        if new is None or len(found) == _MAX_ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
             doubts = () if wrong else tuple(unknown_units(checked))
             standing = tuple(text for text in records if text not in used)
             return Review(tuple(found), wrong, doubts, unchecked(checked), standing)
@@ -110,9 +106,7 @@ def _first(checked: Checked, used: tuple[str, ...]) -> tuple[Correction | None, 
     return (None if wrong else next(_corrections(_SIGNAL_CHECKS, checked), None)), wrong
 
 
-def exchanged(
-    text: str, records: Mapping[str, Sequence[str]], folder: Path
-) -> dict[str, tuple[Correction, ...]]:
+def exchanged(text: str, records: Mapping[str, Sequence[str]], folder: Path) -> dict[str, tuple[Correction, ...]]:
     """Axes of a robot with the torque of another one, by name; each with the right signal.
 
     ``records``: of each axis; the first ones are compared.  Axes without records are skipped.
@@ -129,9 +123,7 @@ def exchanged(
     return found
 
 
-def _exchanged_in(
-    config: Config, axes: Sequence[NamedAxis], record: str
-) -> dict[str, tuple[Correction, ...]]:
+def _exchanged_in(config: Config, axes: Sequence[NamedAxis], record: str) -> dict[str, tuple[Correction, ...]]:
     """Exchanged torques of one robot in one record."""
     from scipy.optimize import linear_sum_assignment
 
@@ -196,9 +188,7 @@ def _loaded(config: Config, axis: NamedAxis, records: Sequence[str]) -> list[Loa
 def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Checked, tuple[str, ...]]:
     """An axis with the records in which it moves, if there are any, and the names of these records."""
     loaded = dict(zip(records, _loaded(config, axis, records), strict=True))
-    moving = {
-        text: item for text, item in loaded.items() if moves(item.record.y, item.record.quantity)
-    } or loaded
+    moving = {text: item for text, item in loaded.items() if moves(item.record.y, item.record.quantity)} or loaded
     return Checked(config, axis, list(moving.values()), is_table(wanted(records[0]).path)), tuple(moving)
 
 
@@ -264,9 +254,7 @@ def _interval_received(t: Floats, cycle: Floats) -> tuple[float, float]:
     the line through the earliest ones near both ends; the earliest ones of all parts show the deviation from a line.
     """
     pauses = np.flatnonzero(np.diff(t) > _PAUSE_S) + 1
-    t, cycle = max(
-        zip(np.split(t, pauses), np.split(cycle, pauses), strict=True), key=lambda part: len(part[0])
-    )
+    t, cycle = max(zip(np.split(t, pauses), np.split(cycle, pauses), strict=True), key=lambda part: len(part[0]))
     if len(t) < _MIN_FRAMES or cycle[-1] == cycle[0]:
         return 0.0, math.inf
     late = t - t[0] - (cycle - cycle[0]) * (t[-1] - t[0]) / (cycle[-1] - cycle[0])

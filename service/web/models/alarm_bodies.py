@@ -86,9 +86,7 @@ class Alarm(Body):
         description="changed: something has changed, parameter is the first that crossed; named: enough evidence was "
         "collected, three memory lengths after the first crossing"
     )
-    causes: list[Cause] = Field(
-        description="possible causes, most probable first; empty before the alarm is named"
-    )
+    causes: list[Cause] = Field(description="possible causes, most probable first; empty before the alarm is named")
     doubt: Doubt = Field(
         description="why it may be none of the causes; several: no single parameter explains it; model: the model no "
         "longer holds, as with a sensor fault; sign: torque or motion seems to have changed its sign; still: no motion "
@@ -182,9 +180,7 @@ class AlarmNote(Body):
     """A note of a person about an alarm; both fields may be left out."""
 
     comment: GivenText = Field("", max_length=2000)
-    work_order: GivenText = Field(
-        "", max_length=100, description="number of a work order in the plant's system"
-    )
+    work_order: GivenText = Field("", max_length=100, description="number of a work order in the plant's system")
 
 
 class AlarmComment(AlarmNote):
@@ -201,9 +197,7 @@ class AlarmShelf(AlarmNote):
     """End of the shelving of an alarm: either until or duration_s."""
 
     until: GivenTime | None = Field(None, description="ISO 8601 with time zone; at most seven days from now")
-    duration_s: float | None = Field(
-        None, allow_inf_nan=False, description="from now on [s]; at most seven days"
-    )
+    duration_s: float | None = Field(None, allow_inf_nan=False, description="from now on [s]; at most seven days")
 
     @model_validator(mode="after")
     def _one_end(self) -> Self:

@@ -29,12 +29,8 @@ class Parameter(Body):
     standard_deviation: Number = Field(description="of the estimate, in the parameter's unit")
     p_diagonal: Number = Field(description="P_ii of the recursion: variance = lambda_0 P_ii / (1 + lambda)")
     cusum: Cusum
-    threshold: Number = Field(
-        description="h, in the parameter's unit times samples: an alarm when g exceeds it"
-    )
-    tolerance: Number = Field(
-        description="nu, in the parameter's unit: deviation per sample that does not increase g"
-    )
+    threshold: Number = Field(description="h, in the parameter's unit times samples: an alarm when g exceeds it")
+    tolerance: Number = Field(description="nu, in the parameter's unit: deviation per sample that does not increase g")
     status: Status = Field(
         description="waiting: no sample yet; silent: the samples have stopped, the estimate is the last one; "
         "settling: the predictor has just (re)started; "
@@ -164,9 +160,7 @@ class Axis(Body):
     counters: dict[str, int] = Field(
         description="number of samples by their use; gated: excluded by operating conditions"
     )
-    dropped: dict[str, int] = Field(
-        description="number of decoded values that did not become a sample, by reason"
-    )
+    dropped: dict[str, int] = Field(description="number of decoded values that did not become a sample, by reason")
     clock: dict[str, int] = Field(description="restarts of the time base of the samples, by cause")
     stamps: Stamps
     detectors: list[Detector]

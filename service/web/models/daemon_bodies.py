@@ -25,9 +25,7 @@ class Link(Body):
     name: str
     kind: Literal["webhook", "mqtt", "smtp", "opcua"]
     connected: bool = Field(description="whether it works: the last try has succeeded")
-    problem: TextOrNull = Field(
-        description="why it does not, or what the receiver has refused; null: nothing"
-    )
+    problem: TextOrNull = Field(description="why it does not, or what the receiver has refused; null: nothing")
     pending: int = Field(description="transitions of alarms that wait")
     delivered: int = Field(description="transitions of alarms that were delivered")
     given_up: dict[str, int] = Field(

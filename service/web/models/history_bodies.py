@@ -22,9 +22,7 @@ class ParameterHistory(Body):
 
     name: str
     unit: str
-    nominal: Number = Field(
-        description="present value, in the parameter's unit; null: it is no longer monitored"
-    )
+    nominal: Number = Field(description="present value, in the parameter's unit; null: it is no longer monitored")
     n: list[int] = Field(
         description="points in the row; 0: none, as there were no samples, or the axis was learning or paused, or the"
         " estimate was invalid"
@@ -65,9 +63,7 @@ class Reach(Body):
         "never; far: not before low, the end of the forecast; beyond: it was reached between low and high"
     )
     low: Time = Field(description="UTC; reached earlier with a probability of 5 %")
-    high: Time | None = Field(
-        description="UTC; reached later with a probability of 5 %; null: the interval is open"
-    )
+    high: Time | None = Field(description="UTC; reached later with a probability of 5 %; null: the interval is open")
     words: str = Field(
         description="the same as a sentence, relative to the last entry or to the last update of the alarm"
     )
@@ -86,14 +82,10 @@ class Drift(Body):
     level_sd: Number = Field(description="its standard deviation")
     slope_per_day: Number = Field(description="averaged over these models, in the parameter's unit per day")
     slope_per_day_sd: Number = Field(description="its standard deviation")
-    changed: Time = Field(
-        description="when the likeliest kind of change began, UTC; of a steady one the begin"
-    )
+    changed: Time = Field(description="when the likeliest kind of change began, UTC; of a steady one the begin")
     change: Number = Field(description="by how much it has changed since then, in the parameter's unit")
     change_sd: Number = Field(description="its standard deviation")
-    scatter: Number = Field(
-        description="standard deviation of an entry about the trend, in the parameter's unit"
-    )
+    scatter: Number = Field(description="standard deviation of an entry about the trend, in the parameter's unit")
 
 
 class LongTermHistory(Body):

@@ -90,9 +90,7 @@ def record(plant: Plant, seed: int, samples: int) -> SampleBlock:
     return SampleBlock(axis.t_us[:, 0], axis.u[:, 0], axis.y[:, 0], name="simulated")
 
 
-def count(
-    plant: Plant, settings: Sequence[tuple[Threshold, ...]], seed: int, samples: int
-) -> tuple[Floats, int]:
+def count(plant: Plant, settings: Sequence[tuple[Threshold, ...]], seed: int, samples: int) -> tuple[Floats, int]:
     """False alarms with each of these thresholds (len(settings),), all tests together, in so many samples of watching.
 
     Healthy axes are watched with all of them at once.

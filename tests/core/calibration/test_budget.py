@@ -118,9 +118,7 @@ def test_parameters_that_err_together_make_the_rate_of_the_axis_less_certain(see
         own = thresholds(scattered, tail, np.zeros(P), BUDGET * MEMORY, rng)
         apart = replace(scattered, off=scattered.off.std(axis=0) * rng.standard_normal(scattered.off.shape))
         independent, together = (rates(errors, tail, own, rng) for errors in (apart, scattered))
-        wider.append(
-            math.log(together.upper / together.lower) / math.log(independent.upper / independent.lower)
-        )
+        wider.append(math.log(together.upper / together.lower) / math.log(independent.upper / independent.lower))
     assert np.mean(wider) > 1.12
 
 

@@ -69,9 +69,7 @@ def test_what_stands_out_of_chance_is_told_without_it(seed: int) -> None:
     way /= np.linalg.norm(way)
 
     def found_strength(strength: float) -> float:
-        x = rng.standard_normal((n, COPIES)) + np.sqrt(strength) * way[:, np.newaxis] * rng.standard_normal(
-            COPIES
-        )
+        x = rng.standard_normal((n, COPIES)) + np.sqrt(strength) * way[:, np.newaxis] * rng.standard_normal(COPIES)
         error = excess_covariance(np.cov(root @ x), chance, COPIES)
         return float(np.trace(np.linalg.solve(chance, error)))
 

@@ -140,8 +140,7 @@ def test_how_often_the_lowest_is_reached_is_known_as_their_number_tells_it(seed:
     way = fit_peaks(K, heights, MEMORY, SAMPLES)
     drawn = way.best + rng.standard_normal((2000, 2)) @ way.root.T
     log_rate = [
-        log_often(heights[MAX_EXCURSIONS - 1 : MAX_EXCURSIONS], math.exp(log_tau), level)
-        for log_tau, level in drawn
+        log_often(heights[MAX_EXCURSIONS - 1 : MAX_EXCURSIONS], math.exp(log_tau), level) for log_tau, level in drawn
     ]
     assert np.std(log_rate) == pytest.approx(1 / math.sqrt(MAX_EXCURSIONS), rel=0.3)
 

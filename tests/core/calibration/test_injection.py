@@ -59,12 +59,8 @@ CHANGES = (("kT", 0.2), ("kT", -0.3), ("fm", 0.5), ("fm", -0.5), ("fc", 1.0), ("
 OUTPUTS: tuple[Output, ...] = ("angle", "speed")
 
 
-@pytest.mark.parametrize(
-    ("output", "name", "change"), [(OUTPUTS[k % 2], *change) for k, change in enumerate(CHANGES)]
-)
-def test_the_faulty_plant_moves_as_the_record_says(
-    output: Output, name: str, change: float, seed: int
-) -> None:
+@pytest.mark.parametrize(("output", "name", "change"), [(OUTPUTS[k % 2], *change) for k, change in enumerate(CHANGES)])
+def test_the_faulty_plant_moves_as_the_record_says(output: Output, name: str, change: float, seed: int) -> None:
     """With the torque that is computed, to a fortieth of what the fault does to the speed with the torque of before."""
     rng = np.random.default_rng(seed)
     u = multisine(rng, SAMPLES, H, (0.2, 10.0), 1.23)

@@ -77,9 +77,7 @@ def test_it_goes_on_where_it_was(seed: int) -> None:
     drawn = np.concatenate([sieve.take(count) for count in [1, 7, 10, 333] * 30])
     shocks = drawn[1:] - 0.95 * drawn[:-1]
     assert abs(shocks).max() < 1.3  # of 1, but for what the filter is off by
-    first = np.array(
-        [SieveBootstrap(eps, COPIES, np.random.default_rng(seed + k)).take(1) for k in range(60)]
-    )
+    first = np.array([SieveBootstrap(eps, COPIES, np.random.default_rng(seed + k)).take(1) for k in range(60)])
     assert first.std() == pytest.approx(eps.std(), rel=0.25)
     assert abs(np.corrcoef(drawn.T) - np.eye(COPIES)).max() < 0.35
 
@@ -165,9 +163,7 @@ def test_each_side_has_its_own_tail(skewed: bool, seed: int) -> None:
     record = rng.exponential(size=SHOCKS) if skewed else rng.standard_normal(SHOCKS)
     fresh = rng.exponential(size=20 * SHOCKS) if skewed else rng.standard_normal(20 * SHOCKS)
     share = [1e-4, 1e-3, 1 - 1e-3, 1 - 1e-4]
-    np.testing.assert_allclose(
-        np.quantile(again(record, rng), share), np.quantile(fresh, share), rtol=0.1, atol=0.01
-    )
+    np.testing.assert_allclose(np.quantile(again(record, rng), share), np.quantile(fresh, share), rtol=0.1, atol=0.01)
 
 
 def looked_at(e: Floats) -> float:
@@ -183,15 +179,11 @@ def test_what_hangs_on_the_largest_is_told_by_all(seed: int) -> None:
     record = rng.standard_normal(SHOCKS)
     larger = np.where(record == record.max(), 6.5, record)
     assert looked_at(larger) - looked_at(record) > 2.0
-    unchanged, with_larger = (
-        looked_at(again(values, np.random.default_rng(seed))) for values in (record, larger)
-    )
+    unchanged, with_larger = (looked_at(again(values, np.random.default_rng(seed))) for values in (record, larger))
     assert abs(with_larger - unchanged) < 0.1
 
 
-@pytest.mark.parametrize(
-    "record", [np.arange(20_000.0), np.zeros(SHOCKS), np.repeat([-1.0, 0.0, 1.0], SHOCKS // 3)]
-)
+@pytest.mark.parametrize("record", [np.arange(20_000.0), np.zeros(SHOCKS), np.repeat([-1.0, 0.0, 1.0], SHOCKS // 3)])
 def test_few_shocks_and_such_of_one_size_stay_as_they_are(record: Floats, seed: int) -> None:
     drawn = again(record, np.random.default_rng(seed), 3)
     np.testing.assert_array_equal(drawn, np.tile(record, (3, 1)))

@@ -59,9 +59,7 @@ def test_far_out_it_is_what_it_truly_is(shape: float, seed: int) -> None:
     drawn = tails.log_rates(np.full(H, h), np.ones((1, H)))
     error = drawn[0] + log + np.log(2)  # of every other sample
     stated = drawn[1:].std(axis=0)
-    print(
-        f"shape {tails.shape[0].mean():.3f}, off {error.mean():+.2f} +- {error.std():.2f} ({stated.mean():.2f})"
-    )
+    print(f"shape {tails.shape[0].mean():.3f}, off {error.mean():+.2f} +- {error.std():.2f} ({stated.mean():.2f})")
     assert abs(error.mean()) < 0.5  # what their mean shape is off by, all are
     assert np.mean(abs(error) < 1.645 * stated) > 0.6
     assert tails.shape[0].std() < 0.03  # they do not differ, and are said not to
@@ -135,8 +133,7 @@ def test_places_that_alarm_alone_are_as_few_as_they_are(swapped: bool, seed: int
     heights[rng.permutation(places)[:5]] = 1.0 + pareto(rng, 0.17, 5, each)  # its shape is amid the bounds
     w, none, column = weights(rng, places), np.zeros(201), heights.reshape(-1, 1)
     few, many = (
-        bank_tails(watched(values, places, swapped), 1, w, none)
-        for values in (column, rng.permutation(column))
+        bank_tails(watched(values, places, swapped), 1, w, none) for values in (column, rng.permutation(column))
     )
     assert few.log_rate[1:].std() > 2 * many.log_rate[1:].std()
     assert few.log_rate[1:].std() == pytest.approx(1 / np.sqrt(5), rel=0.4)
@@ -154,6 +151,4 @@ def test_few_excursions_are_as_an_exact_model_has_them(seed: int) -> None:
     np.testing.assert_allclose(tails.mean[0], [(0.5 + ADDED_EXCURSIONS) / (1 + ADDED_EXCURSIONS), 1.0])
     np.testing.assert_allclose(tails.log_rate[0], -np.log(1000))
     assert (tails.shape == 0).all()
-    np.testing.assert_allclose(
-        tails.log_rates(np.array([3.0, 3.0]), np.ones((1, 2)))[0, 1], -np.log(1000) - 1
-    )
+    np.testing.assert_allclose(tails.log_rates(np.array([3.0, 3.0]), np.ones((1, 2)))[0, 1], -np.log(1000) - 1)

@@ -224,18 +224,14 @@ def test_impossible_model_errors_are_refused(error: tuple[float, ...]) -> None:
 
 
 @pytest.mark.soak
-def test_alarms_that_are_one_leave_room_for_lower_thresholds(
-    seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_alarms_that_are_one_leave_room_for_lower_thresholds(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     plant = plant_with(0.0, memory=100)
     known = watched.multimodel_statistics(
         plant.axis, [record(plant, seed, RECORD // 5)], np.random.default_rng(seed), 60_000
     )
     found = {}
     for share in (0.0, -1.0):
-        monkeypatch.setattr(
-            hypotheses, "log_share", lambda *given, share=share: np.full_like(given[-1], share)
-        )
+        monkeypatch.setattr(hypotheses, "log_share", lambda *given, share=share: np.full_like(given[-1], share))
         found[share] = hypotheses.limits_for_budget(known, BUDGET, np.random.default_rng(seed))
     apart, together = (np.array([limit.h for limit in found[share].own]) for share in (0.0, -1.0))
     assert (together <= apart).all()

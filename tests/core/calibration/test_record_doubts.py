@@ -213,9 +213,7 @@ def moving(seed: int, seconds: float, band_hz: tuple[float, float] = BAND_HZ) ->
 
 def test_a_longer_record_or_a_shorter_memory(seed: int) -> None:
     words = checked(supervised.MODEL, OPTIONS, moving(seed, 8.0))
-    match = re.search(
-        r"give at least ([\d.]+) s .*, or set memory_s = ([\d.]+)( and joint_state = true)?$", words
-    )
+    match = re.search(r"give at least ([\d.]+) s .*, or set memory_s = ([\d.]+)( and joint_state = true)?$", words)
     assert match, words
     assert checked(supervised.MODEL, OPTIONS, moving(seed, float(match[1]))) == ""
     shorter = replace(OPTIONS, memory_s=float(match[2]), joint_state=True if match[3] else None)
@@ -239,9 +237,7 @@ def test_without_the_parameter_that_cannot_be_determined(seed: int) -> None:
     slow, options = moving(seed, 15.0, (0.0, 3.0)), replace(OPTIONS, memory_s=0.3, settling_time_s=0.5)
     with_dg = replace(supervised.MODEL, monitored=("kT", "fm", "dg"), scales={}, bounds={})
     words = checked(with_dg, options, slow)
-    assert words.startswith(
-        "P(0) was not found, because dg cannot be determined within a memory of 0.3 s: take it out"
-    )
+    assert words.startswith("P(0) was not found, because dg cannot be determined within a memory of 0.3 s: take it out")
     assert checked(replace(with_dg, monitored=("kT", "fm")), options, slow) == ""
 
 

@@ -138,9 +138,7 @@ def test_many_that_are_nothing_make_another_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     few, many = (np.abs(seen(np.full(n, 0.7), rng, 4000)).mean() for n in (2, 12))
     assert many < 0.7 * few
-    nothing, something = (
-        seen(np.array([2.0, *others]), rng, 4000)[:, 0].mean() for others in ([0] * 5, [6] * 5)
-    )
+    nothing, something = (seen(np.array([2.0, *others]), rng, 4000)[:, 0].mean() for others in ([0] * 5, [6] * 5))
     assert something > nothing + 0.5
 
 
@@ -160,9 +158,7 @@ def test_intervals_hold_the_truth(seed: int) -> None:
 
     drawn_held, _ = np.mean([held(from_prior()) for _ in range(times)], axis=0)
     nothing_held, width = np.mean([held(np.zeros(n)) for _ in range(times)], axis=0)
-    print(
-        f"{100 * drawn_held:.1f} and {100 * nothing_held:.1f} of 100; of nothing as wide as with sd {width:.2f}"
-    )
+    print(f"{100 * drawn_held:.1f} and {100 * nothing_held:.1f} of 100; of nothing as wide as with sd {width:.2f}")
     assert 0.87 < drawn_held < 0.93
     assert nothing_held > 0.95
     assert width < 0.45
@@ -171,8 +167,6 @@ def test_intervals_hold_the_truth(seed: int) -> None:
 def test_chance_that_goes_together_stays_together(seed: int) -> None:
     rng = np.random.default_rng(seed)
     common = rng.standard_normal((4000, 1))
-    draws = draw_posterior(
-        np.full(4, 30.0), np.hstack([common, common, -common, rng.standard_normal((4000, 1))]), rng
-    )
+    draws = draw_posterior(np.full(4, 30.0), np.hstack([common, common, -common, rng.standard_normal((4000, 1))]), rng)
     together = np.asarray(np.corrcoef(draws.T))[0]
     assert together == pytest.approx([1, 1, -1, 0], abs=0.08)

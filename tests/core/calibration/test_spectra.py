@@ -82,9 +82,7 @@ def test_of_a_short_record_chance_is_not_taken_for_a_filter(seed: int) -> None:
         spectra = of_variances(1.0)
         spectra.add(np.column_stack([eps, eps + moved]))
         stated.append(float(np.sqrt(spectra.covariance()[0, 0])))
-    print(
-        f"log r known within {np.median(stated):.3f}, of ordinates of all frequencies {np.sqrt(2 / few):.3f}"
-    )
+    print(f"log r known within {np.median(stated):.3f}, of ordinates of all frequencies {np.sqrt(2 / few):.3f}")
     assert 0.8 * np.sqrt(2 / few) < np.median(stated) < 3 * np.sqrt(2 / few)
 
 
@@ -113,9 +111,7 @@ def test_the_covariance_of_log_r_is_that_of_many_records(colour: float, seed: in
     np.testing.assert_allclose(stated_sd, own, rtol=0.4)
     # More power alone, with nothing but noise: five times what it is off by.
     assert stated_sd[0] > 3 * np.sqrt(2 / N)
-    np.testing.assert_allclose(
-        mean / np.outer(stated_sd, stated_sd), np.corrcoef(np.transpose(found)), atol=0.25
-    )
+    np.testing.assert_allclose(mean / np.outer(stated_sd, stated_sd), np.corrcoef(np.transpose(found)), atol=0.25)
 
 
 def test_records_add_up_and_gaps_are_left_out(seed: int) -> None:

@@ -36,9 +36,7 @@ WANTED_RMS = 4.0
 """Of the excitation of the reference, rad/s."""
 SLOW, SLOW_TIME_S = 0.4, 0.1
 """Torque disturbance d' = -d / T + w: a third of the torque's rms value, N m, and T."""
-START_OF_NOISE = Disturbance(
-    torque=0.0, slow=SLOW / 2, time_constant_s=SLOW_TIME_S / 2, free=("slow", "time_constant")
-)
+START_OF_NOISE = Disturbance(torque=0.0, slow=SLOW / 2, time_constant_s=SLOW_TIME_S / 2, free=("slow", "time_constant"))
 """What the fit starts from where there is a disturbance."""
 
 
@@ -72,9 +70,7 @@ class Spread(NamedTuple):
     def lines(self) -> str:
         """A table to print."""
         rows = zip(EIGHT, self.z, self.empirical, self.reported, self.bound, strict=True)
-        body = [
-            f"{n:4s} {z:+7.2f} {100 * e:9.3f} % {100 * s:9.3f} % {100 * b:9.3f} %" for n, z, e, s, b in rows
-        ]
+        body = [f"{n:4s} {z:+7.2f} {100 * e:9.3f} % {100 * s:9.3f} % {100 * b:9.3f} %" for n, z, e, s, b in rows]
         head = f"{len(self.deviations)} records, {self.converged} converged, lambda_0 {self.lam0.mean():.4f}"
         return "\n".join([head, "      mean/SE  empirical    reported       bound", *body])
 

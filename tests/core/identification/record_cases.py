@@ -28,9 +28,7 @@ def records(draw: st.DrawFn, least: int = 2) -> Record:
     y = rng.normal(size=count)
     y[rng.random(count) < draw(st.sampled_from([0.0, 0.2]))] = np.nan
     quantity: Output = draw(st.sampled_from(["speed", "angle"]))
-    return Record(
-        np.cumsum(intervals), rng.normal(size=count), y, quantity, "a", signals={"s": rng.normal(size=count)}
-    )
+    return Record(np.cumsum(intervals), rng.normal(size=count), y, quantity, "a", signals={"s": rng.normal(size=count)})
 
 
 def picks(seed: int, stiction: float = 0.0, moves: int = 40) -> Record:

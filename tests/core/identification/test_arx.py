@@ -47,9 +47,7 @@ def parameters(model: Arx) -> Floats:
 
 @law
 @given(seeds, st.integers(1, 9), st.lists(st.integers(0, 399), max_size=6))
-def test_equals_least_squares_of_the_rows_in_which_nothing_is_missing(
-    seed: int, n: int, lost: list[int]
-) -> None:
+def test_equals_least_squares_of_the_rows_in_which_nothing_is_missing(seed: int, n: int, lost: list[int]) -> None:
     rng = np.random.default_rng(seed)
     records = [bench_record(rng, 400).without(np.array(lost, dtype=np.int64)), bench_record(rng, 150)]
     model = fit_arx(records, n)
@@ -60,9 +58,7 @@ def test_equals_least_squares_of_the_rows_in_which_nothing_is_missing(
     assert model.lam0 == pytest.approx(rss[0] / (len(Phi) - Phi.shape[1]), rel=1e-8)
     scale = np.sqrt(np.diag(inverse := np.linalg.inv(Phi.T @ Phi)[:-2, :-2]))
     found = model.root @ model.root.T
-    assert found / np.outer(scale, scale) == pytest.approx(
-        inverse / np.outer(scale, scale), rel=1e-6, abs=1e-7
-    )
+    assert found / np.outer(scale, scale) == pytest.approx(inverse / np.outer(scale, scale), rel=1e-6, abs=1e-7)
 
 
 def test_a_lost_sample_is_a_place_where_nothing_is_known(seed: int) -> None:

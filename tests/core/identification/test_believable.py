@@ -120,9 +120,7 @@ def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyP
     """A part of it tells only where the fit starts."""
     rec = record(seed)
     direct = usual(seed).estimate
-    monkeypatch.setattr(
-        identification_procedure, "most_moving_parts", partial(most_moving_parts, most=len(rec) // 4)
-    )
+    monkeypatch.setattr(identification_procedure, "most_moving_parts", partial(most_moving_parts, most=len(rec) // 4))
     by_part = found([rec]).estimate
     assert by_part.theta == pytest.approx(direct.theta, rel=1e-3)
     assert by_part.sd == pytest.approx(direct.sd, rel=0.01)
@@ -202,9 +200,7 @@ def test_an_axis_that_mostly_creeps_is_identified_from_its_faster_motion(seed: i
 def test_what_is_left_out_counts_in_no_balance(seed: int) -> None:
     problem = Problem(one_mass(), {**VALUES, "tau0": 0.0}, ALL, speed_scale=0.01)
     slow = [creeping(seed, 0.05)]
-    all_of_it, faster = (
-        explained_torque([(replace(problem, min_speed=speed), slow)]) for speed in (0.0, 0.1)
-    )
+    all_of_it, faster = (explained_torque([(replace(problem, min_speed=speed), slow)]) for speed in (0.0, 0.1))
     print(all_of_it, faster)
     assert all_of_it < 95 < 98 < faster
 
@@ -292,12 +288,7 @@ def test_where_the_torque_rings_the_inertia_is_that_of_the_torque_balance(seed: 
     speed = np.gradient(y, H)
     ringing = np.cumsum(rng.normal(0, 0.3, t.size))
     ringing = 15 * np.sin(2 * np.pi * 11 * t + ringing)
-    u = (
-        VALUES["J"] * np.gradient(speed, H)
-        + VALUES["fv"] * speed
-        + VALUES["fc"] * np.tanh(speed / SCALE)
-        + 0.1
-    )
+    u = VALUES["J"] * np.gradient(speed, H) + VALUES["fv"] * speed + VALUES["fc"] * np.tanh(speed / SCALE) + 0.1
     u = np.asarray(u + ringing, np.float64)
     rec = Record(np.asarray(t, np.float64), u, y + 2e-5 * rng.standard_normal(t.size), "angle", "axis")
     result = found([rec], start="records")
@@ -383,9 +374,7 @@ def test_the_load_is_offered_where_the_record_tells_it(seed: int) -> None:
     assert 0.4 * load.change < heavier.change < load.change
 
 
-@pytest.mark.parametrize(
-    ("size", "seconds"), [(0.01, 40.0), (5.0, 30.0)], ids=["a small weight", "too short"]
-)
+@pytest.mark.parametrize(("size", "seconds"), [(0.01, 40.0), (5.0, 30.0)], ids=["a small weight", "too short"])
 def test_a_load_that_the_record_does_not_tell_is_not_offered_unless_asked(
     seed: int, size: float, seconds: float
 ) -> None:
@@ -400,9 +389,9 @@ def test_a_slow_motion_leaves_enough_for_the_black_box(seed: int) -> None:
     t = np.asarray(0.001 * np.arange(20_000), dtype=np.float64)
     u = np.asarray(sum(np.sin(2 * np.pi * f * t + f) for f in (0.1, 0.25, 0.4)))
     speed = np.cumsum(u) * 0.001 / 2.0
-    y = np.concatenate(([0.0], np.cumsum(speed)[:-1] * 0.001)) + 1e-6 * np.random.default_rng(
-        seed
-    ).standard_normal(t.size)
+    y = np.concatenate(([0.0], np.cumsum(speed)[:-1] * 0.001)) + 1e-6 * np.random.default_rng(seed).standard_normal(
+        t.size
+    )
     rec = Record(t, u, y, "angle", "slow")
     estimate = fit(Problem(one_mass(), {**VALUES, "fv": 0.0, "fc": 0.0}, ("J",), speed_scale=SCALE), [rec])
     bode = bode_of(estimate, None, [rec])

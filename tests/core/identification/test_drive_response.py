@@ -116,8 +116,6 @@ def test_what_is_not_told_makes_the_band_infinite() -> None:
     names = ("kT", "Jm", "fm per temperature")
     lost = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, names=names, covariance=covariance)
     assert np.isinf(lost.sd_db).all()
-    known = drive_response(
-        drive, REFERENCE_VALUES, INTERVAL_S, f, names=names[1:], covariance=covariance[1:, 1:]
-    )
+    known = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, names=names[1:], covariance=covariance[1:, 1:])
     assert np.isfinite(known.sd_db).all()
     assert (known.sd_db > 0).all()

@@ -121,9 +121,7 @@ def test_four_records_halve_the_deviations(seed: int) -> None:
 def test_a_gap_makes_two_records(seed: int) -> None:
     record = white(np.random.default_rng(seed), 4000, 0.3)
     found = by_local(record.without(slice(2000, 2005)))
-    two = local_response(
-        [record.select(slice(0, 2000)), record.select(slice(2005, 4000))], found.frequency_hz
-    )
+    two = local_response([record.select(slice(0, 2000)), record.select(slice(2005, 4000))], found.frequency_hz)
     np.testing.assert_allclose(found.G, two.G, rtol=1e-9)
     np.testing.assert_allclose(found.sd_db, two.sd_db, rtol=1e-9)
 

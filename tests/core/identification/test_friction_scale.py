@@ -44,14 +44,10 @@ def test_a_scale_that_predicts_far_worse_is_not_taken_for_its_simulation(found: 
     def fitted(problem: Problem) -> Estimate:
         far = problem.speed_scale > 50.0
         other = at(found, problem.speed_scale)
-        return replace(
-            other, cost=(1.5 if far else 1.0) * other.cost, simulate=lambda: (80.0 if far else 30.0,)
-        )
+        return replace(other, cost=(1.5 if far else 1.0) * other.cost, simulate=lambda: (80.0 if far else 30.0,))
 
     first = replace(at(found, 2.0), simulate=lambda: (30.0,))
-    assert with_best_scale(first, (1.0, 10.0, 100.0), fitted).problem.speed_scale == pytest.approx(
-        BEST, rel=0.15
-    )
+    assert with_best_scale(first, (1.0, 10.0, 100.0), fitted).problem.speed_scale == pytest.approx(BEST, rel=0.15)
 
 
 @pytest.mark.parametrize("failing", [(0.0, 0.0), (2.01, 2.2), (3.2, 4.9), (2.01, 2.7), (2.01, 4.9)])

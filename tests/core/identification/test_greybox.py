@@ -48,9 +48,7 @@ def test_deviations_are_cramer_and_raos(seed: int) -> None:
 
 
 @pytest.mark.parametrize("number", range(8))
-def test_a_search_that_is_stopped_has_converged_where_no_parameter_would_still_move(
-    number: int, seed: int
-) -> None:
+def test_a_search_that_is_stopped_has_converged_where_no_parameter_would_still_move(number: int, seed: int) -> None:
     """Wherever it stops: what it calls converged is little more than a tenth of a deviation off."""
     rec = reference_record(seed + number, SAMPLES)
     start = reference_problem(nominal={**REFERENCE_VALUES, **{n: 1.01 * REFERENCE_VALUES[n] for n in EIGHT}})
@@ -125,9 +123,7 @@ def test_the_skew_is_estimated(late: int, seed: int) -> None:
 def test_outliers(seed: int) -> None:
     rng = np.random.default_rng(seed)
     rec = reference_record(seed, SAMPLES)
-    rec = replace(
-        rec, y=rec.y + np.where(rng.random(SAMPLES) < 0.03, 60.0, 0.0) * rng.standard_normal(SAMPLES)
-    )
+    rec = replace(rec, y=rec.y + np.where(rng.random(SAMPLES) < 0.03, 60.0, 0.0) * rng.standard_normal(SAMPLES))
     squares, huber = (fit(reference_problem(loss=loss), [rec]) for loss in ("squares", "huber"))
     assert np.abs(pulls(huber)).max() < 4.5
     assert np.exp(np.mean(np.log(huber.sd / squares.sd))) < 0.25  # a tenth, were it not for chance

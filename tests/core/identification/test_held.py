@@ -101,11 +101,7 @@ def test_delayed_torque_is_two_pieces(delay_s: float) -> None:
         hold_late(linear, torque, np.array([h]), abs(delay_s) + s).X[0]
         for s in ((0, step, 2 * step) if delay_s == 0 else (-step, 0, step))
     ]
-    slope = (
-        (4 * ends[1] - 3 * ends[0] - ends[2]) / (2 * step)
-        if delay_s == 0
-        else (ends[2] - ends[0]) / (2 * step)
-    )
+    slope = (4 * ends[1] - 3 * ends[0] - ends[2]) / (2 * step) if delay_s == 0 else (ends[2] - ends[0]) / (2 * step)
     np.testing.assert_allclose(dX[0, -1], slope, atol=1e-5 * abs(slope).max())
 
 
@@ -127,9 +123,7 @@ NOISY = ("Jm", "1/Ja", "kg", "r", DISTURBANCE_TIME)
 DISTURBED = {**REFERENCE_VALUES, DISTURBANCE_TIME: 0.3}
 
 
-def gain_at(
-    output: Output, theta: Floats, torque: float, slow: float
-) -> tuple[Floats, Floats, float, Floats]:
+def gain_at(output: Output, theta: Floats, torque: float, slow: float) -> tuple[Floats, Floats, float, Floats]:
     """K and dK in the drive's states."""
     drive = three_mass(output).with_disturbance()
     values = dict(DISTURBED)

@@ -34,9 +34,7 @@ def rng(seed: int) -> Generator:
 
 @pytest.mark.parametrize("own", ANGLES)
 @pytest.mark.parametrize("function", ["cos", "sin"])
-@pytest.mark.parametrize(
-    "angles", [(), ((1, "q2"),), ((2, "q3"),), ((1, "q2"), (-2, "q3")), ((2, "q1"), (1, "q3"))]
-)
+@pytest.mark.parametrize("angles", [(), ((1, "q2"),), ((2, "q3"),), ((1, "q2"), (-2, "q3")), ((2, "q1"), (1, "q3"))])
 def test_the_torque_is_that_of_lagranges_equation(
     own: str, function: str, angles: tuple[tuple[int, str], ...], rng: Generator
 ) -> None:
@@ -68,9 +66,7 @@ def test_the_torque_is_that_of_lagranges_equation(
         scale = 2.0 if axes == (own, own) else 1.0 if own in axes else float(own_times)
         assert scale * found == pytest.approx(expected, rel=1e-9, abs=1e-12)
         carried = Energy(axes, function, angles, "load").torque(own, SIGNALS)
-        assert Term.read(str(carried)).value({**signals, "load": np.array([3.0])})[0] == pytest.approx(
-            3 * found
-        )
+        assert Term.read(str(carried)).value({**signals, "load": np.array([3.0])})[0] == pytest.approx(3 * found)
 
 
 def motion(
@@ -115,9 +111,7 @@ def test_the_inertia_of_the_base_is_that_of_the_pose(rng: Generator) -> None:
     assert found is not None
     harmonics = {tuple(sorted(Term.read(term).factors[1].addends)) for term in found.terms}
     assert harmonics == {((1, "q2"), (1, "q2")), ((1, "q2"), (1, "q2"), (1, "q3")), ((1, "q3"),)}
-    assert all(
-        "cos(" in term.split(" - ")[0] for term in found.terms
-    )  # no sine: zero is the outstretched arm
+    assert all("cos(" in term.split(" - ")[0] for term in found.terms)  # no sine: zero is the outstretched arm
     assert found.before < 0.9
     assert found.explained > 0.97
     assert link_weights([base], "q1", ANGLES) is None
@@ -173,9 +167,7 @@ def test_hundreds_of_sums_explain_a_slow_disturbance_only_by_chance(seed: int) -
         q, v, a = motion(rng, 40.0, len(names))
         slow = 0.3 * np.convolve(rng.normal(size=q.shape[1] + 99), np.ones(100), "valid")
         base = record(rng, 0, 4 * a[0] + slow, q, v)
-        found = link_weights(
-            [replace(base, signals=dict(zip(names, q, strict=True)))], "q1", names, moving=signals
-        )
+        found = link_weights([replace(base, signals=dict(zip(names, q, strict=True)))], "q1", names, moving=signals)
         misled += found is not None
     assert misled <= 4
 

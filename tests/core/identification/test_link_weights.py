@@ -68,10 +68,7 @@ def recorded(
 ) -> Record:
     """An axis of 2 kg m^2 with friction, that torque and noise of a tenth of it, while all others move or stand."""
     t = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
-    q = {
-        name: np.full(len(t), rng.uniform(-1, 1)) if name in still else moved(rng, t, reach)
-        for name in ANGLES
-    }
+    q = {name: np.full(len(t), rng.uniform(-1, 1)) if name in still else moved(rng, t, reach) for name in ANGLES}
     speed = np.gradient(q[own], t)
     u = 2.0 * np.gradient(speed, t) + 1.5 * speed + 1.0 * np.tanh(speed / 0.05) + torque(q)
     return Record(t, u + rng.normal(0, 0.1 * u.std(), len(t)), q[own], "angle", signals=q)
@@ -204,9 +201,7 @@ def test_a_load_that_comes_and_goes_hides_no_link(seed: int) -> None:
         load = np.repeat(rng.permutation(np.tile([0.0, 4.0, 0.0, 7.0], 6)), count // 24)
 
         def weight(q: Mapping[str, Floats]) -> Floats:
-            return np.asarray(
-                (1 + load) * np.cos(q["q2"] + q["q3"] + q["q4"]) + 2 * np.cos(q["q3"] + q["q4"])
-            )
+            return np.asarray((1 + load) * np.cos(q["q2"] + q["q3"] + q["q4"]) + 2 * np.cos(q["q3"] + q["q4"]))
 
         record = recorded(weight, rng, "q4")
         record = replace(record, signals={**record.signals, "load": load})
@@ -236,9 +231,7 @@ def test_what_accelerates_another_axis_is_found_beside_a_weight_or_alone(seed: i
     t = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
 
     def accelerated(record: Record) -> Record:
-        found = {
-            f"{n}_accel": np.gradient(np.gradient(q, t), t) for n, q in record.signals.items() if n != "q2"
-        }
+        found = {f"{n}_accel": np.gradient(np.gradient(q, t), t) for n, q in record.signals.items() if n != "q2"}
         return replace(record, signals={**record.signals, **found})
 
     def coupled(q: Mapping[str, Floats]) -> Floats:
@@ -322,9 +315,7 @@ def test_long_records_and_several_are_used_together(seed: int) -> None:
 
 def test_signals_that_never_came_tell_nothing(seed: int) -> None:
     record = recorded(lambda q: 8 * np.cos(q["q2"]), np.random.default_rng(seed))
-    lost = Record(
-        record.t, record.u, record.y, "angle", signals={**record.signals, "q3": np.full(len(record), np.nan)}
-    )
+    lost = Record(record.t, record.u, record.y, "angle", signals={**record.signals, "q3": np.full(len(record), np.nan)})
     assert link_weights([lost], "q2", ANGLES) is None
 
 
@@ -333,9 +324,7 @@ GEARS = {"q1": 60.0, "q2": 90.0, "q3": 80.0, "q4": 50.0}
 
 def of_motors(record: Record, gears: Mapping[str, float]) -> Record:
     """The same record with angles that turn so many times as far: those of motors for those of the arm, or back."""
-    return replace(
-        record, signals={name: gears.get(name, 1.0) * angle for name, angle in record.signals.items()}
-    )
+    return replace(record, signals={name: gears.get(name, 1.0) * angle for name, angle in record.signals.items()})
 
 
 @pytest.mark.parametrize(

@@ -101,12 +101,8 @@ def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> Non
     case = Case("", output, ("Jm", "1/Ja", "kg", "da", "r", "fc"))  # type: ignore[arg-type]
     records = [case_record(seed, case, 300), case_record(seed + 1, case, 200, jitter=0.1)]
     ratio = 0.3 if output == "speed" else 100.0
-    noise = Disturbance(
-        torque=ratio, slow=ratio, time_constant_s=0.1, free=("torque", "slow", "time_constant")
-    )
-    problem = as_monitor(
-        case, K=None, initial=initial, predictor="innovations", free_delay=True, delay_s=0.001
-    )
+    noise = Disturbance(torque=ratio, slow=ratio, time_constant_s=0.1, free=("torque", "slow", "time_constant"))
+    problem = as_monitor(case, K=None, initial=initial, predictor="innovations", free_delay=True, delay_s=0.001)
     predictor = Predictor(problem, records, noise)
     assert predictor.layout.levels == ("torque", "slow")
     assert predictor.layout.names[-2:] == ("Td", "delay")
@@ -210,9 +206,7 @@ def test_what_is_slow_corrects_the_state_but_does_not_count(seed: int) -> None:
     case = BY_NAME["speed-springs"]
     rec, problem = case_record(seed, case, 400), as_monitor(case)
     least = float(np.median(abs(rec.y)))
-    predictors = (
-        Predictor(replace(problem, min_speed=speed), [rec], problem.disturbance) for speed in (0.0, least)
-    )
+    predictors = (Predictor(replace(problem, min_speed=speed), [rec], problem.disturbance) for speed in (0.0, least))
     (every,), (fast,) = (predictor.errors(predictor.start()) for predictor in predictors)
     counts = abs(rec.y) >= least
     np.testing.assert_array_equal(fast.eps, np.where(counts, every.eps, 0.0))
@@ -264,9 +258,7 @@ def test_parameters_that_follow_a_signal(seed: int) -> None:
 
 
 @pytest.mark.parametrize("noise", [None, Disturbance(torque=0.1, output=1e-3)])
-def test_a_constant_torque_that_follows_a_signal_is_an_exact_input(
-    noise: Disturbance | None, seed: int
-) -> None:
+def test_a_constant_torque_that_follows_a_signal_is_an_exact_input(noise: Disturbance | None, seed: int) -> None:
     """tau0 = tau00 + b s acts as a torque that is larger by b s, however s moves."""
     rec = reference_record(seed, 600, noise=1e-3)
     signal = np.sin(np.arange(600) / 37) + 0.2 * np.random.default_rng(seed).standard_normal(600)
@@ -278,9 +270,7 @@ def test_a_constant_torque_that_follows_a_signal_is_an_exact_input(
     follows = Predictor(problem, [replace(rec, signals={"s": signal})], noise)
     larger = Predictor(plain, [replace(rec, u=rec.u + b * signal)], noise)
     errors = all_errors(follows, follows.start())
-    np.testing.assert_allclose(
-        errors, all_errors(larger, larger.start()), rtol=0, atol=1e-10 * float(np.std(rec.y))
-    )
+    np.testing.assert_allclose(errors, all_errors(larger, larger.start()), rtol=0, atol=1e-10 * float(np.std(rec.y)))
     assert follows.layout.names == ("kT", "fm", "tau0", "tau0 per s")
     assert settled(follows, follows.start()).slopes == {"tau0 per s": b}
     check_gradients(follows, 1e-6)

@@ -92,9 +92,7 @@ def test_times() -> None:
 def test_a_range_of_time(r: Record, start: float, length: float) -> None:
     inside = [k for k, t in enumerate(r.t) if start <= t - r.t[0] <= start + length]
     if len(inside) < 2:
-        with pytest.raises(
-            ValueError, match=f"record a has no two samples from .* s: it is {r.duration_s:g} s long"
-        ):
+        with pytest.raises(ValueError, match=f"record a has no two samples from .* s: it is {r.duration_s:g} s long"):
             between(r, start, start + length)
         return
     assert same(between(r, start, start + length), r.select(np.array(inside)))
@@ -129,9 +127,7 @@ class Tones:
         return total
 
 
-def sampled(
-    tones: Tones, jitter: float, rng: np.random.Generator, count: int = 8000, h: float = 0.001
-) -> Record:
+def sampled(tones: Tones, jitter: float, rng: np.random.Generator, count: int = 8000, h: float = 0.001) -> Record:
     t = h * (np.arange(count, dtype=float) + jitter * rng.uniform(-1, 1, count))
     return Record(t, rng.normal(size=count), tones(t), "speed", signals={"s": 2 * tones(t)})
 
@@ -172,9 +168,7 @@ def test_what_is_in_the_band_stays_as_it_is(rng: np.random.Generator, factor: fl
 
 @law
 @given(rngs, st.integers(2, 12), st.floats(1.0, 0.9 * 500 / 250))
-def test_what_is_above_the_band_does_not_come_back(
-    rng: np.random.Generator, factor: int, above: float
-) -> None:
+def test_what_is_above_the_band_does_not_come_back(rng: np.random.Generator, factor: int, above: float) -> None:
     h = 0.001
     frequency = min(above * 0.5 / (factor * h), 0.49 / h)
     t = h * np.arange(6000, dtype=float)
@@ -192,9 +186,7 @@ def test_missing_samples_stay_missing_and_spoil_no_others(rng: np.random.Generat
     hole = np.arange(start, start + 4 * factor)
     new, intact = (resample(r, factor * 0.001) for r in (complete.without(hole), complete))
     lost = intact.measured & ~new.measured
-    near = (new.t > complete.t[hole[0] - 1] - factor * 0.001) & (
-        new.t < complete.t[hole[-1] + 1] + factor * 0.001
-    )
+    near = (new.t > complete.t[hole[0] - 1] - factor * 0.001) & (new.t < complete.t[hole[-1] + 1] + factor * 0.001)
     inside = (new.t >= complete.t[hole[0]]) & (new.t <= complete.t[hole[-1]])
     assert lost[inside & intact.measured].all()
     assert not (lost & ~near).any()
@@ -254,6 +246,4 @@ def test_short_records_stay() -> None:
     parts = most_moving_parts(records, 900)
     assert [len(part) for part in parts] == [400, 100, 400]
     assert parts[1] is records[1]
-    assert [part is own for part, own in zip(most_moving_parts(records, 1700), records, strict=True)] == [
-        True
-    ] * 3
+    assert [part is own for part, own in zip(most_moving_parts(records, 1700), records, strict=True)] == [True] * 3

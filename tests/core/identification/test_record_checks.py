@@ -67,9 +67,7 @@ def test_torque_and_angle_that_are_exchanged_are_named(seed: int) -> None:
         )
         if quantity == "angle":
             assert [f.kind for f in found] == ["exchanged"]
-            assert found[0].sentence.startswith(
-                "torque and angle are exchanged, in the configuration or in the"
-            )
+            assert found[0].sentence.startswith("torque and angle are exchanged, in the configuration or in the")
             assert found[0].number > 0.9
 
 
@@ -91,12 +89,8 @@ def square(rng: np.random.Generator, count: int) -> Floats:
     )
 
 
-@pytest.mark.parametrize(
-    "torque", [random_binary, sine_in_steps, fast_sine, square], ids=lambda f: f.__name__
-)
-def test_other_torques_are_healthy_too(
-    torque: Callable[[np.random.Generator, int], Floats], seed: int
-) -> None:
+@pytest.mark.parametrize("torque", [random_binary, sine_in_steps, fast_sine, square], ids=lambda f: f.__name__)
+def test_other_torques_are_healthy_too(torque: Callable[[np.random.Generator, int], Floats], seed: int) -> None:
     rng = np.random.default_rng(seed)
     u = torque(rng, 3000)
     drive = three_mass("speed")
@@ -126,9 +120,7 @@ def test_constant_torque(record: Record) -> None:
 @pytest.mark.parametrize("ends", [(-1.5, 1.5), (-9, 1.5), (-1.5, 9)])
 def test_saturated_torque(record: Record, ends: tuple[float, float]) -> None:
     u = np.clip(record.u, *ends)
-    found = [
-        finding for finding in check_record(with_u(record, u), KnownAxis()) if finding.kind == "saturated"
-    ]
+    found = [finding for finding in check_record(with_u(record, u), KnownAxis()) if finding.kind == "saturated"]
     assert len(found) == sum(abs(end) < 9 for end in ends)
     for finding in found:
         at_end = np.mean(u == (u.max() if "largest" in finding.sentence else u.min()))
@@ -293,14 +285,11 @@ def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
     assert (finding.kind, finding.severity) == ("gaps", "warn")
     assert finding.number == pytest.approx(0.3, abs=0.01)
     assert (
-        f"once nothing was recorded for more than 10 intervals, longest for {finding.number:.3g} s"
-        in finding.sentence
+        f"once nothing was recorded for more than 10 intervals, longest for {finding.number:.3g} s" in finding.sentence
     )
     few, many = (np.random.default_rng(seed).random(len(record)) > share for share in (0.005, 0.1))
     assert "lost" not in [kind for kind, _ in kinds(record.select(few), KnownAxis())]
-    (lost,) = [
-        finding for finding in check_record(record.select(many), KnownAxis()) if finding.kind == "lost"
-    ]
+    (lost,) = [finding for finding in check_record(record.select(many), KnownAxis()) if finding.kind == "lost"]
     assert lost.number == pytest.approx(1 - many.mean(), abs=0.02)
 
 
@@ -361,9 +350,7 @@ def test_the_rigid_inertia_is_the_sum_of_all(output: Output) -> None:
     r = VALUES["r"]
     total = VALUES["Jm"] + r**2 * (VALUES["Jg"] + VALUES["Ja"])
     assert rigid_inertia(three_mass(output), VALUES) == pytest.approx(total, rel=1e-6)
-    assert rigid_inertia(three_mass(output), {**VALUES, "kT": 2.0, "fm": 0.0}) == pytest.approx(
-        total / 2, rel=1e-6
-    )
+    assert rigid_inertia(three_mass(output), {**VALUES, "kT": 2.0, "fm": 0.0}) == pytest.approx(total / 2, rel=1e-6)
     two = {**EXAMPLE_VALUES["two-mass"], "Jm": VALUES["Jm"], "Ja": VALUES["Ja"], "r": r}
     assert rigid_inertia(two_mass(output), two) == pytest.approx(VALUES["Jm"] + r**2 * VALUES["Ja"], rel=1e-6)
 

@@ -148,9 +148,7 @@ def test_an_axis_that_moves_one_way_has_no_offset_and_no_weight(seed: int) -> No
     record = conveyor(seed)
     start = {"J": 1e-3, "fm": 1e-4, "fc": 0.2, "tau0": 0.0, "kT": 1.0}
     problem = Problem(one_mass("speed"), start, NAMES, speed_scale=1.0)
-    options = IdentificationOptions(
-        "records", speed_scales=speed_scales([record]), monitored=("kT", "fc", "fm")
-    )
+    options = IdentificationOptions("records", speed_scales=speed_scales([record]), monitored=("kT", "fc", "fm"))
     found = identify(problem, [record], options=options)
     print(found.estimate.values, found.verdict)
     assert found.estimate.values["tau0"] == 0

@@ -124,9 +124,7 @@ def test_friction_of_an_axis_that_stands_is_no_weight(seed: int) -> None:
 
 def test_a_record_that_is_too_short_explains_nothing() -> None:
     record, problem = moved()
-    short = Record(
-        record.t[:20], record.u[:20], record.y[:20], "angle", signals={"load": record.signals["load"][:20]}
-    )
+    short = Record(record.t[:20], record.u[:20], record.y[:20], "angle", signals={"load": record.signals["load"][:20]})
     assert explained_torque([(problem, [short])]) == -np.inf
 
 

@@ -95,9 +95,7 @@ def warmth_of(law: str, power: Floats, starts: Sequence[float]) -> tuple[Floats,
     """In the windows (W,), and what each part is after the last one."""
     found = [heat_course(power, start, tau_s) for start, (tau_s, _) in zip(starts, LAWS[law], strict=True)]
     shares = [share for _, share in LAWS[law]]
-    return np.asarray(sum(s * c for s, (c, _) in zip(shares, found, strict=True))), [
-        last for _, last in found
-    ]
+    return np.asarray(sum(s * c for s, (c, _) in zip(shares, found, strict=True))), [last for _, last in found]
 
 
 def powers(rng: np.random.Generator, minutes: int) -> Floats:

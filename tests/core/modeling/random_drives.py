@@ -39,9 +39,7 @@ class RandomDrive:
     def add(self, kind: str, at: list[str], **roles: Fraction) -> str:
         """A component with parameters of its own, whose values are remembered."""
         name = f"c{len(self.parts)}"
-        self.parts.append(
-            {"type": kind, "name": name, "at": at, **{role: f"{name}.{role}" for role in roles}}
-        )
+        self.parts.append({"type": kind, "name": name, "at": at, **{role: f"{name}.{role}" for role in roles}})
         self.exact.update({f"{name}.{role}": value for role, value in roles.items()})
         return name
 

@@ -120,9 +120,7 @@ def minimality(ss: StateSpace, seed: Seed) -> tuple[int, int]:
 def drawn(parts: Iterable[Mapping[str, Any]], name: str = "random") -> Drawing:
     """The drawing of a random drive's parts; the node "ground" is fixed."""
     components = [
-        part(
-            p["type"], p["name"], *p["at"], **{k: v for k, v in p.items() if k not in ("type", "name", "at")}
-        )
+        part(p["type"], p["name"], *p["at"], **{k: v for k, v in p.items() if k not in ("type", "name", "at")})
         for p in parts
     ]
     if any("ground" in each.nodes for each in components):

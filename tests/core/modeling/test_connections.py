@@ -27,9 +27,7 @@ def groups(pairs: list[tuple[str, str]]) -> set[frozenset[str]]:
 
 
 def coefficients(equation: FlatEquation) -> dict[str, int]:
-    assert all(
-        k == 0 and c in (Laurent.number(1), Laurent.number(-1)) for (_, k), c in equation.terms.items()
-    )
+    assert all(k == 0 and c in (Laurent.number(1), Laurent.number(-1)) for (_, k), c in equation.terms.items())
     return {name: int(c.value({})) for (name, _), c in equation.terms.items()}
 
 

@@ -107,16 +107,12 @@ def test_signs_of_parameters() -> None:
 
 def test_a_spring_constant_given_to_an_inertia_names_both() -> None:
     parts = [part("inertia", "motor", "shaft", J="k"), part("spring", "belt", "shaft", "load", c="k")]
-    with pytest.raises(
-        ModelError, match=r"^belt: its c \(stiffness\) is in N m/rad, but k is in kg m\^2 \(k is"
-    ):
+    with pytest.raises(ModelError, match=r"^belt: its c \(stiffness\) is in N m/rad, but k is in kg m\^2 \(k is"):
         Drawing("drive", parts).flat()
 
 
 def test_meanings_set_the_order_and_the_words() -> None:
-    ordered = Drawing(
-        "two-mass", two_mass().components, meanings={"k": "stiffness of the toothed belt", "Ja": ""}
-    )
+    ordered = Drawing("two-mass", two_mass().components, meanings={"k": "stiffness of the toothed belt", "Ja": ""})
     parameters = ordered.flat().parameters
     assert [p.name for p in parameters] == ["k", "Ja", "kT", "Jm", "fm", "d"]
     assert [p.meaning for p in parameters][:2] == ["stiffness of the toothed belt", "inertia of the arm"]

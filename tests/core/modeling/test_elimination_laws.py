@@ -80,9 +80,7 @@ POINTS = st.lists(st.builds(Fraction, st.integers(1, 500), st.just(10)), min_siz
 
 @LAWS
 @given(drive=drives(), points=POINTS)
-def test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal(
-    drive: RandomDrive, points: list[Fraction]
-) -> None:
+def test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal(drive: RandomDrive, points: list[Fraction]) -> None:
     """Of a minimal form the characteristic polynomial is right, too."""
     ss = reduced(drive)
     check_transfer_function(ss, drive, points)
@@ -90,13 +88,9 @@ def test_a_reduced_drive_is_the_unreduced_one_exactly_and_minimal(
 
 
 @pytest.mark.parametrize("grounded", [False, True])
-@pytest.mark.parametrize(
-    "kinds", [("spring",), ("damper",), ("spring", "damper"), ("spring-damper", "spring")]
-)
+@pytest.mark.parametrize("kinds", [("spring",), ("damper",), ("spring", "damper"), ("spring-damper", "spring")])
 @pytest.mark.parametrize("arms", [2, 3, 4])
-def test_a_flange_without_inertia_between_several_masses(
-    arms: int, kinds: tuple[str, ...], grounded: bool
-) -> None:
+def test_a_flange_without_inertia_between_several_masses(arms: int, kinds: tuple[str, ...], grounded: bool) -> None:
     """To solve for its motion divides by the sum of its springs, or of its dampers."""
     drive = star(arms, kinds, grounded)
     ss = reduced(drive)

@@ -184,9 +184,7 @@ def coefficients(ss: StateSpace, values: Mapping[str, complex]) -> Complex:
     return np.concatenate([below[1:], (characteristic(A - B @ C) - below)[1:]])
 
 
-def jacobian_of(
-    ss: StateSpace, names: Sequence[str], seed: int
-) -> tuple[dict[str, float], NDArray[np.float64]]:
+def jacobian_of(ss: StateSpace, names: Sequence[str], seed: int) -> tuple[dict[str, float], NDArray[np.float64]]:
     """Values, and the derivatives of the coefficients by these names there."""
     rng = np.random.default_rng(seed)
     values = {p.name: rng.uniform(0.7, 1.4) for p in ss.drawn}
@@ -212,16 +210,12 @@ def test_as_many_are_seen_as_the_transfer_function_has_free_coefficients(
     names = data.draw(st.lists(st.sampled_from([p.name for p in ss.drawn]), min_size=1, unique=True))
     found = structural(ss, names, seed)
     assert found.count == rank_by_svd(ss, names, seed)
-    assert sorted([*found.identifiable, *found.invisible, *(n for g in found.groups for n in g)]) == sorted(
-        names
-    )
+    assert sorted([*found.identifiable, *found.invisible, *(n for g in found.groups for n in g)]) == sorted(names)
 
 
 @law
 @given(seed=seeds, masses=st.integers(1, 3), data=st.data())
-def test_what_can_be_found_is_what_no_hidden_direction_moves(
-    seed: int, masses: int, data: st.DataObject
-) -> None:
+def test_what_can_be_found_is_what_no_hidden_direction_moves(seed: int, masses: int, data: st.DataObject) -> None:
     """A parameter if holding it known leaves one less to find; a combination if its value stands still along them."""
     ss = some_chain(masses, data)
     names = [p.name for p in ss.drawn]
@@ -236,9 +230,7 @@ def test_what_can_be_found_is_what_no_hidden_direction_moves(
             assert abs(change(text, names, values, direction)) < 1e-9
 
 
-def change(
-    text: str, names: Sequence[str], values: Mapping[str, float], direction: NDArray[np.float64]
-) -> float:
+def change(text: str, names: Sequence[str], values: Mapping[str, float], direction: NDArray[np.float64]) -> float:
     """Derivative of the combination's value, its text read as Python."""
     moved = {n: values[n] + 1e-30j * d for n, d in zip(names, direction, strict=True)}
     assert re.fullmatch(r"[\w*/^()+ ]+", text)
@@ -259,9 +251,7 @@ def test_small_fractions_are_read_from_their_residues(a: int, b: int, prime: int
 def test_few_residues_are_small_fractions(seed: int) -> None:
     """Of random ones about 0.6: what is found in two primes at once is there."""
     draws = np.random.default_rng(seed).integers(1, PRIMES[0], 2000)
-    by_both = sum(
-        fraction(int(v), PRIMES[0]) == fraction(int(v), PRIMES[1]) is not None for v in draws if v > 40_000
-    )
+    by_both = sum(fraction(int(v), PRIMES[0]) == fraction(int(v), PRIMES[1]) is not None for v in draws if v > 40_000)
     assert by_both == 0
 
 
@@ -269,9 +259,7 @@ def test_few_residues_are_small_fractions(seed: int) -> None:
 @given(seed=seeds, columns=st.integers(1, 6), rows=st.integers(1, 5))
 def test_short_vectors_span_the_same_space(seed: int, columns: int, rows: int) -> None:
     rng = np.random.default_rng(seed)
-    space = rng.integers(-2, 3, (min(rows, columns), columns)) * (
-        rng.random((min(rows, columns), columns)) < 0.6
-    )
+    space = rng.integers(-2, 3, (min(rows, columns), columns)) * (rng.random((min(rows, columns), columns)) < 0.6)
     basis = [v for row in echelon(space, PRIMES[0])[0] if (v := integers(row, PRIMES[0]))]
     assume(basis)
     order = rng.permutation(columns).tolist()

@@ -83,9 +83,7 @@ def test_residues_are_a_ring_homomorphism(seed: int, prime: int) -> None:
 
 
 def test_definitions_are_evaluated_in_order(seed: int) -> None:
-    ss = table(
-        {(0, 0): "-f/L"}, {(0, 0): "kT/L"}, {(0, 0): "1"}, definitions={"K": "J1 + r^2*J2", "L": "K + J3"}
-    )
+    ss = table({(0, 0): "-f/L"}, {(0, 0): "kT/L"}, {(0, 0): "1"}, definitions={"K": "J1 + r^2*J2", "L": "K + J3"})
     for prime, v in points_of(ss, seed):
         assert v["L"] == (v["J1"] + v["r"] ** 2 * v["J2"] + v["J3"]) % prime
 

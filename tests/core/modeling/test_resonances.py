@@ -54,9 +54,7 @@ def test_two_masses(J0: float, J1: float, k: float, zeta: float) -> None:
 
 @law
 @given(J0=decades, J1=decades, k=decades, zeta=damping_ratios)
-def test_the_far_sensor_has_one_zero_and_no_antiresonance(
-    J0: float, J1: float, k: float, zeta: float
-) -> None:
+def test_the_far_sensor_has_one_zero_and_no_antiresonance(J0: float, J1: float, k: float, zeta: float) -> None:
     """d s + k is all that is left above the line; without damping nothing is."""
     J = 1 / (1 / J0 + 1 / J1)
     d = 2 * zeta * math.sqrt(k * J)
@@ -111,9 +109,7 @@ def test_zeros_are_where_the_response_vanishes(seed: int, masses: int, data: st.
     # With dampers every further mass between torque and sensor costs one zero.
     assert len(found.zeros) == 2 * masses - 2 - sensor
     n = len(ss.states)
-    A = np.array(
-        [[float(ss.A[i, j].value(values)) if (i, j) in ss.A else 0 for j in range(n)] for i in range(n)]
-    )
+    A = np.array([[float(ss.A[i, j].value(values)) if (i, j) in ss.A else 0 for j in range(n)] for i in range(n)])
     b = np.array([float(ss.B[i, 0].value(values)) if (i, 0) in ss.B else 0 for i in range(n)])
     c = np.array([float((0, j) in ss.C) for j in range(n)])
     for zero in found.zeros:

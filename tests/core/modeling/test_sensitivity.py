@@ -58,9 +58,7 @@ def torque(seed: int, N: int = 120) -> Floats:
 # --- the oracle: everything complex ------------------------------------------------------------------------
 
 
-def response(
-    drive: Drive, values: Mapping[str, complex], u: NDArray[np.generic], h: float
-) -> NDArray[np.complex128]:
+def response(drive: Drive, values: Mapping[str, complex], u: NDArray[np.generic], h: float) -> NDArray[np.complex128]:
     """Output for inputs (N, m): the exponential of the system with its inputs as states, and no derivative anywhere."""
     A, B, C = drive.matrices(values)  # type: ignore[arg-type]
     n, m = B.shape
@@ -75,9 +73,7 @@ def response(
     return np.array(out)
 
 
-def by_complex_step(
-    drive: Drive, values: Mapping[str, float], name: str, size: float, u: Floats, h: float
-) -> Floats:
+def by_complex_step(drive: Drive, values: Mapping[str, float], name: str, size: float, u: Floats, h: float) -> Floats:
     base = name.removeprefix("1/")
     at = dict[str, complex](values)
     if base == name:
@@ -101,9 +97,7 @@ def test_sensitivities_are_the_derivatives_of_a_simulation(output: Output, seed:
     S = sensitivities(drive, MOVING, ALL, u)
     inputs = inputs_of(drive, MOVING, u, INTERVAL_S)
     sizes = [1 / MOVING[name[2:]] if name.startswith("1/") else MOVING[name] for name in ALL]
-    agree(
-        S, [by_complex_step(drive, MOVING, n, s, inputs, INTERVAL_S) for n, s in zip(ALL, sizes, strict=True)]
-    )
+    agree(S, [by_complex_step(drive, MOVING, n, s, inputs, INTERVAL_S) for n, s in zip(ALL, sizes, strict=True)])
 
 
 def test_a_drawn_parameter_moves_what_it_is_merged_into(seed: int) -> None:
@@ -115,18 +109,13 @@ def test_a_drawn_parameter_moves_what_it_is_merged_into(seed: int) -> None:
     sizes = (0.2, 1 / 3.0, 0.3, 0.7, 1.1)
     agree(
         S[:, [0, 1, 2, 4, 5]],
-        [
-            by_complex_step(drive, values, n, s, u[:, None], INTERVAL_S)
-            for n, s in zip(names, sizes, strict=True)
-        ],
+        [by_complex_step(drive, values, n, s, u[:, None], INTERVAL_S) for n, s in zip(names, sizes, strict=True)],
     )
     # dM/M = (J1 / M) dJ1/J1
     M = 0.2 + 3.0 * 0.3**2
     np.testing.assert_allclose(S[:, 0], S[:, 3] * 0.2 / M, rtol=1e-9, atol=1e-12)
     # a merged value that is given, too, does not hide the change
-    np.testing.assert_allclose(
-        sensitivities(drive, {**values, "M": M}, ("J1",), u), S[:, :1], rtol=1e-9, atol=1e-12
-    )
+    np.testing.assert_allclose(sensitivities(drive, {**values, "M": M}, ("J1",), u), S[:, :1], rtol=1e-9, atol=1e-12)
 
 
 def test_a_sensor_that_a_parameter_scales(seed: int) -> None:
@@ -254,9 +243,7 @@ def test_words(what: str, seed: int) -> None:
 
 def test_a_group_of_three_and_pairs_that_it_explains_are_not_said_twice(seed: int) -> None:
     """Estimates of the three correlate by +-1, which the group says."""
-    S = columns(
-        seed, [1, 0, 0, 0, 0], [0, 1, 0, 0, 0], [0.7, 0.7, 0.01, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 0.01]
-    )
+    S = columns(seed, [1, 0, 0, 0, 0], [0, 1, 0, 0, 0], [0.7, 0.7, 0.01, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 1, 0.01])
     accuracy = Accuracy(("a", "b", "c", "d", "e"), S, 0.002)
     pairs = {(first, second) for first, second, _ in accuracy.pairs()}
     assert pairs == {("a", "b"), ("a", "c"), ("b", "c"), ("d", "e")}
@@ -270,9 +257,7 @@ def test_a_group_of_three_and_pairs_that_it_explains_are_not_said_twice(seed: in
 def test_a_group_that_says_nothing_new_is_left_out(seed: int) -> None:
     """Five columns nearly the same: the weakest direction is of all five, which is enough said."""
     apart = [[-1, 1, 3, 1], [2, -2, 0, 0], [2, 0, 2, -1], [1, 1, -2, 0], [-1, -4, 2, -1]]
-    accuracy = Accuracy(
-        tuple("abcde"), columns(seed, *([1, *(0.001 * v for v in row)] for row in apart)), 0.01
-    )
+    accuracy = Accuracy(tuple("abcde"), columns(seed, *([1, *(0.001 * v for v in row)] for row in apart)), 0.01)
     assert [len(d.names) for d in accuracy.directions()] == [5, 3, 3, 2]
     (group,) = [text for text in accuracy.words() if "joint change" in text]
     assert group.startswith(f"a, b, c, d and e {CANNOT}")

@@ -174,9 +174,7 @@ def test_a_stiffness_is_no_inertia(order: int) -> None:
         ("l^2*r + 2*k", "kg m^2", {"r": "1", "k": "N m"}, "but k is in N m"),
     ],
 )  # fmt: skip
-def test_conflicts_name_the_place_and_the_reason(
-    text: str, unit: str, declared: dict[str, str], problem: str
-) -> None:
+def test_conflicts_name_the_place_and_the_reason(text: str, unit: str, declared: dict[str, str], problem: str) -> None:
     with pytest.raises(ModelError) as caught:
         infer([use(text, unit, MOTOR if unit else " of motor")], declared)
     assert str(caught.value).startswith("drive.mo:3: motor: ")

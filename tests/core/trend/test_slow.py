@@ -13,9 +13,7 @@ STEP_US = 500_000
 RHO = 0.05
 
 
-def fed(
-    slow: SlowHistory, readings: int, start_us: int = 0, step_us: int = STEP_US, value: float = 1.0
-) -> int:
+def fed(slow: SlowHistory, readings: int, start_us: int = 0, step_us: int = STEP_US, value: float = 1.0) -> int:
     """Half a second of operation each; returns the time of the next."""
     for k in range(readings):
         slow.take(start_us + k * step_us, value + 1e-3 * k, 0.01, 0.5, RHO)
@@ -58,9 +56,7 @@ def test_a_year_has_a_bound_and_keeps_its_information() -> None:
     assert now - entries[0].start_us <= 400 * DAY * HOUR_S * 1e6 + DAY * HOUR_S * 1e6
 
 
-@given(
-    st.lists(st.integers(1, 5_000_000), min_size=1, max_size=120), st.integers(0, 119), st.integers(0, 2**50)
-)
+@given(st.lists(st.integers(1, 5_000_000), min_size=1, max_size=120), st.integers(0, 119), st.integers(0, 2**50))
 def test_what_was_saved_goes_on_and_times_may_be_shifted(steps: list[int], cut: int, shift: int) -> None:
     times = np.cumsum(steps)
     uninterrupted, first, shifted = SlowHistory(HOUR_S), SlowHistory(HOUR_S), SlowHistory(HOUR_S)

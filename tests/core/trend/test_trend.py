@@ -79,9 +79,7 @@ def test_time_may_be_shifted_and_stretched() -> None:
     b = known(shifted)
     assert (b.time_us, b.change_us) == (a.time_us + 86_400_000_000, a.change_us + 86_400_000_000)
     assert (b.slope, b.level, b.probability) == (a.slope, a.level, a.probability)
-    quick = [
-        e._replace(operating_s=2.0, **{n: (getattr(e, n) - START_US) // 1800 for n in times}) for e in entries
-    ]
+    quick = [e._replace(operating_s=2.0, **{n: (getattr(e, n) - START_US) // 1800 for n in times}) for e in entries]
     c = known(quick, SIZE, 2.0)
     assert c.slope == pytest.approx(1800 * a.slope, rel=1e-6)
     assert c.probability == pytest.approx(a.probability, rel=1e-6, abs=1e-9)

@@ -144,9 +144,7 @@ def test_page(found: Calibration) -> None:
         assert words in page
 
 
-def refused(
-    robot: Path, options: CalibrationOptions = OPTIONS, record: str = "healthy.csv", text: str = ""
-) -> str:
+def refused(robot: Path, options: CalibrationOptions = OPTIONS, record: str = "healthy.csv", text: str = "") -> str:
     if text:
         (robot.parent / "changed.toml").write_text(text, encoding="utf-8")
         robot = robot.parent / "changed.toml"
@@ -165,13 +163,9 @@ def test_a_record_with_a_fault_in_it(robot: Path) -> None:
 
 def test_a_record_that_is_too_short(robot: Path) -> None:
     words = refused(robot, record="healthy.csv@0:10")
-    assert re.search(
-        r"5\.\d* s of the records can be used, 6 memories of 1 s: at least 20 are needed, 20 s", words
-    )
+    assert re.search(r"5\.\d* s of the records can be used, 6 memories of 1 s: at least 20 are needed, 20 s", words)
     from_first_samples = re.sub(r"^initial_p = .*\n", "", robot_text(), flags=re.MULTILINE)
-    assert "too short for the tests to begin" in refused(
-        robot, record="healthy.csv@0:10", text=from_first_samples
-    )
+    assert "too short for the tests to begin" in refused(robot, record="healthy.csv@0:10", text=from_first_samples)
 
 
 def test_a_year_cannot_be_promised_from_25_seconds(robot: Path) -> None:

@@ -31,13 +31,9 @@ def bus_config(request: pytest.FixtureRequest, tmp_path: Path) -> BusConfig:
     if request.param == "virtual":
         return make_config(tmp_path, axis1()).bus[0]
     if request.param == "socketcan":
-        return make_config(
-            tmp_path, axis1(), interface="socketcan", channel="vcan0", options={"fd": True}
-        ).bus[0]
+        return make_config(tmp_path, axis1(), interface="socketcan", channel="vcan0", options={"fd": True}).bus[0]
     options = {"port": own_port(), "hop_limit": 0, "fd": True}
-    return make_config(
-        tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2", options=options
-    ).bus[0]
+    return make_config(tmp_path, axis1(), interface="udp_multicast", channel="239.74.163.2", options=options).bus[0]
 
 
 def test_frames_arrive_in_order_with_the_time_of_their_receipt(bus_config: BusConfig) -> None:
@@ -197,9 +193,7 @@ def test_a_bus_with_nothing_but_error_frames_is_down(tmp_path: Path) -> None:
         assert reader.stats().up
         sender.send(error)
         wait_for(lambda: not reader.stats().up, reader.stats)
-        assert reader.stats().state.startswith(
-            "down: nothing but error frames since the last data; are bit rate"
-        )
+        assert reader.stats().state.startswith("down: nothing but error frames since the last data; are bit rate")
         send(sender, STANDARD, b"x")
         wait_for(lambda: reader.stats().up, reader.stats)
 

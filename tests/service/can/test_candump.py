@@ -154,9 +154,7 @@ def test_lines_as_candump_shows_them(tmp_path: Path, ending: str) -> None:
     (tmp_path / "a.log").write_bytes(SHOWN.replace("\n", ending).encode())
     log = CanLog(tmp_path / "a.log")
     (block,) = log.blocks()
-    assert [
-        (f.t_us - 1_436_509_052_000_000, f.can_id, f.extended, f.data.hex()) for f in block.frames.frames()
-    ] == [
+    assert [(f.t_us - 1_436_509_052_000_000, f.can_id, f.extended, f.data.hex()) for f in block.frames.frames()] == [
         (249_713, 0x44, False, "2a366a9b00000001"),
         (449_847, 0xF6, False, "dbf3"),
         (649_713, 0x1F334455, True, "2a366a9b"),

@@ -36,9 +36,7 @@ NUMBERS = st.one_of(
 @st.composite
 def signals(draw: st.DrawFn, length: int, multiplexer: str | None) -> Signal:
     """Any signal that fits into so many bytes."""
-    bits = draw(
-        st.one_of(st.sampled_from([1, 8, 16, 32, 64]), st.integers(1, 64)).filter(lambda n: n <= 8 * length)
-    )
+    bits = draw(st.one_of(st.sampled_from([1, 8, 16, 32, 64]), st.integers(1, 64)).filter(lambda n: n <= 8 * length))
     first = draw(st.integers(0, 8 * length - bits))
     big = draw(st.booleans())
     is_float = bits in (16, 32, 64) and draw(st.booleans())
@@ -51,9 +49,7 @@ def signals(draw: st.DrawFn, length: int, multiplexer: str | None) -> Signal:
         is_signed=draw(st.booleans()),
         conversion=BaseConversion.factory(scale, draw(NUMBERS), None, is_float),
         multiplexer_signal=multiplexer,
-        multiplexer_ids=None
-        if multiplexer is None
-        else draw(st.lists(st.integers(0, 5), min_size=1, max_size=3)),
+        multiplexer_ids=None if multiplexer is None else draw(st.lists(st.integers(0, 5), min_size=1, max_size=3)),
     )
 
 
@@ -181,9 +177,7 @@ def test_a_table_of_ids_has_the_values_of_its_bits_and_of_cantools(table: list[B
             assert found == bits(float(decoded[signal.name]))  # type: ignore[arg-type]
 
 
-def by_each(
-    decoder: Decoder, wanted: Mapping[FrameKey, list[str]], frames: list[Frame]
-) -> tuple[Any, dict[str, int]]:
+def by_each(decoder: Decoder, wanted: Mapping[FrameKey, list[str]], frames: list[Frame]) -> tuple[Any, dict[str, int]]:
     """What single frames give: by message the place, the time and the values of each; and what is counted."""
     found: dict[FrameKey, list[tuple[int, int, dict[str, object]]]] = {}
     dropped = dict.fromkeys(("unwanted", "too_short", "undecodable", "signal_absent"), 0)

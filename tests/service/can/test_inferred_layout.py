@@ -24,9 +24,7 @@ def smooth(rng: np.random.Generator, largest: float, noise: float) -> NDArray[np
 
 
 def packed(form: str, *columns: NDArray[np.float64]) -> NDArray[np.uint8]:
-    integers = [
-        c if kind in "fd" else np.rint(c).astype(int) for kind, c in zip(form[1:], columns, strict=True)
-    ]
+    integers = [c if kind in "fd" else np.rint(c).astype(int) for kind, c in zip(form[1:], columns, strict=True)]
     rows = zip(*(c.tolist() for c in integers), strict=True)
     return np.frombuffer(b"".join(struct.pack(form, *row) for row in rows), np.uint8).reshape(N, -1)
 
@@ -38,9 +36,7 @@ def places(fields: tuple[Field, ...]) -> list[tuple[int, int, str, str]]:
 
 @settings(max_examples=30)
 @given(st.integers(0, 10_000), st.sampled_from("<>"), st.permutations("hif"), st.floats(1, 300))
-def test_numbers_of_every_width_order_and_place(
-    seed: int, order: str, kinds: list[str], noise: float
-) -> None:
+def test_numbers_of_every_width_order_and_place(seed: int, order: str, kinds: list[str], noise: float) -> None:
     rng = np.random.default_rng(seed)
     columns = {
         "h": smooth(rng, 2e4, noise),
@@ -75,9 +71,7 @@ def test_bits_that_look_like_a_float_of_all_sizes_are_none() -> None:
     """A byte that varies, a torque and the lowest byte of an angle: as a float, most seem to be near zero."""
     rng = np.random.default_rng(3)
     counter = 0x30 + np.arange(N) % 16
-    data = np.column_stack(
-        [counter.astype(np.uint8), packed(">hi", smooth(rng, 3e3, 20), 2e9 + smooth(rng, 1e7, 20))]
-    )
+    data = np.column_stack([counter.astype(np.uint8), packed(">hi", smooth(rng, 3e3, 20), 2e9 + smooth(rng, 1e7, 20))])
     counted, _, *numbers = infer_layout(data)
     assert (counted.kind, counted.part) == ("counter", Part(0, 4))
     assert places(tuple(numbers)) == [(1, 2, "big", "signed"), (3, 4, "big", "unsigned")]
@@ -154,9 +148,7 @@ def test_registers_of_an_inverter_are_told_apart() -> None:
 @pytest.mark.records
 def test_a_real_bus(records_dir: Path) -> None:
     """Two inverters, idle: their big-endian numbers are found, and no multiplexer where there is one value."""
-    frames = concatenate_frames(
-        [block.frames for block in CanLog(records_dir / "can/inverter_idle.log").blocks()]
-    )
+    frames = concatenate_frames([block.frames for block in CanLog(records_dir / "can/inverter_idle.log").blocks()])
     data = frames.select(frames.ids == 0x4EC).data[:, :8]
     assert places(infer_layout(data))[:2] == [(0, 2, "big", "unsigned"), (2, 2, "big", "signed")]
     data = frames.select(frames.ids == 0xC0).data[:, :8]

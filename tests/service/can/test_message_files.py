@@ -150,8 +150,7 @@ def test_parameter_groups_of_j1939_in_a_dbc(tmp_path: Path) -> None:
     """As the attribute of a message says: of any priority, and from any source where that is 0xFE."""
     ids = {"Drive": 0x18FF3121, "Any": 0x18FF32FE, "Plain": 0x18FF3321}
     text = "".join(
-        f'BO_ {can_id | 1 << 31} {name}: 8 X\n SG_ V : 0|16@1- (1,0) [0|0] "" X\n'
-        for name, can_id in ids.items()
+        f'BO_ {can_id | 1 << 31} {name}: 8 X\n SG_ V : 0|16@1- (1,0) [0|0] "" X\n' for name, can_id in ids.items()
     )
     text += 'BA_DEF_ BO_ "VFrameFormat" ENUM "StandardCAN","ExtendedCAN","reserved","J1939PG";\n'
     text += 'BA_DEF_DEF_ "VFrameFormat" "ExtendedCAN";\n'

@@ -22,9 +22,7 @@ from tests.service.can.log_damage import damaged, read_all
 def test_without_asammdf_it_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "asammdf", None)
     (tmp_path / "a.mf4").write_bytes(b"MDF     4.10")
-    with pytest.raises(
-        RecordError, match=r"a\.mf4: to read \.mf4 install asammdf: pip install 'axiswatch\[mf4\]'"
-    ):
+    with pytest.raises(RecordError, match=r"a\.mf4: to read \.mf4 install asammdf: pip install 'axiswatch\[mf4\]'"):
         list(CanLog(tmp_path / "a.mf4").blocks())
 
 
@@ -62,12 +60,9 @@ def test_groups_are_merged_in_the_order_of_time(seed: int) -> None:
         records["t_us"] = np.sort(rng.integers(0, 10_000, count))
         records["id"] = np.arange(count)
         starts = range(0, count, size)
-        groups.append(
-            iter([(FrameBlock(part := records[k : k + size]), np.full(len(part), channel)) for k in starts])
-        )
+        groups.append(iter([(FrameBlock(part := records[k : k + size]), np.full(len(part), channel)) for k in starts]))
         expected += [
-            (int(t_us), channel, int(frame))
-            for t_us, frame in zip(records["t_us"], records["id"], strict=True)
+            (int(t_us), channel, int(frame)) for t_us, frame in zip(records["t_us"], records["id"], strict=True)
         ]
     found = [
         (int(t_us), int(channel), int(frame))

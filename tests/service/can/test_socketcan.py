@@ -82,8 +82,7 @@ def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
     config = bus_config(tmp_path)
     count = 4000
     frames = (
-        PlayFrame(k / 4000, "bus0", EXTENDED if k % 2 else STANDARD, k.to_bytes(2, "little"), 0.0)
-        for k in range(count)
+        PlayFrame(k / 4000, "bus0", EXTENDED if k % 2 else STANDARD, k.to_bytes(2, "little"), 0.0) for k in range(count)
     )
     with reading(config) as reader, open_bus(config) as sender:
         player = threading.Thread(target=lambda: list(play_frames({"bus0": sender}, frames)))
@@ -197,9 +196,7 @@ def test_down_and_up_again(tmp_path: Path, device: str) -> None:
         assert [f.data for f in take(reader, 1)] == [b"before"]
         ip("link", "set", device, "down")
         wait_for(lambda: not reader.stats().up, reader.stats)
-        assert (
-            reader.stats().state == f"down: the interface is down; bring it up with `ip link set {device} up`"
-        )
+        assert reader.stats().state == f"down: the interface is down; bring it up with `ip link set {device} up`"
         ip("link", "set", device, "up")
         wait_for(lambda: reader.stats().up, reader.stats)
         with open_bus(config) as sender:

@@ -45,9 +45,7 @@ def blocks(seed: int, hardware_from_ns: int, ppm: float = 100.0) -> Iterator[tup
 
 
 @pytest.mark.parametrize("since_ns", [0.0, NOON_NS - 3e9], ids=["from power-on", "from 1970"])
-def test_the_hardware_says_when_and_the_clock_of_the_machine_what_time_it_is(
-    seed: int, since_ns: int
-) -> None:
+def test_the_hardware_says_when_and_the_clock_of_the_machine_what_time_it_is(seed: int, since_ns: int) -> None:
     clock, errors, intervals = StampClock(), [], []
     for true, kernel, hardware in blocks(seed, int(since_ns) + 5_000_000):
         found = clock.times_us(noted(kernel, hardware))

@@ -50,13 +50,9 @@ def log_of(table: Path, config: Path, path: Path, factor: float = 1.0) -> Path:
     rows = np.loadtxt(table, delimiter=",", skiprows=1)
     with can.Logger(str(path)) as writer:
         for count, (t, *values) in enumerate(rows.tolist()):
-            of_axes = {
-                axis.id: (values[2 * n], factor * values[2 * n + 1]) for n, axis in enumerate(read.axes)
-            }
+            of_axes = {axis.id: (values[2 * n], factor * values[2 * n + 1]) for n, axis in enumerate(read.axes)}
             for frame in encoder.encode(of_axes, count):
                 channel = "can0" if path.suffix == ".log" else 0
                 identifier, extended = frame.key
-                writer.on_message_received(
-                    can.Message(t, identifier, extended, channel=channel, data=frame.data)
-                )
+                writer.on_message_received(can.Message(t, identifier, extended, channel=channel, data=frame.data))
     return path

@@ -14,9 +14,7 @@ from tests.conftest import ROOT
 COMMISSIONED = ROOT / "config" / "demo" / "axiswatch.toml"
 
 
-def as_shipped(
-    order: Order, review: Review, _progress: Callable[[str, str, float], None] = lambda *_: None
-) -> Outcome:
+def as_shipped(order: Order, review: Review, _progress: Callable[[str, str, float], None] = lambda *_: None) -> Outcome:
     """The axis with the values of the shipped demo, in place of half a minute of its own identification."""
     assert not review.faults
     assert order.records

@@ -47,9 +47,7 @@ def moves(drive: str, seed: int, seconds: float = SECONDS) -> Moves:
     rng = np.random.default_rng(seed)
     wanted: Floats = _points(rng, round(seconds / H))
     speed = np.gradient(wanted, H)
-    found = Moves(
-        np.asarray(H * np.arange(wanted.size), np.float64), *(np.zeros(wanted.size) for _ in range(3))
-    )
+    found = Moves(np.asarray(H * np.arange(wanted.size), np.float64), *(np.zeros(wanted.size) for _ in range(3)))
     held = 0.0
     for k in range(wanted.size):
         found.angle[k] = plant.angle + 1e-4 * rng.standard_normal()

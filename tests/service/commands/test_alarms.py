@@ -219,9 +219,7 @@ def answering() -> Iterator[Answering]:
         listener.close()
 
 
-def test_the_token_is_sent_and_another_server_is_named(
-    answering: Answering, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_token_is_sent_and_another_server_is_named(answering: Answering, monkeypatch: pytest.MonkeyPatch) -> None:
     address, requests = answering(b"HTTP/1.1 200 OK\r\ncontent-length: 2\r\nconnection: close\r\n\r\nhi")
     monkeypatch.setenv("AXISWATCH_TOKEN", "secret-7")
     message = refused("status", "--url", address, code=4)

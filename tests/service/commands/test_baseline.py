@@ -90,10 +90,7 @@ def test_one_alarm_is_followed_through_all_that_the_document_shows(
         in outputs[f"baseline status {AXIS}"]
     )
     assert "fm = 0.078 N m s/rad (before: 0.06)" in outputs[f"baseline start {AXIS}"]
-    assert (
-        "epoch 4: verifying, 0 of 8 h of operation, the values of epoch 1"
-        in outputs[f"baseline restore {AXIS}"]
-    )
+    assert "epoch 4: verifying, 0 of 8 h of operation, the values of epoch 1" in outputs[f"baseline restore {AXIS}"]
     assert "clear by local: normal (epoch 3 of demo.axis1 has begun) (WO-1718)" in outputs["alarms show 1"]
     states = [(e.number, e.state, e.source) for e in core.epochs()]
     assert states == [

@@ -27,9 +27,7 @@ from tests.service.pipeline.robots import changed, demo
 from tests.service.web.conftest import FM_ALARM
 
 
-def test_the_kernel_of_the_estimates_is_compiled_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_kernel_of_the_estimates_is_compiled_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The multi-model detector may come later; both begin once the page is served and the buses are read."""
     fill, compiled, order = CacheFiller.fill, AxisMonitors.compile, list[str]()
     served, last = threading.Event(), threading.Event()

@@ -134,9 +134,7 @@ def test_the_whole_way_ends_in_a_monitor_that_names_the_fault(
 
     fault = Fault("demo.axis1", {"fm": 1.3}, 12.0)
     found = live(FramePipeline(daemon.config), blocks(demo(tmp_path, 1), 20.0, seed, [fault]))
-    assert {(c.alarm.parameter, c.alarm.direction) for c in found if c.alarm.stage == "named"} == {
-        ("fm", "up")
-    }
+    assert {(c.alarm.parameter, c.alarm.direction) for c in found if c.alarm.stage == "named"} == {("fm", "up")}
     assert min(c.alarm.raised_us for c in found) > START_US + 12e6
 
     if identified:

@@ -69,10 +69,7 @@ def test_the_bits_of_the_configuration_are_those_that_were_looked_at(seed: int) 
     rng = np.random.default_rng(seed)
     numbers = np.rint(2e7 * np.sin(np.arange(500) / 40) + 100 * rng.standard_normal(500)).astype(int).tolist()
     frames = FrameBlock.from_frames(
-        [
-            Frame(5000 * k, 0x321, False, b"\x07" + n.to_bytes(4, "big", signed=True))
-            for k, n in enumerate(numbers)
-        ]
+        [Frame(5000 * k, 0x321, False, b"\x07" + n.to_bytes(4, "big", signed=True)) for k, n in enumerate(numbers)]
     )
     (message,) = discover_axes(frames).messages
     (bits,) = message.bits
@@ -136,9 +133,7 @@ def counted(values: Floats, scale: float, width: int) -> list[bytes]:
     return [int(v).to_bytes(width, "little", signed=True) for v in np.rint(values * scale)]
 
 
-def received(
-    sent: Mapping[int, Sequence[bytes]], each: Mapping[int, int] = MappingProxyType({})
-) -> FrameBlock:
+def received(sent: Mapping[int, Sequence[bytes]], each: Mapping[int, int] = MappingProxyType({})) -> FrameBlock:
     """The frames of these identifiers, one after another in each cycle; ``each``: only in every n-th cycle."""
     frames = [
         Frame(1_000_000 + 4000 * k + 50 * place, can_id, False, data)
@@ -184,15 +179,11 @@ def test_a_speed_alone_and_a_torque_of_few_bits(seed: int) -> None:
 def test_all_axes_in_one_long_frame(seed: int) -> None:
     """Of CAN FD: a number that begins with the ninth byte is called neither i, which is a current, nor t or w."""
     axes = moving_axes(seed, 6)
-    columns = [
-        column for angle, _, torque in axes for column in (counted(torque, 1000, 2), counted(angle, 1e4, 4))
-    ]
+    columns = [column for angle, _, torque in axes for column in (counted(torque, 1000, 2), counted(angle, 1e4, 4))]
     found = discover_axes(received({0x20: [b"".join(row) for row in zip(*columns, strict=True)]})).axes
     places = ["a", "g", "xbe", "xcc", "xda", "xdg"]
     assert [axis.torque.signal for axis in found] == [f"value_{place}" for place in places]
-    assert [axis.motion.signal for axis in found] == [
-        f"value_{p}" for p in ("c", "xba", "xbg", "xce", "xdc", "xea")
-    ]
+    assert [axis.motion.signal for axis in found] == [f"value_{p}" for p in ("c", "xba", "xbg", "xce", "xdc", "xea")]
 
 
 def test_angles_at_half_the_rate_of_the_torques(seed: int) -> None:
@@ -224,9 +215,7 @@ def test_the_configuration_can_be_used_with_the_record(folder: Path, seed: int) 
     assert f"Next: axiswatch commission {log.name} --config axis.toml" in text
     assert "no problems" in shown("check", "--config", "axis.toml")
     (bus,) = load(Path("axis.toml"), {}).bus
-    assert [(m.name, m.id, [s.start_bit for s in m.signal]) for m in bus.message] == [
-        ("x181", 0x181, [0, 16, 48])
-    ]
+    assert [(m.name, m.id, [s.start_bit for s in m.signal]) for m in bus.message] == [("x181", 0x181, [0, 16, 48])]
     assert "axis.toml is there already; --force overwrites it" in refused("discover", log.name)
 
 
@@ -244,9 +233,7 @@ def test_where_nothing_moves_no_axis_is_made_up(records_dir: Path, tmp_path: Pat
     result = axiswatch("discover", records_dir / "can/inverter_idle.log", "--output", tmp_path / "axis.toml")
     assert result.exit_code == MISTAKE
     assert "byte 0 chooses between 4 meanings of the others: only a DBC can describe that" in result.stdout
-    assert (
-        "no torque and motion of an axis among these numbers; record while the robot moves" in result.stderr
-    )
+    assert "no torque and motion of an axis among these numbers; record while the robot moves" in result.stderr
     assert not (tmp_path / "axis.toml").exists()
 
 

@@ -54,9 +54,7 @@ def test_the_file_is_what_the_drive_does_within_the_limits(tmp_path: Path) -> No
         ('{ column = "A1_Moment" }', {"torque_Nm": 1.0}),
     ],
 )
-def test_a_current_is_not_called_a_torque(
-    torque: str, columns_of_it: dict[str, float], tmp_path: Path
-) -> None:
+def test_a_current_is_not_called_a_torque(torque: str, columns_of_it: dict[str, float], tmp_path: Path) -> None:
     path = tmp_path / "axis.toml"
     path.write_text(
         '[[robot]]\nname = "cell"\n[[robot.axis]]\nname = "axis1"\nsample_interval_s = 0.004\n'

@@ -33,9 +33,7 @@ def test_while_the_daemon_starts_it_is_noted_and_obeyed_once_it_runs(tmp_path: P
     hangup = Hangup(file, 8123)
     with capture_logs() as logs:
         hangup.apply()
-    assert [entry["event"] for entry in logs] == [
-        "SIGHUP: the configuration is read again once the daemon has started"
-    ]
+    assert [entry["event"] for entry in logs] == ["SIGHUP: the configuration is read again once the daemon has started"]
     # The file as it is then counts.
     change = ("[[bus]]", "[[bsu]]") if mistaken else ("sample_interval_s = 0.005", "sample_interval_s = 0.02")
     edit(file, change)

@@ -253,9 +253,7 @@ def test_two_torques_that_may_be_measured_are_both_named(record: Path, seed: int
         columns += [quantity, np.zeros(len(angle))]
     write_rows(record, np.column_stack(columns), "")
     text = shown("init", record)
-    assert (
-        "torque 5, angle 1: likely; or torque 7" in text or "torque 7, angle 1: likely; or torque 5" in text
-    )
+    assert "torque 5, angle 1: likely; or torque 7" in text or "torque 7, angle 1: likely; or torque 5" in text
 
 
 def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
@@ -308,9 +306,7 @@ def test_mistakes() -> None:
         ("time,name,value", "{0:.3f},torque{1},{2}\n{0:.3f},angle{1},{3}\n", ("torque", "angle")),
     ],
 )
-def test_a_table_with_a_row_for_each_axis_or_signal(
-    record: Path, head: str, line: str, names: tuple[str, str]
-) -> None:
+def test_a_table_with_a_row_for_each_axis_or_signal(record: Path, head: str, line: str, names: tuple[str, str]) -> None:
     rows = read_rows(record)
     lines = [line.format(row[0], k, row[2 * k - 1], row[2 * k]) for row in rows for k in (1, 2)]
     record.write_text(f"{head}\n" + "".join(lines), encoding="utf-8")

@@ -147,7 +147,5 @@ def test_a_dcf_says_which_node_it_is_of_and_what_is_rated(folder: Path) -> None:
 
 def test_no_axis_in_it(folder: Path) -> None:
     path = folder / "none.dbc"
-    path.write_text(
-        'VERSION ""\n\nBU_: A\n\nBO_ 5 M: 8 A\n SG_ Temp : 0|8@1+ (1,0) [0|0] "degC" A\n', "utf-8"
-    )
+    path.write_text('VERSION ""\n\nBU_: A\n\nBO_ 5 M: 8 A\n SG_ Temp : 0|8@1+ (1,0) [0|0] "degC" A\n', "utf-8")
     assert "no torque and motion of an axis in none.dbc" in refused("init", "none.dbc")

@@ -46,9 +46,7 @@ def test_a_log_in_place_of_a_bus(kind: str, folder: Path, rows: Path) -> None:
     config = can_logs.configured(folder / "robot.toml", described, 2)
     log = can_logs.log_of(rows, config, folder / f"healthy{kind}")
     text = shown("init", "robot.dbc", log.name)
-    assert (
-        "axis2: torque Joint2.Joint2_Torque_Act [Nm], angle Joint2.Joint2_Pos_Act [deg]: sure (as one" in text
-    )
+    assert "axis2: torque Joint2.Joint2_Torque_Act [Nm], angle Joint2.Joint2_Pos_Act [deg]: sure (as one" in text
     assert "not received: Io (0x386)" in text
     assert f"Next: axiswatch commission {log.name} --config axis.toml" in text
     assert "no problems" in shown("check", "--config", "axis.toml")
@@ -68,9 +66,7 @@ def test_signs_wraps_intervals_and_what_never_came(folder: Path, rows: Path) -> 
     config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 2, "deg", MORE), 2)
     with moving(rows, config, wrong):
         text = shown("init", "robot.dbc", "--bus", bus_of(config), "--seconds", 1)
-    assert (
-        "axis1: torque Joint1.Joint1_Torque_Act [Nm], angle Joint1.Joint1_Pos_Act [deg]: sure (as one" in text
-    )
+    assert "axis1: torque Joint1.Joint1_Torque_Act [Nm], angle Joint1.Joint1_Pos_Act [deg]: sure (as one" in text
     assert "axis2: torque Joint2.Joint2_Torque_Act [Nm], angle" in text
     assert "sure by its name; it did not move" in text
     assert "not received: Io (0x386)" in text
@@ -120,9 +116,7 @@ def test_names_that_say_nothing(folder: Path, rows: Path) -> None:
 def test_what_is_refused(folder: Path, rows: Path) -> None:
     config = configured(folder / "robot.toml", can_logs.dbc(folder / "robot.dbc", 1))
     bus = bus_of(config)
-    assert "must be INTERFACE:CHANNEL, such as socketcan:can0" in refused(
-        "init", "robot.dbc", "--bus", "can0"
-    )
+    assert "must be INTERFACE:CHANNEL, such as socketcan:can0" in refused("init", "robot.dbc", "--bus", "can0")
     assert 'did you mean "socketcan"?' in refused("init", "robot.dbc", "--bus", "socketcna:can0")
     assert "rows.csv describes no bus" in refused("init", rows, "--bus", bus)
     silent = axiswatch("init", "robot.dbc", "--bus", bus, "--seconds", 1)

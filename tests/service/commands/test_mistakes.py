@@ -71,9 +71,7 @@ def test_records_and_options_that_make_no_sense(folder: Path, config: Path, reco
     own = f"--config {config.name}"
     records = ("none.csv", "table.xlsx", "b.csv", "a.log", f"{record.name} --json no/a.json")
     text = session("replay", *(f"{own} {words}" for words in records))
-    text += session(
-        "play", *(f"{own} {words}" for words in ("none.log", "--speed 0 large.csv", "--speed -1 a.log"))
-    )
+    text += session("play", *(f"{own} {words}" for words in ("none.log", "--speed 0 large.csv", "--speed -1 a.log")))
     faults = ("fm", "fn=1.3", "fm=1.3 --fault-axis axis9")
     text += session("simulate", *(f"{own} --fault {words}" for words in faults))
     text += session("run", f"{own} --port 99999") + session("demo", "--axes 7") + session("ruin", "")

@@ -43,15 +43,11 @@ def test_estimates_and_the_alarm_as_json_and_the_same_again_and_tables_for_peopl
     assert (fm["nominal"], fm["unit"], fm["status"]) == (0.06, "N m s/rad", "alarm")
     assert fm["estimate"] == pytest.approx(0.09, abs=6 * fm["standard_deviation"])
     assert fm["standard_deviation"] ** 2 == pytest.approx(
-        fm["p_diagonal"]
-        * axis["parameters"][0]["standard_deviation"] ** 2
-        / axis["parameters"][0]["p_diagonal"]
+        fm["p_diagonal"] * axis["parameters"][0]["standard_deviation"] ** 2 / axis["parameters"][0]["p_diagonal"]
     )
     alarm = axis["alarms"][0]
     assert (alarm["parameter"], alarm["direction"], alarm["ended"]) == ("fm", "up", None)
-    assert (
-        "2025-10-09T08:53:25" <= alarm["onset"] <= alarm["raised"] <= alarm["updated"] <= axis["last_sample"]
-    )
+    assert "2025-10-09T08:53:25" <= alarm["onset"] <= alarm["raised"] <= alarm["updated"] <= axis["last_sample"]
     assert alarm["crossings"] >= 1
     assert sum(axis["counters"].values()) == 2401
     assert axis["dropped"]["missing"] == 0
@@ -121,9 +117,7 @@ def test_a_gate_that_was_closed_all_along(folder: Path) -> None:
 LENGTH_S = 400.0
 PER_S = 0.0006
 """Part of its nominal value by which fm grows in a second: by half after 833 s."""
-OWN = (
-    '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nlead_time = "10 min"\n\n'
-)
+OWN = '\n[robot.axis.model.limits]\nfm = 0.09\n\n[robot.axis.trend]\ninterval_s = 3.0\nlead_time = "10 min"\n\n'
 
 
 @pytest.fixture(scope="module")
@@ -131,9 +125,7 @@ def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]
     folder = tmp_path_factory.mktemp("drift")
     file = configured(folder, "drift", ("[robot.axis.estimator]", f"{OWN}[robot.axis.estimator]"))
     # A fault is a factor of what is there by then.
-    drift = [
-        Fault("demo.axis1", {"fm": 1 + PER_S / (1 + PER_S * k)}, k + 0.5) for k in range(round(LENGTH_S))
-    ]
+    drift = [Fault("demo.axis1", {"fm": 1 + PER_S / (1 + PER_S * k)}, k + 0.5) for k in range(round(LENGTH_S))]
     write_table(folder / "a.csv", file, seed, drift, LENGTH_S)
     text = shown(
         "replay",

@@ -148,9 +148,7 @@ def test_a_place_that_cannot_be_written_is_reported_at_once(
     (tmp_path / "full").mkdir()
     (tmp_path / "locked").mkdir()
     may = os.access
-    monkeypatch.setattr(
-        os, "access", lambda path, mode: (str(path), mode) != ("locked", os.W_OK) and may(path, mode)
-    )
+    monkeypatch.setattr(os, "access", lambda path, mode: (str(path), mode) != ("locked", os.W_OK) and may(path, mode))
     assert words in refused("replay", "--config", folder / "robot.toml", folder / "a.csv", "--report", where)
 
 
@@ -158,7 +156,5 @@ def test_without_samples_there_is_nothing_to_draw(folder: Path, tmp_path: Path) 
     (tmp_path / "none.csv").write_text("t,u,phi,mode\n1,nan,0,1\n", encoding="utf-8")
     done = run(folder, tmp_path / "none.csv", "--report", tmp_path / "a.html")
     assert done.exit_code == 2
-    assert done.stderr == (
-        f"axiswatch: no sample of any axis in {tmp_path / 'none.csv'}: there is nothing to draw\n"
-    )
+    assert done.stderr == (f"axiswatch: no sample of any axis in {tmp_path / 'none.csv'}: there is nothing to draw\n")
     assert not (tmp_path / "a.html").exists()

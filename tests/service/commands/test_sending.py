@@ -35,9 +35,7 @@ def bus(interface: str, channel: str) -> Any:
         ("slcan", "/dev/ttyACM0", True),
     ],
 )
-def test_what_is_not_known_to_be_virtual_is_real(
-    interface: str, channel: str, real: bool, tmp_path: Path
-) -> None:
+def test_what_is_not_known_to_be_virtual_is_real(interface: str, channel: str, real: bool, tmp_path: Path) -> None:
     assert reaches_hardware(bus(interface, channel), tmp_path) == real
 
 

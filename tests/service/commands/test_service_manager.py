@@ -55,9 +55,7 @@ def manager(folder: Path, turns: Mapping[str, int], **variables: str) -> Service
     return ServiceManager(environ, lambda: dict(turns), lambda: "all is well")
 
 
-def test_the_watchdog_is_fed_when_reader_and_worker_have_turned_since(
-    tmp_path: Path, systemd: Systemd
-) -> None:
+def test_the_watchdog_is_fed_when_reader_and_worker_have_turned_since(tmp_path: Path, systemd: Systemd) -> None:
     turns = {"reader can0": 0, "worker": 0}
     notifier = manager(tmp_path, turns)
     notifier.update_status()
@@ -136,9 +134,7 @@ def test_systemd_follows_the_daemon_and_a_worker_that_is_stuck_is_not_kept_alive
             first = len(looks)
             wait_for(lambda: len(looks) > first + 6)
             fed = looks[first + 2 :]
-            assert fed[0] == fed[-1], (
-                "twice at most after it: the update in progress, and the cycle before it"
-            )
+            assert fed[0] == fed[-1], "twice at most after it: the update in progress, and the cycle before it"
             go_on.set()
             wait_for(lambda: looks[-1] > fed[-1])
         finally:
@@ -154,9 +150,7 @@ def test_the_status_says_which_axes_have_no_samples() -> None:
     waits = "monitoring 2 axes, 1 active alarm, bus can1 down, no samples of "
     assert status_line(snapshot).startswith(f"{waits}demo.axis2;")
     stopped = replace(first, silent_since_us=NOON_US - 60_000_000)
-    assert status_line(replace(snapshot, axes=(stopped, second))).startswith(
-        f"{waits}demo.axis1 and demo.axis2;"
-    )
+    assert status_line(replace(snapshot, axes=(stopped, second))).startswith(f"{waits}demo.axis1 and demo.axis2;")
     assert "no samples" not in status_line(replace(snapshot, started_us=NOON_US - 1_000_000))
     many = tuple(replace(stopped, id=f"demo.axis{k}", open_alarms=()) for k in range(12))
     assert "no samples of 12 axes" in status_line(replace(snapshot, axes=many))

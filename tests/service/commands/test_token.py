@@ -56,16 +56,12 @@ def test_a_damaged_file_is_named_and_kept(config: Path) -> None:
     file.parent.mkdir()
     file.write_text("{}", encoding="utf-8")
     for words in (("list",), ("new", "anna", "--scope", "read"), ("revoke", "anna")):
-        assert "tokens.json: this is no file of tokens" in refused(
-            "token", *words, "--config", config, code=4
-        )
+        assert "tokens.json: this is no file of tokens" in refused("token", *words, "--config", config, code=4)
     assert file.read_text(encoding="utf-8") == "{}"
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1", "::"])
-def test_the_daemon_does_not_let_other_machines_in(
-    host: str, config: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_daemon_does_not_let_other_machines_in(host: str, config: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing has been opened or written by then: no bus, no port, no state."""
     monkeypatch.setenv("AXISWATCH_WEB__HOST", host)
     words = refused("run", "--config", config)

@@ -54,9 +54,7 @@ reference = 1.0
 """
 
 
-def with_conditions(
-    signals: str = TEMPERATURE + MODE + OTHER, gates: str = GATES, schedules: str = SCHEDULES
-) -> str:
+def with_conditions(signals: str = TEMPERATURE + MODE + OTHER, gates: str = GATES, schedules: str = SCHEDULES) -> str:
     """The base, whose first axis has these."""
     text = BASE.replace("[robot.axis.model]\nmonitor", f"{signals}{gates}[robot.axis.model]\nmonitor", 1)
     bounds = "bounds = { kT = [0.5, 2.0] }\n"
@@ -81,9 +79,7 @@ range = [-1.0, 1.0]
 
 def weighed() -> str:
     """The base, whose first axis bears a weight and watches the load."""
-    return with_conditions(POSE, "", WEIGHT).replace(
-        'monitor = ["kT", "fm"]', 'monitor = ["kT", "fm", "load"]'
-    )
+    return with_conditions(POSE, "", WEIGHT).replace('monitor = ["kT", "fm"]', 'monitor = ["kT", "fm", "load"]')
 
 
 HEAD = """\
@@ -137,9 +133,7 @@ torque = { column = "torque" }
 angle = { column = "angle" }
 """
 """The beginning of a configuration for tables alone."""
-TABLES = (
-    TABLE_AXIS + 'model = { drive = "three-mass", monitor = ["1/Ja"], nominal = { kT = 1, r = 0.0085 } }\n'
-)
+TABLES = TABLE_AXIS + 'model = { drive = "three-mass", monitor = ["1/Ja"], nominal = { kT = 1, r = 0.0085 } }\n'
 
 
 def demo_axis() -> str:

@@ -145,10 +145,7 @@ def test_an_axis_that_is_not_identified_yet() -> None:
     result = call("check")
     assert result.exit_code == 0, result.stderr
     assert "column torque" in result.stdout
-    assert (
-        "cell1.axis1: not identified yet; `axiswatch commission` or `identify` finds its values"
-        in result.stdout
-    )
+    assert "cell1.axis1: not identified yet; `axiswatch commission` or `identify` finds its values" in result.stdout
 
 
 @pytest.mark.parametrize("command", ["replay", "calibrate"])
@@ -171,9 +168,8 @@ def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(directory: P
     words = "excite --torque-limit 2 -o m.csv --seconds 2"
     result = call(words)
     assert result.exit_code == 2
-    assert (
-        "the configuration has no Jm, Jg, Ja, kg, ka, dg, da, fm, fc, tau0, torque_noise, output_noise: give"
-        in (result.stderr)
+    assert "the configuration has no Jm, Jg, Ja, kg, ka, dg, da, fm, fc, tau0, torque_noise, output_noise: give" in (
+        result.stderr
     )
     known = TABLES.replace("kT = 1,", f"kT = 1, {VALUES},").replace("model =", f"{NOISES}model =")
     (directory / "axis.toml").write_text(known.replace("torque_noise = 0.05, ", ""), encoding="utf-8")
@@ -193,9 +189,7 @@ def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(directory: P
         ("", "refused: r.csv: only 2 measured samples"),
     ],
 )
-def test_an_identification_needs_values_of_what_it_does_not_find(
-    directory: Path, words: str, expected: str
-) -> None:
+def test_an_identification_needs_values_of_what_it_does_not_find(directory: Path, words: str, expected: str) -> None:
     (directory / "r.csv").write_text("torque,angle\n0,0\n1,1\n", encoding="utf-8")
     result = call(f"identify r.csv {words}")
     assert (result.exit_code, expected in result.stderr) == (2, True), result.stderr

@@ -127,9 +127,7 @@ def test_where_nominal_values_follow_the_heat_alone_the_bank_alarms(robot: Path)
     axis = axis.model_copy(update={"model": axis.model.model_copy(update={"schedule": [warming]})})
     assert alarm_source_of(axis, from_record=True) == "multimodel"
     assert alarm_source_of(axis, from_record=False) == "cusum"
-    wide = axis.model_copy(
-        update={"detector": axis.detector.model_copy(update={"outside_calibration": "widen"})}
-    )
+    wide = axis.model_copy(update={"detector": axis.detector.model_copy(update={"outside_calibration": "widen"})})
     assert alarm_source_of(wide, from_record=True) == "cusum"
 
 
@@ -167,9 +165,7 @@ def test_to_calibrate_it_is_passed_over(thresholded: Path) -> None:
         ),
     ],
 )
-def test_of_another_monitor_it_is_refused(
-    thresholded: Path, pattern: str, replacement: str, reason: str
-) -> None:
+def test_of_another_monitor_it_is_refused(thresholded: Path, pattern: str, replacement: str, reason: str) -> None:
     text = re.sub(pattern, replacement, thresholded.read_text(encoding="utf-8"), flags=re.MULTILINE)
     thresholded.write_text(text, encoding="utf-8")
     with pytest.raises(AxisError, match=rf"thresholds\.toml was made with {reason}.*calibrate"):

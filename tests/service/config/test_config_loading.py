@@ -128,9 +128,7 @@ def test_systemd_says_where_the_state_is_unless_the_configuration_does(file: Pat
     file.write_text(text.replace('state_dir = "kept"\n', ""), encoding="utf-8")
     assert load(file, environ).service.state_dir == Path("/var/lib/axiswatch")
     assert load(file, {}).service.state_dir == file.parent / "state"
-    assert load(file, environ | {"AXISWATCH_SERVICE__STATE_DIR": "/other"}).service.state_dir == Path(
-        "/other"
-    )
+    assert load(file, environ | {"AXISWATCH_SERVICE__STATE_DIR": "/other"}).service.state_dir == Path("/other")
 
 
 @pytest.mark.parametrize(
@@ -150,9 +148,7 @@ def test_systemd_says_where_the_state_is_unless_the_configuration_does(file: Pat
         ("AXISWATCH_WEB__PORT__X", "1", "unknown key"),
     ],
 )
-def test_problems_of_the_environment_name_the_variable(
-    variable: str, value: str, words: str, file: Path
-) -> None:
+def test_problems_of_the_environment_name_the_variable(variable: str, value: str, words: str, file: Path) -> None:
     (message,) = messages(file, {variable: value})
     assert message.startswith(f"environment: {variable} = {value}: ")
     assert words in message

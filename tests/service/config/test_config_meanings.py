@@ -123,9 +123,7 @@ def test_the_example_in_the_documents_is_right(folder: Path) -> None:
     document = (CONFIG.parent / "docs" / "operation.md").read_text(encoding="utf-8")
     section = document[document.index("## Operating conditions") :]
     example = section.split("```toml\n", 1)[1].split("```", 1)[0]
-    axis, _ = loaded(
-        folder, with_conditions(example, "", "").replace('name = "second"', 'name = "axis2"')
-    ).axes
+    axis, _ = loaded(folder, with_conditions(example, "", "").replace('name = "second"', 'name = "axis2"')).axes
     assert [source.name for source in axis.sources] == ["temperature", "angle2", "mode"]
     assert conditions_of(axis).gates == (Gate("mode", (2.0, 3.0)),)
 

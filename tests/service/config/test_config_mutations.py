@@ -13,9 +13,7 @@ from service.config import ConfigErrors, Problem, load
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
 BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
-EXAMPLE = re.sub(
-    r"^#(?=[\w\[])", "", (SHIPPED / "reference.toml").read_text(encoding="utf-8"), flags=re.MULTILINE
-)
+EXAMPLE = re.sub(r"^#(?=[\w\[])", "", (SHIPPED / "reference.toml").read_text(encoding="utf-8"), flags=re.MULTILINE)
 for file_that_fits in ('nominal_file = "nominal.toml"\n', 'thresholds_file = "thresholds.toml"\n'):
     EXAMPLE = EXAMPLE.replace(file_that_fits, "")
 TEXTS = (BASE, EXAMPLE)

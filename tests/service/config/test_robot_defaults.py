@@ -24,9 +24,7 @@ from service.config.robot_defaults import completed
 
 law = settings(deadline=None, max_examples=8)
 FOUND = {
-    f"cell.axis{n}": Found(
-        f"{n}.toml", f"thresholds{n}.toml" if n > 1 else None, ("kT", "fm") if n < 3 else ("kT",)
-    )
+    f"cell.axis{n}": Found(f"{n}.toml", f"thresholds{n}.toml" if n > 1 else None, ("kT", "fm") if n < 3 else ("kT",))
     for n in (1, 2, 3)
 }
 

@@ -93,9 +93,7 @@ def outlook(*words: str, free: str = "Jm,Ja,fm,fc") -> str:
 @pytest.mark.soak
 def test_motion_at_several_speeds_distinguishes_frictions(folder: Path, seed: int) -> None:
     first = outlook(followed(folder, "slow.csv", seed, SLOW))
-    lost = re.search(
-        r"Cannot: fm, .* record motion at several speeds, slow and fast, in both directions", first
-    )
+    lost = re.search(r"Cannot: fm, .* record motion at several speeds, slow and fast, in both directions", first)
     assert lost, first
     again = outlook("slow.csv", followed(folder, "more.csv", seed + 1, SEVERAL_SPEEDS))
     assert "fm (changes from" in again
@@ -143,10 +141,7 @@ def test_commissioning_plans_the_motion_that_is_missing(
     result = axiswatch("commission", record, "--config", "robot.toml", "--output", "made")
     file = "made/motion/demo.axis1.csv"
     assert f"demo.axis1: to show fm, too, let the controller run the motion in {file} (" in result.output
-    assert (
-        "`axiswatch commission slow.csv RECORD --config robot.toml --budget 1y --output made`"
-        in result.output
-    )
+    assert "`axiswatch commission slow.csv RECORD --config robot.toml --budget 1y --output made`" in result.output
     most = abs(np.genfromtxt("slow.csv", delimiter=",", names=True)["torque"]).max()
     planned = abs(np.genfromtxt(file, delimiter=",", names=True)["torque_Nm"])
     assert 0.5 * most < planned.max() <= 1.001 * most

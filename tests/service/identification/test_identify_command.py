@@ -139,9 +139,7 @@ def test_a_poor_fit_is_written_with_force_only(directory: Path) -> None:
     assert content["verdict"]["missing"] == []
 
 
-def test_a_fit_that_does_not_converge_makes_no_nominal_values(
-    directory: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fit_that_does_not_converge_makes_no_nominal_values(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor_core.identification.identification_procedure.MOST_ITERATIONS", 2)
     message = refused(f"second.csv --free {NAMES}")
     assert "no nominal values: the fit has not converged after 2 evaluations, and " in message
@@ -152,9 +150,7 @@ def test_a_fit_that_does_not_converge_makes_no_nominal_values(
     assert "No nominal values:" in (directory / "report.html").read_text(encoding="utf-8")
 
 
-def test_a_folder_that_cannot_be_written_to_is_named(
-    directory: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_that_cannot_be_written_to_is_named(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(path: Path, _: str) -> None:
         raise OSError(28, "No space left on device", str(path))
 
@@ -174,9 +170,7 @@ def test_a_drive_from_a_file_is_named_with_its_hash(directory: Path, seed: int) 
 
 def test_the_advice_on_the_interval_works(directory: Path) -> None:
     """An interval that is 2 % off: what the note says makes a configuration that the daemon accepts."""
-    words = " ".join(
-        found(f"{times(directory, 'healthy.csv', t=1.02)} --free {NAMES} -o next.toml")["warnings"]
-    )
+    words = " ".join(found(f"{times(directory, 'healthy.csv', t=1.02)} --free {NAMES} -o next.toml")["warnings"])
     advice = re.search(r"set (sample_interval_s = [\d.]+)\.", words)
     assert advice, words
     assert words.count("belongs to the interval of this record") == 1

@@ -103,7 +103,5 @@ def test_gravity_is_refused_before_anything_is_fitted(folder: Path, tmp_path: Pa
 
 @pytest.mark.parametrize("wrong", ["0", "10", "-1", "all", "2.5"])
 def test_a_wrong_number_is_named(folder: Path, wrong: str) -> None:
-    message = refused(
-        "identify", folder / "second.csv", "--config", folder / "robot.toml", f"--masses={wrong}"
-    )
+    message = refused("identify", folder / "second.csv", "--config", folder / "robot.toml", f"--masses={wrong}")
     assert f"{wrong}: write auto, or 1 to 9" in message

@@ -73,9 +73,7 @@ def test_everything_comes_from_the_file(robot: Path) -> None:
     edit(robot, (SPEED_SCALE, ""))
     axis = only(load(robot, {}))
     model = axis_model(axis.config)
-    settings = axis_settings(
-        axis._replace(config=axis.config.model_copy(update={"settling_time_s": 1})), model
-    )
+    settings = axis_settings(axis._replace(config=axis.config.model_copy(update={"settling_time_s": 1})), model)
     assert model.nominal["fm"] == 0.0723
     assert (list(settings.K), settings.lam0) == (gain, 3e-8)
     assert (settings.delay_s, settings.speed_scale) == (0.0012, 0.7)
@@ -85,9 +83,7 @@ def test_everything_comes_from_the_file(robot: Path) -> None:
 
 
 def test_output_error_has_no_gain(robot: Path) -> None:
-    speed = AXIS.model_copy(
-        update={"speed": SpeedConfig(message="Axis1State", signal="Angle"), "angle": None}
-    )
+    speed = AXIS.model_copy(update={"speed": SpeedConfig(message="Axis1State", signal="Angle"), "angle": None})
     file_with(robot, {"predictor": {"kind": "output-error", "gain": []}}, speed)
     edit(robot, ("[robot.axis.angle]", "[robot.axis.speed]"), (KIND, ""))
     axis = only(load(robot, {}))

@@ -81,9 +81,7 @@ def test_notes_cannot_break_the_file(found: IdentificationReport) -> None:
     assert content["drive"]["file"] == 'a"b\\.mo'
 
 
-def test_a_disturbance_and_a_delay_are_found_and_reach_the_file(
-    folder: Path, robot: Any, tmp_path: Path
-) -> None:
+def test_a_disturbance_and_a_delay_are_found_and_reach_the_file(folder: Path, robot: Any, tmp_path: Path) -> None:
     request = Request(start="values", free=("Jm", "fm", "Ja", "kg", "ka"), delay=True, disturbance_s=0.3)
     other = prepare(robot, robot.axes[0], [f"{folder / 'healthy.csv'}@0:6"], [], request).run(PROVENANCE)
     (tmp_path / "n.toml").write_text(as_toml(other), encoding="utf-8")
@@ -134,9 +132,7 @@ def test_the_page_has_all_parameters_and_warnings(page: str, found: Identificati
         assert words in text  # fmt: skip
 
 
-def test_the_verdict_is_that_of_the_fit_and_what_users_write_is_escaped(
-    found: IdentificationReport, page: str
-) -> None:
+def test_the_verdict_is_that_of_the_fit_and_what_users_write_is_escaped(found: IdentificationReport, page: str) -> None:
     assert "Nominal values found" in page
     stuck = as_html(with_estimate(found, converged=False, words=("<b onload=x>&",)))
     assert "No nominal values:" in stuck

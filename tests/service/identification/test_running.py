@@ -50,9 +50,7 @@ def without(folder: Path, made: Path, *gaps_s: tuple[float, float]) -> str:
     return str(made)
 
 
-def test_a_bus_that_was_away_for_moments_does_not_spoil_the_record(
-    folder: Path, robot: Config, tmp_path: Path
-) -> None:
+def test_a_bus_that_was_away_for_moments_does_not_spoil_the_record(folder: Path, robot: Config, tmp_path: Path) -> None:
     path = without(folder, tmp_path / "torn.csv", (6.5, 6.95), (13.2, 13.65))
     made = prepare(robot, robot.axes[0], [path], [], Request(start="values", free=FREE))
     ends_s = [end for part in made.estimation for end in (part.source.start_s, part.source.end_s)]
@@ -61,8 +59,7 @@ def test_a_bus_that_was_away_for_moments_does_not_spoil_the_record(
     assert sum(part.source.used for part in made.estimation) == complete.used
     assert made.options.begins_s == pytest.approx((0.0, 6.95, 13.65))
     assert any(
-        words == "torn.csv: cut at its gaps; 100 % of the samples, in 3 parts, are used."
-        for words in made.warnings
+        words == "torn.csv: cut at its gaps; 100 % of the samples, in 3 parts, are used." for words in made.warnings
     )
     found = made.run(PROVENANCE)
     e = found.result.estimate
@@ -124,9 +121,7 @@ def test_what_is_not_identifiable_makes_no_nominal_values(found: IdentificationR
 
 
 def test_output_error_with_the_angle_is_not_for_the_daemon(folder: Path, robot: Config) -> None:
-    made = task(
-        folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error")
-    )
+    made = task(folder, robot, "healthy.csv", request=Request(start="values", free=FREE, predictor="output-error"))
     assert any("not for the daemon" in words for words in made.warnings)
 
 

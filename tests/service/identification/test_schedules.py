@@ -104,9 +104,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(direct
          "standard_deviation": pytest.approx(entry["standard_deviation"], rel=1e-4)}
         for entry in (friction, inertia)
     ]  # fmt: skip
-    deviations = tomllib.loads((directory / "nominal.toml").read_text(encoding="utf-8"))[
-        "standard_deviations"
-    ]
+    deviations = tomllib.loads((directory / "nominal.toml").read_text(encoding="utf-8"))["standard_deviations"]
     assert set(deviations) == {"Jm", "fm", "fm per temperature", "Jm per cos(angle2)"}
     output = " ".join(result.stdout.split())
     assert f"fm follows temperature, by {friction['slope']:.5g} N m s/rad for each 1 of it" in output
@@ -119,9 +117,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(direct
 
 def test_a_long_term_has_a_number_in_tables(directory: Path) -> None:
     term = "cos(angle2) - 0.5 * square(angle2) * sin(angle2)"
-    result = identify(
-        "--free", "Jm", "--free", "fm", "--schedule", "fm: temperature", "--schedule", f"Jm: {term}"
-    )
+    result = identify("--free", "Jm", "--free", "fm", "--schedule", "fm: temperature", "--schedule", f"Jm: {term}")
     assert result.exit_code == 0, result.output
     page = (directory / "report.html").read_text(encoding="utf-8")
     assert "<li>slope 1: fm follows temperature, by" in page
@@ -196,9 +192,7 @@ def test_a_constant_signal_determines_no_slope(directory: Path) -> None:
 def test_what_the_user_writes_is_read(warm: Path) -> None:
     (axis,) = load(warm / "robot.toml", {}).axes
     none = axis.config.model_copy(update={"signal": ()})
-    with pytest.raises(
-        IdentificationError, match=r'add \[\[robot\.axis\.signal\]\] with name = "temperature"'
-    ):
+    with pytest.raises(IdentificationError, match=r'add \[\[robot\.axis\.signal\]\] with name = "temperature"'):
         read_schedule(("fm: temperature",), none)
     (axis,) = load(warm / "robot.toml", {}).axes
     found = read_schedule(("1/Ja:cos( angle2 ),temperature", "fm : square(angle2)"), axis.config)

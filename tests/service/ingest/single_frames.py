@@ -50,9 +50,7 @@ def _add(state: Any, waiting: Any, kind: int, t_us: int, value: float, sample_us
 
 
 @entry
-def _add_pair(
-    state: Any, waiting: Any, t_us: int, torque: float, motion: float, sample_us: int, sample: Any
-) -> Any:
+def _add_pair(state: Any, waiting: Any, t_us: int, torque: float, motion: float, sample_us: int, sample: Any) -> Any:
     return add_pair(state[0], waiting, t_us, torque, motion, sample_us, sample[0])
 
 
@@ -170,9 +168,7 @@ class Assembler:
         code = TORQUE if kind == "torque" else MOTION
         return _paired(_add(*self._pairing, code, t_us, float(value), time_us, sample), sample)
 
-    def add_pair(
-        self, t_us: int, torque: float, motion: float, sample_us: int | None = None
-    ) -> Paired | None:
+    def add_pair(self, t_us: int, torque: float, motion: float, sample_us: int | None = None) -> Paired | None:
         sample, time_us = np.zeros(1, SAMPLE), NO_TIME if sample_us is None else sample_us
         return _paired(_add_pair(*self._pairing, t_us, float(torque), float(motion), time_us, sample), sample)
 

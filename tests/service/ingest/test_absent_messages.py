@@ -31,9 +31,7 @@ def test_messages_in_place_of_those_of_the_axis(
     config, log = make_config(tmp_path, axis1()), tmp_path / "a.log"
     with FrameRecorder(log) as recorder:
         for k in range(3):
-            block = [
-                Frame(10**15 + k, can_id, extended, bytes(length)) for can_id, extended, length in frames
-            ]
+            block = [Frame(10**15 + k, can_id, extended, bytes(length)) for can_id, extended, length in frames]
             recorder.write("bus0", FrameBlock.from_frames(block))
     assert absence_words(log, config, config.axes[0]) == words
 
@@ -41,11 +39,7 @@ def test_messages_in_place_of_those_of_the_axis(
 def test_numbers_that_no_machine_has(tmp_path: Path) -> None:
     """As where counts are taken for radians."""
     config = make_config(tmp_path, axis1())
-    table = write_table(
-        tmp_path / "a.csv", {"t": [0.0, 0.005], "torque_one": [0.0, 1.0], "angle_one": [2e9, 2e9]}
-    )
+    table = write_table(tmp_path / "a.csv", {"t": [0.0, 0.005], "torque_one": [0.0, 1.0], "angle_one": [2e9, 2e9]})
     words = no_samples_words(table, config, config.axes[0], {"absurd": 2, "unpaired": 1})
-    assert words.startswith(
-        "2 values are beyond 1e+06 N m or 1e+08 rad, more than any machine has; is the factor"
-    )
+    assert words.startswith("2 values are beyond 1e+06 N m or 1e+08 rad, more than any machine has; is the factor")
     assert no_samples_words(table, config, config.axes[0], {"untimed": 2, "late": 0}) == "dropped: 2 untimed"

@@ -121,11 +121,7 @@ def test_the_acceleration_of_another_axis(first: str, tmp_path: Path) -> None:
     for k in range(count):
         early = T + 5000 * k + 300 * (k % 3)
         of_two = [both2(early if first == "two" else early + 1500, 0.5, 1.0)]
-        of_one = (
-            []
-            if k == lost
-            else pair(early if first == "one" else early + 1500, angle=2.0 + 30.0 * (k * h) ** 3)
-        )
+        of_one = [] if k == lost else pair(early if first == "one" else early + 1500, angle=2.0 + 30.0 * (k * h) ** 3)
         frames += of_one + of_two if first == "one" else of_two + of_one
     found = np.array(fed(config, *frames, axis_id="r.two"))[:, 0]
     wanted = -6.0 * 180.0 * h * np.arange(count)
@@ -154,12 +150,8 @@ def test_the_speed_of_the_axis_itself(h: float, waits: int, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("order", [1, 2])
-@pytest.mark.parametrize(
-    ("interval_s", "late"), [(0.01, 3), (0.004, 3), (0.002, 5), (0.001, 9), (0.000125, 65)]
-)
-def test_a_derivative_of_a_parabola_is_exact(
-    order: Literal[1, 2], interval_s: float, late: int, seed: int
-) -> None:
+@pytest.mark.parametrize(("interval_s", "late"), [(0.01, 3), (0.004, 3), (0.002, 5), (0.001, 9), (0.000125, 65)])
+def test_a_derivative_of_a_parabola_is_exact(order: Literal[1, 2], interval_s: float, late: int, seed: int) -> None:
     """At any interval; the noise of the angle adds little, as it is taken over 16 ms at least."""
     rng = np.random.default_rng(seed)
     assert derivative_late(interval_s) == late
@@ -207,8 +199,7 @@ def test_what_is_needed_is_what_is_followed_or_gates(tmp_path: Path) -> None:
         "signal d",
     ]
     names = [
-        value.quantity
-        for value in Ingest(config, "bus0").feed_values(FrameBlock.from_frames([heat(START_US, 30)]))
+        value.quantity for value in Ingest(config, "bus0").feed_values(FrameBlock.from_frames([heat(START_US, 30)]))
     ]
     assert names == ["signal b", "signal d"]
 
@@ -239,9 +230,7 @@ def test_a_column_is_held_over_empty_cells(tmp_path: Path) -> None:
 
 
 @settings(max_examples=30)
-@given(
-    cells=st.lists(st.sampled_from(["", "5", "7.5", "nan"]), min_size=2, max_size=60), rows=st.integers(1, 20)
-)
+@given(cells=st.lists(st.sampled_from(["", "5", "7.5", "nan"]), min_size=2, max_size=60), rows=st.integers(1, 20))
 def test_blocks_of_a_table_change_nothing(
     cells: list[str], rows: int, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
@@ -335,6 +324,4 @@ def test_a_table_is_played_with_its_signals(tmp_path: Path) -> None:
     rows = ["0,1,2,", "0.005,1,2,100", "0.01,1,2,"]
     config = make_config(tmp_path, table_axis())
     frames = encode_table(read_record(written(tmp_path, rows), config), config)
-    assert [f.key.can_id for f in frames if f.key.can_id == 320] == [320, 320], (
-        "what is not known is not sent"
-    )
+    assert [f.key.can_id for f in frames if f.key.can_id == 320] == [320, 320], "what is not known is not sent"

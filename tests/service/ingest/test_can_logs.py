@@ -147,9 +147,7 @@ def test_logs_of_python_can(tmp_path: Path, suffix: str, seed: int) -> None:
 def test_error_and_remote_frames_are_counted(tmp_path: Path, suffix: str) -> None:
     with can.Logger(str(tmp_path / f"a{suffix}")) as writer:
         for kind in ({}, {"is_error_frame": True}, {"is_remote_frame": True}, {}):
-            writer.on_message_received(
-                can.Message(timestamp=START_US / 1e6, arbitration_id=0x10, channel=0, **kind)
-            )
+            writer.on_message_received(can.Message(timestamp=START_US / 1e6, arbitration_id=0x10, channel=0, **kind))
     log = CanLog(tmp_path / f"a{suffix}")
     assert len(all_frames(log)) == 2
     assert (log.dropped["error_frame"], log.dropped["remote_frame"]) == (1, 1)
@@ -222,9 +220,7 @@ def test_a_log_with_more_damaged_lines_is_refused(tmp_path: Path, suffix: str) -
     except RecordError as error:
         problem = str(error)
     assert problem.startswith(f"{path}, line 501: ")
-    assert (
-        ", and 10 further lines: more than 1 in 100 lines cannot be read (1000 frames were read)" in problem
-    )
+    assert ", and 10 further lines: more than 1 in 100 lines cannot be read (1000 frames were read)" in problem
     assert read == log.frames == 1000
     assert log.dropped["unreadable"] == 11
 
@@ -274,9 +270,7 @@ def test_a_blf_that_is_cut_off_gives_its_complete_containers(tmp_path: Path, kep
     path.write_bytes(data[: int(kept * len(data))])
     log = CanLog(path)
     read = [frame for _, frame in all_frames(log)]
-    assert [frame._replace(t_us=0) for frame in read] == [
-        frame._replace(t_us=0) for frame in sent[: len(read)]
-    ]
+    assert [frame._replace(t_us=0) for frame in read] == [frame._replace(t_us=0) for frame in sent[: len(read)]]
     containers = [k for k in range(int(kept * len(data))) if data[k : k + 16].startswith(b"LOBJ")]
     assert len(read) > 2000 * (len(containers) - 1)
     (place,) = log.left_out

@@ -117,15 +117,9 @@ def test_a_node_of_the_canopen_package(folder: Path, drive: tuple[Any, Any, Any]
         )
     frames = received(receiver)
     assert len(frames) == 80
-    signals = [
-        {"name": name.replace(".", "_"), "signal": name}
-        for name in sent[0]
-        if name not in ("0x6077", "0x6064")
-    ]
+    signals = [{"name": name.replace(".", "_"), "signal": name} for name in sent[0] if name not in ("0x6077", "0x6064")]
     listing = ", ".join(f'{{ name = "{s["name"]}", signal = "{s["signal"]}" }}' for s in signals)
-    config = configured(
-        folder, ("canopen = { node_id = 3 }", f"canopen = {{ node_id = 3 }}\nsignal = [{listing}]")
-    )
+    config = configured(folder, ("canopen = { node_id = 3 }", f"canopen = {{ node_id = 3 }}\nsignal = [{listing}]"))
     ingest = Ingest(config, "can0", {"r.a": config.axes[0].sources})
     assert {key.can_id for key in ingest.decoder.keys} == {0x80, 0x183, 0x283, 0x383}
     samples = fed(ingest, frames)["r.a"]
@@ -240,9 +234,7 @@ def test_a_wrong_configuration(folder: Path, old: str, new: str, words: str) -> 
 
 def test_two_axes_of_one_node(folder: Path) -> None:
     node = "canopen = { node_id = 3 }\n"
-    assert "node3.0x6077 is already used by" in refused(
-        folder, (node, f'{node}[[robot.axis]]\nname = "b"\n{node}')
-    )
+    assert "node3.0x6077 is already used by" in refused(folder, (node, f'{node}[[robot.axis]]\nname = "b"\n{node}'))
 
 
 TORQUE, MOTION = TWO_PDOS[:2]
@@ -301,9 +293,7 @@ def test_standard_objects_have_a_sign_whatever_the_file_says(tmp_path: Path) -> 
     position = text.index("[6064]")
     text = text[:position] + text[position:].replace("DataType=0x0004", "DataType=0x0007", 1)
     (tmp_path / "drive.eds").write_text(text, encoding="utf-8")
-    signals = [
-        signal for message in read_drive(tmp_path / "drive.eds", 3).messages for signal in message.signals
-    ]
+    signals = [signal for message in read_drive(tmp_path / "drive.eds", 3).messages for signal in message.signals]
     assert {signal.name: signal.is_signed for signal in signals} == {
         **dict.fromkeys(("0x6077", "0x6064", "0x686C"), True),
         "0x6041": False,
@@ -333,9 +323,7 @@ def test_the_nodes_of_a_file_on_a_bus(tmp_path: Path) -> None:
 def test_a_robot_that_can_be_bought(records_dir: Path, tmp_path: Path) -> None:
     """As configured it sends no torque; as delivered it does, after a SYNC."""
     dcf = records_dir / "can" / "pilz_prbt_0_1.dcf"
-    with pytest.raises(
-        DescriptionError, match=r"0x6077 .*TPDO1 holds it as delivered, but not as configured"
-    ):
+    with pytest.raises(DescriptionError, match=r"0x6077 .*TPDO1 holds it as delivered, but not as configured"):
         find_signal(read_drive(dcf, 5), "node5", "0x6077")
     message, _ = find_signal(read_drive(dcf, 5), "node5", "0x6064")
     assert (message.frame_id, message.length) == (0x385, 8)

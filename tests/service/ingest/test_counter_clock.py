@@ -21,9 +21,7 @@ START_US = 1_760_000_000_000_000
     steps=st.lists(st.integers(1, 7), min_size=1, max_size=60),
     seed=st.integers(0, 2**32),  # to draw each lateness takes longer than all the rest
 )
-def test_lost_samples_and_jitter_leave_whole_intervals(
-    bits: int, first: int, steps: list[int], seed: int
-) -> None:
+def test_lost_samples_and_jitter_leave_whole_intervals(bits: int, first: int, steps: list[int], seed: int) -> None:
     clock, rng = SampleClock(0.005, bits), random.Random(seed)
     assert clock.read(START_US, first % 2**bits) == START_US
     n = 0
@@ -72,9 +70,7 @@ def times_of(clock: SampleClock, frames: Iterable[tuple[int, int]]) -> list[int]
     return [time_us for time_us in read if isinstance(time_us, int)]
 
 
-@pytest.mark.parametrize(
-    ("ppm", "counts", "frames"), [(-100, 400, 86_400), (100, 400, 86_400), (80, 1, 40_000)]
-)
+@pytest.mark.parametrize(("ppm", "counts", "frames"), [(-100, 400, 86_400), (100, 400, 86_400), (80, 1, 40_000)])
 def test_crystals_that_differ_are_followed_and_intervals_hardly_change(
     ppm: int, counts: int, frames: int, seed: int
 ) -> None:

@@ -39,9 +39,7 @@ def test_torque_and_motion_of_one_frame(tmp_path: Path, seed: int) -> None:
     rng = random.Random(seed)
     ingest = Ingest(make_config(tmp_path, axis2(**CYCLIC)), "bus0")
     cycles = [n for n in range(4000) if n == 0 or rng.random() > 0.02]
-    frames = [
-        both2(START_US + CYCLE_US * n + (rng.randrange(LATEST_US) if n else 0), 1.0, n / 16) for n in cycles
-    ]
+    frames = [both2(START_US + CYCLE_US * n + (rng.randrange(LATEST_US) if n else 0), 1.0, n / 16) for n in cycles]
     samples = sampled(ingest, frames, "r.two")
     assert [s.motion for s in samples] == [n / 16 for n in cycles]
     late_us = [s.t_us - START_US - 16 * s.motion * CYCLE_US for s in samples]

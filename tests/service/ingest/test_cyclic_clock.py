@@ -97,9 +97,7 @@ def test_frames_late_by_less_than_a_cycle_have_whole_cycles_between_them(lost: s
 @pytest.mark.parametrize("ppm", [-100, 0, 100, -750, 750])
 def test_phase_and_rate_are_found_whatever_the_jitter(ppm: float, seed: int) -> None:
     rng, cycle_us = random.Random(seed), CYCLE_US * (1 + ppm * 1e-6)
-    frames = sending(
-        (n for n in range(12_000) if rng.random() > 0.01), lambda: rng.expovariate(1 / 400), cycle_us
-    )
+    frames = sending((n for n in range(12_000) if rng.random() > 0.01), lambda: rng.expovariate(1 / 400), cycle_us)
     clock = CyclicClock[int](0.005)
     found = readings(clock, frames)
     # A frame is late by three quarters of a cycle with e^-9.4; it then has the next one's time for lack of that.
@@ -128,9 +126,7 @@ def test_a_jitter_to_both_sides_by_a_fifth_of_a_cycle(seed: int) -> None:
         *[(8_000, 0.002, 80), (16_000, 0.0, 0), (16_000, 0.002, 0), (32_000, 0.002, 80)],
     ),
 )
-def test_an_adapter_that_passes_frames_on_in_bunches(
-    every_us: int, lost: float, ppm: float, seed: int
-) -> None:
+def test_an_adapter_that_passes_frames_on_in_bunches(every_us: int, lost: float, ppm: float, seed: int) -> None:
     """The last frame of a bunch is late by anything up to a cycle, so counting tells the cycles."""
     rng = random.Random(seed)
     passed_on = itertools.count(every_us, every_us)
@@ -165,9 +161,7 @@ def held_up(length: int, waited: int, spacing_us: int = 20) -> list[Sent]:
     """Frames of which the host received so many in one burst."""
     frames = sending(range(length), on_time)
     end_us = frames[300 + waited].received_us
-    burst = [
-        f._replace(received_us=end_us + spacing_us * k) for k, f in enumerate(frames[301 : 301 + waited])
-    ]
+    burst = [f._replace(received_us=end_us + spacing_us * k) for k, f in enumerate(frames[301 : 301 + waited])]
     # What would have come before the end of the burst waits, too, and is left out here.
     after_us = burst[-1].received_us
     return [*frames[:301], *burst, *(f for f in frames[301 + waited :] if f.received_us > after_us)]
@@ -273,9 +267,7 @@ def test_after_a_pause_the_phase_is_found_again(phase_us: int, seed: int) -> Non
     rng = random.Random(seed)
     clock = CyclicClock[int](0.005)
     readings(clock, sending(range(3000), lambda: rng.expovariate(1 / 300)), last=False)
-    frames = sending(
-        range(10_000, 14_000), lambda: rng.expovariate(1 / 300), start_us=START_US + 3600e6 + phase_us
-    )
+    frames = sending(range(10_000, 14_000), lambda: rng.expovariate(1 / 300), start_us=START_US + 3600e6 + phase_us)
     found = readings(clock, frames)
     assert clock.reanchored == 1
     assert len(rejected(found)) < 10

@@ -42,9 +42,7 @@ def course(seed: int, tmp_path_factory: pytest.TempPathFactory) -> Course:
     return u, y + 0.01  # its first angle is not about to start again
 
 
-def table(
-    folder: Path, course: Course, shown: Callable[[np.ndarray], np.ndarray], skip: range = range(0)
-) -> Path:
+def table(folder: Path, course: Course, shown: Callable[[np.ndarray], np.ndarray], skip: range = range(0)) -> Path:
     u, y = course
     rows = zip(np.arange(N) * H, u, shown(y), strict=True)
     lines = [f"{t:.6f},{float(a)!r},{float(b)!r}" for k, (t, a, b) in enumerate(rows) if k not in skip]
@@ -137,9 +135,7 @@ def test_half_a_turn_away_is_refused_and_counted(course: Course, tmp_path: Path)
     result = replayed(file, table(tmp_path, (u, broken), lambda y: y % (2 * math.pi)))
     assert result["dropped"]["ambiguous"] == 3
     assert sum(result["counters"].values()) == N - 3
-    alike(
-        result, replayed(file, table(tmp_path, course, lambda y: y % (2 * math.pi), skip=range(2500, 2503)))
-    )
+    alike(result, replayed(file, table(tmp_path, course, lambda y: y % (2 * math.pi), skip=range(2500, 2503))))
 
 
 def test_a_record_to_identify_from_is_made_whole(course: Course, tmp_path: Path) -> None:
@@ -155,8 +151,7 @@ def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
     fault = [Fault("demo.axis1", {"kT": 0.66}, 14.0)]
     period = 1.0
     wrapping, plain = (
-        load(config(tmp_path / name, line), {})
-        for name, line in (("a", f"wrap_period = {period!r}"), ("b", ""))
+        load(config(tmp_path / name, line), {}) for name, line in (("a", f"wrap_period = {period!r}"), ("b", ""))
     )
     courses = [list(blocks(read, 20.0, seed, fault)) for read in (wrapping, plain)]
     a, b = FramePipeline(wrapping), FramePipeline(plain)

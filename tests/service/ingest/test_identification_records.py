@@ -221,9 +221,7 @@ def kinds(found: Loaded) -> list[tuple[str, str]]:
 
 @pytest.mark.records
 def test_the_records_of_real_axes_are_healthy(tmp_path: Path, records_dir: Path) -> None:
-    irb = load(
-        str(records_dir / "irb/robot_arm.mat"), *real(tmp_path, "torque", "speed", "speed", None, 0.0005)
-    )
+    irb = load(str(records_dir / "irb/robot_arm.mat"), *real(tmp_path, "torque", "speed", "speed", None, 0.0005))
     assert len(irb.record) == 19838
     assert irb.record.interval_s == pytest.approx(0.0005)
     assert kinds(irb) == []
@@ -235,9 +233,7 @@ def test_the_records_of_real_axes_are_healthy(tmp_path: Path, records_dir: Path)
 
 @pytest.mark.records
 @pytest.mark.parametrize(("joint", "samples"), [(1, 5889), (2, 6030)])
-def test_the_jittered_record_of_a_real_axis(
-    tmp_path: Path, records_dir: Path, joint: int, samples: int
-) -> None:
+def test_the_jittered_record_of_a_real_axis(tmp_path: Path, records_dir: Path, joint: int, samples: int) -> None:
     config = real(tmp_path, str(12 + joint), str(joint), "angle", "0", 0.0105)
     found = load(str(records_dir / f"ur10e/ur-20_01_22-joint_{joint}.csv"), *config)
     assert (found.source.samples, sum(found.source.dropped.values())) == (samples, 0)

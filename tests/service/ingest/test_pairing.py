@@ -89,18 +89,14 @@ def cycle(k: int) -> list[Event]:
         ),
         pytest.param([*cycle(0), cycle(0)[1], *cycle(1)], [0, 1], {"repeated": 1}, id="repeated after"),
         pytest.param([cycle(0)[0], *cycle(0), *cycle(1)], [0, 1], {"repeated": 1}, id="repeated before"),
-        pytest.param(
-            [*cycle(0), *cycle(2), *cycle(1)], [0, 2], {"out_of_order": 2, "missing": 1}, id="out of order"
-        ),
+        pytest.param([*cycle(0), *cycle(2), *cycle(1)], [0, 2], {"out_of_order": 2, "missing": 1}, id="out of order"),
         pytest.param(
             [*cycle(0), *cycle(2), cycle(1)[0], *cycle(3)],
             [0, 2, 3],
             {"out_of_order": 1, "missing": 1},
             id="out of order alone",
         ),
-        pytest.param(
-            [*cycle(0), cycle(1)[0], *cycle(2)], [0, 2], {"unpaired": 1, "missing": 1}, id="partner lost"
-        ),
+        pytest.param([*cycle(0), cycle(1)[0], *cycle(2)], [0, 2], {"unpaired": 1, "missing": 1}, id="partner lost"),
         pytest.param(
             [*cycle(0), cycle(1)[0], *cycle(2), cycle(1)[1], *cycle(3)],
             [0, 2, 3],

@@ -33,9 +33,7 @@ def test_two_axes_of_one_bus(tmp_path: Path) -> None:
     ingest = Ingest(make_config(tmp_path, axis1(), axis2()), "bus0")
     assert tuple(ingest.axes) == ("r.one", "r.two")
     assert set(ingest.decoder.keys) == {(0x100, False), (ANGLE_ID, True), (0x110, False)}
-    samples = fed(
-        ingest, [torque1(START_US, 1.5), both2(START_US + 100, -0.25, 12.5), angle1(START_US + 200, -3.0)]
-    )
+    samples = fed(ingest, [torque1(START_US, 1.5), both2(START_US + 100, -0.25, 12.5), angle1(START_US + 200, -3.0)])
     assert samples == {
         "r.two": [Sample(START_US + 100, -0.25, 12.5)],
         "r.one": [Sample(START_US + 200, 1.5, -3.0)],
@@ -75,9 +73,7 @@ def test_multiplexed_torque_and_speed(tmp_path: Path) -> None:
         ([(1e30, 1.0), (1.0, -1e30), (-1.1e6, 1.0), (1.0, 1.1e5)], "absurd"),
     ],
 )
-def test_values_that_no_motor_ever_had(
-    tmp_path: Path, values: list[tuple[float, float]], reason: str
-) -> None:
+def test_values_that_no_motor_ever_had(tmp_path: Path, values: list[tuple[float, float]], reason: str) -> None:
     ingest = Ingest(make_config(tmp_path, axis3()), "bus0")
     for k, (torque, speed) in enumerate([*values, (1.0, 2.0)]):
         t_us = START_US + 5000 * k

@@ -85,9 +85,7 @@ def test_a_log_is_played_as_it_is(tmp_path: Path) -> None:
     with FrameRecorder(tmp_path / "a.log") as recorder:
         recorder.write("bus0", FrameBlock.from_frames(sent))
     played = list(played_from(tmp_path / "a.log", make_config(tmp_path, axis1())))
-    assert [(p.bus, p.key, p.data) for p in played] == [
-        ("bus0", (f.can_id, f.extended), f.data) for f in sent
-    ]
+    assert [(p.bus, p.key, p.data) for p in played] == [("bus0", (f.can_id, f.extended), f.data) for f in sent]
     assert [round(p.offset_s * 1e6) for p in played] == [700 * k for k in range(1000)]
 
 

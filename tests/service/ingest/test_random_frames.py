@@ -78,9 +78,7 @@ def _signal(rng: random.Random, name: str, length: int, paged: bool) -> Signal:
     )
 
 
-def _axis(
-    rng: random.Random, number: int, messages: list[Message], places: list[tuple[str, str]]
-) -> dict[str, Any]:
+def _axis(rng: random.Random, number: int, messages: list[Message], places: list[tuple[str, str]]) -> dict[str, Any]:
     (torque, motion, further) = (rng.choice(places) for _ in range(3))
     counters = [
         (message.name, signal.name)
@@ -111,9 +109,7 @@ def _axis(
 def random_frames(rng: random.Random, ids: list[int], count: int, from_us: int) -> FrameBlock:
     """Frames of these ids and of others, of any length, in any order of time, with any data."""
     numbers = np.random.default_rng(rng.randrange(2**32))
-    steps = numbers.choice(
-        [0, 1, 200, 1000, 5000, 20_000, -3000, 10**7], count, p=[0.1] * 4 + [0.3, 0.2, 0.09, 0.01]
-    )
+    steps = numbers.choice([0, 1, 200, 1000, 5000, 20_000, -3000, 10**7], count, p=[0.1] * 4 + [0.3, 0.2, 0.09, 0.01])
     chosen = np.array([*ids, *ids, 0x123, 0x80000123, 0x1FFFFFFF | 1 << 31], np.int64)
     lengths = numbers.choice([*range(9), 12, 24, 48, *[64] * 20], count)
     data = numbers.integers(0, 256, (count, FD_BYTES), np.uint8)

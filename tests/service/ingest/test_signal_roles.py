@@ -32,9 +32,7 @@ HEAD = 'VERSION ""\nBU_: Drive Master\n'
         (["Main"], ["axis"]),
     ],
 )
-def test_torque_and_motion_of_one_drive_belong_together(
-    named: list[str], axes: list[str], tmp_path: Path
-) -> None:
+def test_torque_and_motion_of_one_drive_belong_together(named: list[str], axes: list[str], tmp_path: Path) -> None:
     """Whatever the drives are called: the number of a PDO is none of an axis."""
     path = tmp_path / "plant.dbc"
     path.write_text(HEAD + "".join(drive(0x181 + k, name) for k, name in enumerate(named)), encoding="utf-8")
@@ -50,6 +48,4 @@ def test_a_current_in_any_unit_is_the_torque(unit: str, factor: float | None, tm
     path = tmp_path / "plant.dbc"
     path.write_text(HEAD + drive(0x181, "Drive1", what="Current", unit=unit), encoding="utf-8")
     found = axes_in(read_messages(path).messages)
-    assert [(axis.torque.current, axis.torque.factor) for axis in found] == [(True, factor)] * (
-        factor is not None
-    )
+    assert [(axis.torque.current, axis.torque.factor) for axis in found] == [(True, factor)] * (factor is not None)

@@ -68,9 +68,7 @@ def test_remarks_of_several_words_do_not_make_spaces_separators(tmp_path: Path) 
 
 
 def test_damaged_lines_below_a_head_are_named_by_their_place(tmp_path: Path) -> None:
-    read = table(
-        tmp_path / "a.csv", "\n".join(["# a", "t,u,y", "s,A,deg", *ROWS * 50, "0.1,x,2", *ROWS]) + "\n"
-    )
+    read = table(tmp_path / "a.csv", "\n".join(["# a", "t,u,y", "s,A,deg", *ROWS * 50, "0.1,x,2", *ROWS]) + "\n")
     assert sum(len(rows.columns["u"]) for rows in read.rows(["u"])) == 153
     assert [line.partition(":")[0] for line in read.left_out] == ["line 154"]
 
@@ -153,9 +151,7 @@ def test_which_number_of_a_date_is_the_month(
         (["0,5;1,234", "1;12,5"], [1.234, 12.5], []),
     ],
 )
-def test_separators_of_thousands(
-    tmp_path: Path, cells: list[str], numbers: list[float], taken: list[str]
-) -> None:
+def test_separators_of_thousands(tmp_path: Path, cells: list[str], numbers: list[float], taken: list[str]) -> None:
     read = table(tmp_path / "a.csv", "t;u\n" + "\n".join(cells) + "\n")
     assert [v for rows in read.rows(["u"]) for v in rows.columns["u"].tolist()] == numbers
     assert read.left_out == []
@@ -193,9 +189,7 @@ def test_rows_for_each_time_and_signal(
 
 
 def test_units_of_signals_in_a_column(tmp_path: Path) -> None:
-    lines = [
-        f"{k},{name},{unit},{k}" for k in range(5) for name, unit in (("M1", "Nm"), ("n1", "rpm"), ("s", ""))
-    ]
+    lines = [f"{k},{name},{unit},{k}" for k in range(5) for name, unit in (("M1", "Nm"), ("n1", "rpm"), ("s", ""))]
     (tmp_path / "a.csv").write_text("\n".join(["t,name,unit,value", *lines]) + "\n", encoding="utf-8")
     assert dict(open_table(tmp_path / "a.csv").units) == {"M1": "Nm", "n1": "rpm", "s": ""}
 

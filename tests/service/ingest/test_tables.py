@@ -185,27 +185,19 @@ def test_a_wrong_line_of_a_csv(tmp_path: Path, text: str, message: str) -> None:
         ({19999: "199.99,0.5,-"}, ["line 20001: column \"angle_one\" holds '-', which is no number"]),
     ],
 )
-def test_lines_that_cannot_be_read_are_left_out(
-    wrong: dict[int, str], places: list[str], tmp_path: Path
-) -> None:
+def test_lines_that_cannot_be_read_are_left_out(wrong: dict[int, str], places: list[str], tmp_path: Path) -> None:
     """Others are as they were; arrow reads 1 MB at once, here 40 000 lines."""
     lines = [f"{0.01 * k:.2f},{k},{-k}" for k in range(20_000)]
     rows = [wrong.get(k, line) for k, line in enumerate(lines)]
     path = tmp_path / "a.csv"
     path.write_text("t,torque_one,angle_one\n" + "\n".join(rows), encoding="utf-8")
     table = open_table(path)
-    torque = np.concatenate(
-        [block.columns["torque_one"] for block in table.rows(["t", "torque_one", "angle_one"])]
-    )
+    torque = np.concatenate([block.columns["torque_one"] for block in table.rows(["t", "torque_one", "angle_one"])])
     assert torque.tolist() == [k for k in range(20_000) if k not in wrong]
     assert isinstance(table, CsvTable)
-    assert [left.startswith(place) for left, place in zip(table.left_out, places, strict=True)] == [
-        True
-    ] * len(wrong)
+    assert [left.startswith(place) for left, place in zip(table.left_out, places, strict=True)] == [True] * len(wrong)
     record = read_record(path, make_config(tmp_path, timed()))
-    assert (
-        sum(step.samples["r.one"].size for step in record.steps() if "r.one" in step.samples) == torque.size
-    )
+    assert sum(step.samples["r.one"].size for step in record.steps() if "r.one" in step.samples) == torque.size
     assert record.quality.axis_dropped["r.one"]["unreadable"] == len(wrong)
 
 
@@ -313,9 +305,7 @@ def berlin(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 def test_dates_are_seconds(tmp_path: Path, zone: str, between: str, torn: bool) -> None:
     """Without a zone in UTC, wherever the computer is; also in the hour that summer time leaves out."""
     begin = datetime(2026, 3, 29, 0, 59, 59, 990_000)
-    dates = [
-        (begin + timedelta(milliseconds=5 * k)).isoformat(between, "microseconds") + zone for k in range(9)
-    ]
+    dates = [(begin + timedelta(milliseconds=5 * k)).isoformat(between, "microseconds") + zone for k in range(9)]
     table = {"Time": dates, "torque_one": range(9), "angle_one": range(9)}
     path = written(tmp_path / "a.csv", table, lambda *cells: ",".join(map(str, cells)), ",".join(table))
     if torn:

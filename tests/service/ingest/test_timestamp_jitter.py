@@ -30,9 +30,7 @@ def meter(rng: random.Random, scatter_us: float, interval_us: float, frames: int
 
 @pytest.mark.parametrize("clock", ["receipt", "cyclic", "counter"])
 @pytest.mark.parametrize("scatter_us", [100, 400])
-def test_the_scatter_is_that_of_the_stamps_whatever_gives_the_times(
-    clock: str, scatter_us: float, seed: int
-) -> None:
+def test_the_scatter_is_that_of_the_stamps_whatever_gives_the_times(clock: str, scatter_us: float, seed: int) -> None:
     stamps = meter(random.Random(seed), scatter_us, 5000).stamps(clock)  # type: ignore[arg-type]
     # Of a thousand and more: 2 % by chance; at the beginning of a burst an interval is not the usual one.
     assert stamps.scatter_s == pytest.approx(scatter_us * 1e-6, rel=0.15)

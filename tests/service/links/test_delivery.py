@@ -273,9 +273,7 @@ def test_a_file_that_cannot_be_written_costs_only_repetitions(post: Post) -> Non
 
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(st.sampled_from(["raise", "down", "refuse", "restart", "step"]), max_size=30))
-def test_nothing_is_left_out_whatever_happens(
-    tmp_path_factory: pytest.TempPathFactory, course: list[str]
-) -> None:
+def test_nothing_is_left_out_whatever_happens(tmp_path_factory: pytest.TempPathFactory, course: list[str]) -> None:
     post, refused = Post(tmp_path_factory.mktemp("post"), Inbox()), 0
     for number, event in enumerate(course):
         match event:

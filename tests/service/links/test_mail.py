@@ -148,9 +148,7 @@ def test_many_alarms_are_few_messages(posted: Callable[..., Post]) -> None:
         post.wait(30.0)
         assert post.settle() > 1e9
         for k in range(60, 90):  # one each ten seconds
-            record(
-                post.journal, replace(RAISED, raised_us=post.now_us, updated_us=post.now_us), f"demo.axis{k}"
-            )
+            record(post.journal, replace(RAISED, raised_us=post.now_us, updated_us=post.now_us), f"demo.axis{k}")
             post.settle()
             post.wait(10.0)
         post.settle()
@@ -184,9 +182,7 @@ def test_what_persons_do_and_what_is_hidden_is_no_news(posted: Callable[..., Pos
         assert len(mailbox.mails) == 1
         post.journal.end_shelves(NOON_US + 61 * SECOND)  # and the cause is still there
         post.settle()
-    assert [mail["subject"] for mail in mailbox.mails][1:] == [
-        "axiswatch: demo.axis3: new alarm (kT, priority medium)"
-    ]
+    assert [mail["subject"] for mail in mailbox.mails][1:] == ["axiswatch: demo.axis3: new alarm (kT, priority medium)"]
     assert post.delivery.snapshot.pending == 0
 
 
@@ -240,9 +236,7 @@ def sent(post: Post) -> LinkSnapshot:
     return post.delivery.snapshot
 
 
-@pytest.mark.parametrize(
-    ("answer", "given_up"), [("451 try later", 0), ("554 this is spam", 1), ("552 too large", 1)]
-)
+@pytest.mark.parametrize(("answer", "given_up"), [("451 try later", 0), ("554 this is spam", 1), ("552 too large", 1)])
 def test_the_answers_of_the_server(answer: str, given_up: int, posted: Callable[..., Post]) -> None:
     with serving(Mailbox(answers=[answer])) as port:
         link = sent(posted(port))

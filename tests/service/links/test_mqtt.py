@@ -219,9 +219,7 @@ def test_the_last_will_of_a_daemon_that_is_killed(broker: Broker, tmp_path: Path
     ("changes", "words"),
     [({"user": "cell2"}, "Not authorized"), ({"ca_file": None}, "certificate verify failed")],
 )
-def test_who_is_not_let_in_says_why(
-    changes: dict[str, Any], words: str, broker: Broker, tmp_path: Path
-) -> None:
+def test_who_is_not_let_in_says_why(changes: dict[str, Any], words: str, broker: Broker, tmp_path: Path) -> None:
     with linked(broker.config(**changes), tmp_path) as (links, _):
         wait_for(lambda: words.lower() in links.snapshots()[0].problem.lower())
         assert links.snapshots()[0].connected is False

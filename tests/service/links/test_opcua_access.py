@@ -54,9 +54,7 @@ def test_a_session_and_its_subscriptions_belong_to_their_connection(plant: Plant
             stranger = Client(plant.url, timeout=PATIENCE_S)
             await stranger.connect_sessionless()
             try:
-                stranger.uaclient.protocol.authentication_token = (
-                    victim.uaclient.protocol.authentication_token
-                )
+                stranger.uaclient.protocol.authentication_token = victim.uaclient.protocol.authentication_token
                 activation = ua.ActivateSessionParameters(UserIdentityToken=ua.AnonymousIdentityToken())
                 assert await refused(stranger.uaclient.activate_session(activation)) == "BadSessionIdInvalid"
                 node = stranger.get_node(ua.ObjectIds.Server_ServerStatus_CurrentTime)

@@ -60,9 +60,7 @@ async def encrypted(plant: Plant, files: dict[str, str]) -> None:
     try:
         with pytest.raises(ua.UaError, match="No matching endpoints"):
             await plain.create_session()
-        login = ua.UserNameIdentityToken(
-            PolicyId="username", UserName="otto", Password=plant.secrets["otto"].encode()
-        )
+        login = ua.UserNameIdentityToken(PolicyId="username", UserName="otto", Password=plant.secrets["otto"].encode())
         await plain.uaclient.activate_session(ua.ActivateSessionParameters(UserIdentityToken=login))
         node = plain.get_node(ua.ObjectIds.Server_ServerStatus_CurrentTime)
         assert await refused(node.read_value()) == "BadUserAccessDenied"
@@ -94,10 +92,6 @@ def test_a_certificate_that_cannot_be_used_is_named(certificates: Path) -> None:
 
     right = certificates / "opcua.crt"
     assert "OPC UA needs an RSA key" in problem(tls / "localhost.crt", tls / "localhost.key")
-    assert "the key is that of another certificate" in problem(
-        tls / "localhost.crt", certificates / "opcua.key"
-    )
+    assert "the key is that of another certificate" in problem(tls / "localhost.crt", certificates / "opcua.key")
     assert "no PEM certificate" in problem(right, tls / "encrypted.key")
-    assert (
-        problem(right, certificates / "none.key") == f"{certificates / 'none.key'}: No such file or directory"
-    )
+    assert problem(right, certificates / "none.key") == f"{certificates / 'none.key'}: No such file or directory"

@@ -51,10 +51,7 @@ def test_a_port_that_is_taken_is_reported_and_what_is_active_is_there_after_a_st
     async def active(plant: Plant) -> dict[str, tuple[bool, bool]]:
         async with plant.client() as client:
             events = await retained(client, Seen())
-            return {
-                e.NodeId.Identifier: (getattr(e, "ActiveState/Id"), getattr(e, "AckedState/Id"))
-                for e in events
-            }
+            return {e.NodeId.Identifier: (getattr(e, "ActiveState/Id"), getattr(e, "AckedState/Id")) for e in events}
 
     port, threads = own_port(), [thread.name for thread in threading.enumerate()].count("opcua")
     with ExitStack() as stack, socket.create_server(("127.0.0.1", port)) as other:

@@ -151,9 +151,7 @@ def test_nodes_come_and_go_with_the_axes(plant: Plant) -> None:
         (replace(monitored_axis(), epoch=AxisEpoch(2, "learning", 1.0, 2.0)), 0, "UncertainSubNormal"),
     ],
 )
-def test_the_status_code_says_whether_an_estimate_can_be_relied_on(
-    axis: AxisSnapshot, later_s: int, name: str
-) -> None:
+def test_the_status_code_says_whether_an_estimate_can_be_relied_on(axis: AxisSnapshot, later_s: int, name: str) -> None:
     code = quality(axis, axis.status.parameters[-1], NOON_US + later_s * 1_000_000)
     assert ua.StatusCode(code).name == name
 

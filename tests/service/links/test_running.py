@@ -55,9 +55,7 @@ def test_a_receiver_that_hangs_or_is_down_does_not_hold_the_others_up(tmp_path: 
     assert "links" not in {thread.name for thread in threading.enumerate()}
 
 
-def test_a_fault_of_the_program_in_a_link_does_not_end_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_of_the_program_in_a_link_does_not_end_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     send, broken = Webhook.send, [ZeroDivisionError("a fault")]
 
     async def once_broken(self: Webhook, messages: object) -> None:
@@ -84,9 +82,7 @@ def test_the_daemon_delivers_and_shows_its_links(tmp_path: Path) -> None:
         with daemon_thread(config) as page:
             shown = httpx.get(f"{page}api/v1/service", timeout=PATIENCE_S).json()["links"]
             metrics = httpx.get(f"{page}metrics", timeout=PATIENCE_S).text
-    assert [(link["name"], link["kind"], link["connected"]) for link in shown] == [
-        ("orders", "webhook", True)
-    ]
+    assert [(link["name"], link["kind"], link["connected"]) for link in shown] == [("orders", "webhook", True)]
     assert 'axiswatch_link_connected{link="orders"} 1.0' in metrics
     assert "links" not in {thread.name for thread in threading.enumerate()}
     (tmp_path / "secret").unlink()

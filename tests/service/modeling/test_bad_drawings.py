@@ -120,9 +120,7 @@ def test_without_a_value_there_are_matrices_but_no_poles(tmp_path: Path) -> None
 EXTREME = {
     "unstable": PRESS.replace("d = 0.5", "d = -50"),
     "far too stiff": PRESS.replace("c = 400", "c = 1e300"),
-    "gravity and a speed": press(
-        "AxisWatch.Gravity weight(gc = 3, gs = 1);", "connect(weight.flange, arm.flange_b);"
-    ),
+    "gravity and a speed": press("AxisWatch.Gravity weight(gc = 3, gs = 1);", "connect(weight.flange, arm.flange_b);"),
 }
 
 

@@ -71,9 +71,7 @@ def test_axes_with_one_drive_read_it_once(tmp_path: Path) -> None:
     assert model_of_axis(axis).space.name == "Changed"
 
 
-def test_a_mistake_is_found_once_and_reported_each_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mistake_is_found_once_and_reported_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "belt.mo").write_text(BELT.replace("Ja)", "Jx)"), encoding="utf-8")
     for _ in range(2):
         with pytest.raises(ModelError, match=r"belt\.mo:8: arm: Jx is not known in Belt$"):

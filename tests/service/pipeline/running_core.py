@@ -146,9 +146,7 @@ class RunningCore(StandingCore):
     def __init__(self, folder: Path, config: Config) -> None:
         self.reader, self.now_us, self.stopping = Fed(), START_US, False
         super().__init__(folder, config, self.reader, clock_us=lambda: self.now_us)
-        self.baselines = Baselines(
-            config.axes, self.begun.axes, self.worker, self.journal.epochs, lambda: self.now_us
-        )
+        self.baselines = Baselines(config.axes, self.begun.axes, self.worker, self.journal.epochs, lambda: self.now_us)
         self.compile()
         self.worker.start()
 

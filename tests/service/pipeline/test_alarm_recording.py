@@ -23,9 +23,7 @@ AXIS = "cell.axis1"
 QUANTITIES = {(AXIS, "fm"): Quantity("N m s/rad", 0.06), (AXIS, "kT"): Quantity("1", 1.0)}
 
 
-def episode(
-    parameter: str = "fm", crossings: int = 1, ended_us: int | None = None, raised_us: int = 20
-) -> Alarm:
+def episode(parameter: str = "fm", crossings: int = 1, ended_us: int | None = None, raised_us: int = 20) -> Alarm:
     return Alarm(parameter, "up", 10, raised_us, raised_us + crossings, ended_us, 0.02, 0.001, crossings)
 
 
@@ -58,9 +56,7 @@ def locked(path: Path) -> Iterator[None]:
     other.close()
 
 
-def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(
-    path: Path, journal: Journal
-) -> None:
+def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(path: Path, journal: Journal) -> None:
     clock = Clock()
     alarms = Alarms(journal, QUANTITIES, clock, {(AXIS, "fm"): AlarmRules("high")})
     with locked(path):
@@ -95,17 +91,13 @@ def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(
     }
 
 
-def test_what_a_person_acknowledges_before_the_disk_takes_it_is_written_with_it(
-    path: Path, journal: Journal
-) -> None:
+def test_what_a_person_acknowledges_before_the_disk_takes_it_is_written_with_it(path: Path, journal: Journal) -> None:
     clock, note = Clock(), Note(60, "anna", "heard it", "WO-1")
     alarms = Alarms(journal, QUANTITIES, clock, {(AXIS, "kT"): AlarmRules(latched=True)})
     alarms.record([AxisAlarm(AXIS, episode("kT", raised_us=10, ended_us=15))])
     with locked(path):
         ended, standing = episode("kT", raised_us=20, ended_us=50), episode(raised_us=30)
-        alarms.record(
-            [AxisAlarm(AXIS, ended), AxisAlarm(AXIS, standing), AxisAlarm(AXIS, episode("kT", raised_us=40))]
-        )
+        alarms.record([AxisAlarm(AXIS, ended), AxisAlarm(AXIS, standing), AxisAlarm(AXIS, episode("kT", raised_us=40))])
         assert [(a.id, a.state) for a in alarms.snapshot(55).unrecorded] == [
             (2, "latched"), (3, "unacknowledged"), (4, "unacknowledged"),
         ]  # fmt: skip
@@ -180,9 +172,7 @@ def test_an_off_delay_ends_by_the_given_clock(journal: Journal) -> None:
     assert [(t.at_us, t.event) for t in journal.transitions(1)] == [(20, "raise"), (60, "clear")]
 
 
-def test_an_axis_out_of_service_is_known_and_hides_alarms_that_the_disk_refuses(
-    path: Path, journal: Journal
-) -> None:
+def test_an_axis_out_of_service_is_known_and_hides_alarms_that_the_disk_refuses(path: Path, journal: Journal) -> None:
     alarms = Alarms(journal, QUANTITIES, Clock())
     removed = Note(40, "anna", "new gearbox")
     assert alarms.removed(AXIS) is None

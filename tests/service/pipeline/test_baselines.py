@@ -133,9 +133,7 @@ def test_files_that_do_not_fit_change_nothing(start: Start, frames: list[Frame])
     assert [(e.number, e.state, e.source) for e in d.epochs()] == [(1, "current", "configuration")]
 
 
-def test_a_window_that_is_refused_or_cancelled_leaves_the_epoch_in_force(
-    start: Start, frames: list[Frame]
-) -> None:
+def test_a_window_that_is_refused_or_cancelled_leaves_the_epoch_in_force(start: Start, frames: list[Frame]) -> None:
     d = start()
     d.baselines.learn(OTHER, WINDOW_S, 8.0, REPAIR)
     with pytest.raises(BaselineConflictError, match="runs"):
@@ -176,9 +174,7 @@ def test_a_window_goes_on_after_a_restart_and_so_does_the_epoch(start: Start, fr
     second.close()
 
     third = start()
-    assert third.messages == (
-        "demo.axis1: the nominal values of epoch 2 are in force, not those of the configuration",
-    )
+    assert third.messages == ("demo.axis1: the nominal values of epoch 2 are in force, not those of the configuration",)
     shown = third.axis()
     assert (shown.epoch.number, shown.epoch.state) == (2, "verifying")
     assert shown.status.parameters[2].nominal == value
@@ -196,9 +192,7 @@ def test_a_window_of_which_nothing_is_left_begins_again_which_is_shown_while_it_
     wait_for(lambda: message not in second.worker.snapshot.messages)
 
 
-def test_a_configuration_that_was_changed_by_hand_counts(
-    start: Start, tmp_path: Path, frames: list[Frame]
-) -> None:
+def test_a_configuration_that_was_changed_by_hand_counts(start: Start, tmp_path: Path, frames: list[Frame]) -> None:
     first = start()
     first.feed(seconds(frames, 0, 1))
     first.baselines.use_files(AXIS, nominal_text(first.config.axes[0].config), None, 8.0, REPAIR)

@@ -24,9 +24,7 @@ def commissioned(axes: int) -> Config:
     return with_axes(config, config.robot[0].axis[:axes])
 
 
-def alarms(
-    folder: Path, axes: int, seconds: float, seed: int, faults: list[Fault]
-) -> list[tuple[float, AxisAlarm]]:
+def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Fault]) -> list[tuple[float, AxisAlarm]]:
     """Every change of an alarm, with the time since the start at which it is known."""
     core, found, end_s = FramePipeline(commissioned(axes)), list[tuple[float, AxisAlarm]](), 0.0
     for frames in blocks(demo(folder, axes), seconds, seed, faults):
@@ -45,14 +43,12 @@ def test_healthy_axes_are_quiet(tmp_path: Path, seed: int) -> None:
     ("name", "factor", "direction"),
     soaked([("fm", 1.3, "up"), ("kT", 0.9, "down"), ("1/Ja", 1.1, "up")], ("kT", 0.9, "down")),
 )
-def test_a_fault_is_named_in_a_second(
-    tmp_path: Path, seed: int, name: str, factor: float, direction: str
-) -> None:
+def test_a_fault_is_named_in_a_second(tmp_path: Path, seed: int, name: str, factor: float, direction: str) -> None:
     fault = Fault("demo.axis2", {name: factor}, FAULT_S)
     found = alarms(tmp_path, 2, FAULT_S + 5, seed, [fault])
-    assert {
-        (c.axis_id, c.alarm.parameter, c.alarm.direction) for _, c in found if c.alarm.stage == "named"
-    } == {("demo.axis2", name, direction)}
+    assert {(c.axis_id, c.alarm.parameter, c.alarm.direction) for _, c in found if c.alarm.stage == "named"} == {
+        ("demo.axis2", name, direction)
+    }
     first = found[0][1].alarm
     assert first.raised_us >= START_US + FAULT_S * 1e6
     named_s = next(time_s for time_s, change in found if change.alarm.stage == "named")

@@ -26,9 +26,7 @@ AXIS, NOW_S = "cell.axis1", 1_760_000_000
 BOUNDS = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e12)
 _STATUS = AxisMonitor(reference_model(), Settings.paper(interval_s=0.005)).status()
 TRACKING = tuple(
-    replace(
-        p, status=Status.TRACKING, not_tested=None, observation=Observation.WEAK, estimate=p.nominal * 1.5
-    )
+    replace(p, status=Status.TRACKING, not_tested=None, observation=Observation.WEAK, estimate=p.nominal * 1.5)
     for p in _STATUS.parameters
 )
 NUMBER = len(TRACKING)
@@ -102,9 +100,7 @@ def test_the_first_status_of_each_interval_is_a_point(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("paused", [True, False])
-def test_an_interval_that_begins_without_estimates_has_the_first_that_follow(
-    bench: Bench, paused: bool
-) -> None:
+def test_an_interval_that_begins_without_estimates_has_the_first_that_follow(bench: Bench, paused: bool) -> None:
     """A short run would else have none at all."""
     none = at(1) if paused else replace(_STATUS, time_us=at(1).time_us)
     bench.take(none, paused)
@@ -186,9 +182,7 @@ def full(bench: Bench) -> Iterator[None]:
     [(locked, "locked"), (read_only, "readonly"), (full, "full")],
     ids=["locked", "read-only", "full"],
 )
-def test_points_wait_in_memory_and_are_written_later(
-    bench: Bench, trouble: Callable[[Bench], Any], why: str
-) -> None:
+def test_points_wait_in_memory_and_are_written_later(bench: Bench, trouble: Callable[[Bench], Any], why: str) -> None:
     bench.take(at(0))
     bench.write()
     with trouble(bench):

@@ -87,9 +87,7 @@ def test_a_filled_cache_needs_no_process(monkeypatch: pytest.MonkeyPatch) -> Non
     assert logs == []
 
 
-@pytest.mark.parametrize(
-    ("program", "reason"), [("/no/such/program", "/no/such/program"), ("false", "exit code 1")]
-)
+@pytest.mark.parametrize(("program", "reason"), [("/no/such/program", "/no/such/program"), ("false", "exit code 1")])
 def test_a_process_that_fails_is_told_and_the_start_goes_on(
     program: str, reason: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -125,9 +125,7 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
     run.saver.save()
     monitor = run.core.monitors.by_id["demo.axis1"]
     assert monitor.multimodel is not None
-    broken = monitor.multimodel.bank.to_arrays() | {
-        "memory_x": monitor.multimodel.bank.to_arrays()["memory_x"][:2]
-    }
+    broken = monitor.multimodel.bank.to_arrays() | {"memory_x": monitor.multimodel.bank.to_arrays()["memory_x"][:2]}
     other = monitor.multimodel.bank.to_arrays()
     names = ("demo.axis1 (multi-model detector)", "demo.axis2 (multi-model detector)")
     states = [(monitor.multimodel_key, broken), ("another version", other)]

@@ -23,9 +23,7 @@ S = 1_000_000
 
 
 def frames_at(*times_s: float, data_bytes: int = 8) -> FrameBlock:
-    return FrameBlock.from_frames(
-        [Frame(START_US + round(t * S), 0x101, False, bytes(data_bytes)) for t in times_s]
-    )
+    return FrameBlock.from_frames([Frame(START_US + round(t * S), 0x101, False, bytes(data_bytes)) for t in times_s])
 
 
 def times_s(found: Sequence[tuple[str, FrameBlock]]) -> list[float]:

@@ -134,14 +134,10 @@ def test_what_is_not_possible_changes_nothing(
     kept = core.config.service.model_copy(update={"history_interval_s": 7.0})
     web = core.config.web.model_copy(update={"port": 9, "certificate": tmp_path / "a.crt"})
     cases = {
-        r"^a change of \[service\] history_interval_s needs a restart$": other.model_copy(
-            update={"service": kept}
-        ),
+        r"^a change of \[service\] history_interval_s needs a restart$": other.model_copy(update={"service": kept}),
         r"^a change of \[web\] port and \[web\] certificate needs": other.model_copy(update={"web": web}),
         "^demo.axis1: torque_noise not known": wrong,
-        "^bus can0: cannot open udp_multicast 10.0.0.1": on_bus(
-            other, interface="udp_multicast", channel="10.0.0.1"
-        ),
+        "^bus can0: cannot open udp_multicast 10.0.0.1": on_bus(other, interface="udp_multicast", channel="10.0.0.1"),
     }
     for words, config in cases.items():
         with pytest.raises(ReloadError, match=words):

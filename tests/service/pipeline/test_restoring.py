@@ -65,9 +65,7 @@ def restarted(
     return before, later
 
 
-def test_estimates_go_on_bit_for_bit(
-    tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int
-) -> None:
+def test_estimates_go_on_bit_for_bit(tmp_path: Path, checkpoints: Checkpoints, journal: Journal, seed: int) -> None:
     config = demo(tmp_path, 2)
     frames, uninterrupted = list(blocks(config, 4.0, seed)), FramePipeline(config)
     take(uninterrupted, frames)
@@ -107,9 +105,7 @@ def _healthy(time_us: int, names: tuple[str, ...]) -> Evidence:
     """Evidence that nothing has deviated for long."""
     p, t_us = len(names), time_us + np.arange(-20, 1, dtype=np.int64)
     past = Past(t_us, np.zeros((21, p)), np.ones((21, p, p)), 0.9, 1.0, 0.0)
-    return Evidence(
-        time_us, names, np.zeros(p), 1e-6 * np.eye(p), np.zeros((p, p)), 4.0, 1.0, (0,) * p, past, 12
-    )
+    return Evidence(time_us, names, np.zeros(p), 1e-6 * np.eye(p), np.zeros((p, p)), 4.0, 1.0, (0,) * p, past, 12)
 
 
 NAMED = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))
@@ -176,9 +172,7 @@ def test_a_checkpoint_of_another_model_is_quarantined_and_said(
     found = AxisMonitors(changed(config, "axis1", model={"nominal": nominal}).axes)
     restored = restore(found, checkpoints, journal, NOW_US)
     (message,) = restored.messages
-    assert message.startswith(
-        f"{AXIS}: its checkpoint is not used and was quarantined: it was saved with another"
-    )
+    assert message.startswith(f"{AXIS}: its checkpoint is not used and was quarantined: it was saved with another")
     assert message.endswith("(restarted: the estimates and the long-term history of kT, 1/Ja and fm)")
     assert found.by_id[AXIS].status().parameters[2].estimate == pytest.approx(0.061)
     names = [name for name, _ in quarantined(tmp_path)]
@@ -199,9 +193,7 @@ def test_arrays_of_another_shape_are_quarantine(
     assert found.by_id[AXIS].status().samples == 0
 
 
-def test_alarms_of_what_is_no_longer_monitored(
-    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
-) -> None:
+def test_alarms_of_what_is_no_longer_monitored(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> None:
     entries = [Entry(AXIS, "N m", 0.08, replace(OPEN, parameter="fc")), Entry("demo.axis7", "1", 1.0, OPEN)]
     journal.record(entries)
     found, restored = again(tmp_path, checkpoints, journal)

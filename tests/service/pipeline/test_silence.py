@@ -149,8 +149,6 @@ def test_no_parameter_of_a_silent_axis_seems_to_be_healthy(bench: StandingCore) 
         bench.worker.turn()
     for axis in bench.worker.snapshot.axes:
         assert axis.silent_since_us == axis.status.time_us
-        assert {(p.status, p.not_tested) for p in axis.status.parameters} == {
-            (Status.SILENT, NotTested.NO_SAMPLE)
-        }
+        assert {(p.status, p.not_tested) for p in axis.status.parameters} == {(Status.SILENT, NotTested.NO_SAMPLE)}
     (line,) = logs
     assert (line["event"], line["frames"]) == (LOST, "Axis1State, Axis2State")

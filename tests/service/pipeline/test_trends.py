@@ -61,9 +61,7 @@ def test_a_limit_that_comes_near_raises_one_alarm_that_is_updated(tmp_path: Path
     first, last = changes[0].alarm, changes[-1].alarm
     assert (first.kind, first.stage, first.parameter, first.direction) == ("forecast", "named", "fm", "up")
     raised_h = (first.raised_us - START_US) / 3.6e9
-    assert (
-        119 < raised_h < 180
-    )  # sooner than 164 h, most often: it is the lower end of the interval that counts
+    assert 119 < raised_h < 180  # sooner than 164 h, most often: it is the lower end of the interval that counts
     (reach,), day_us = last.reaches, 86_400_000_000
     assert reach.high_us is not None
     assert reach.low_us - day_us < START_US + 500 * 3_600_000_000 < reach.high_us + day_us
@@ -99,9 +97,7 @@ def save(monitors: AxisMonitors, checkpoints: Checkpoints) -> None:
     Checkpointer(checkpoints, monitors, 60.0, lambda: NOW_US).save()
 
 
-def restarted(
-    config: Config, checkpoints: Checkpoints, journal: Journal, *lost: str, **parts: object
-) -> Trends:
+def restarted(config: Config, checkpoints: Checkpoints, journal: Journal, *lost: str, **parts: object) -> Trends:
     """The trends after a restart, maybe with other settings of the axis; ``lost``: what a message ends with."""
     monitors = AxisMonitors((changed(config, "axis1", **parts) if parts else config).axes)
     messages = restore(monitors, checkpoints, journal, NOW_US).messages
@@ -133,9 +129,7 @@ def test_after_a_restart_it_goes_on_as_if_nothing_had_happened(
         assert (a.trend.level, a.trend.slope, a.reaches) == (b.trend.level, b.trend.slope, b.reaches)
 
 
-def test_damage_is_told_counted_and_quarantined(
-    tmp_path: Path, checkpoints: Checkpoints, journal: Journal
-) -> None:
+def test_damage_is_told_counted_and_quarantined(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> None:
     config = limited(tmp_path, {})
     monitors = AxisMonitors(config.axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
@@ -188,9 +182,7 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
     assert (ended.alarm.kind, ended.alarm.ended_us) == ("forecast", NOW_US)
 
 
-def test_an_alarm_about_a_limit_goes_on_after_a_restart_and_ends_when_it_is_far(
-    tmp_path: Path, seed: int
-) -> None:
+def test_an_alarm_about_a_limit_goes_on_after_a_restart_and_ends_when_it_is_far(tmp_path: Path, seed: int) -> None:
     trends = AxisMonitors(limited(tmp_path, {"fm": (0.09,)}).axes).trends
     assert trends.adopt([AxisAlarm(AXIS, FORECAST)], NOW_US) == []
     changes = feed(trends, readings(125, 0.0, seed, others=False))

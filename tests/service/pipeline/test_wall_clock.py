@@ -100,9 +100,7 @@ def test_a_small_step_of_the_clock_is_no_fault_of_an_axis_without_a_counter(
     tmp_path: Path, seed: int, step_us: int
 ) -> None:
     """Such as that of an NTP daemon; the times of the samples are fitted to those of receipt."""
-    config = changed(
-        demo(tmp_path, 1), time={"counter_signal": None, "counter_message": None, "clock": "cyclic"}
-    )
+    config = changed(demo(tmp_path, 1), time={"counter_signal": None, "counter_message": None, "clock": "cyclic"})
     reader = Stepping([f for block in blocks(config, 22.0, seed) for f in block.frames()], step_us, Clocks())
     bench = StandingCore(tmp_path, config, reader)
     bench.compile()

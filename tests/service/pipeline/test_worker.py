@@ -44,9 +44,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
 @pytest.fixture
 def bench(tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPatch) -> Iterator[StandingCore]:
     monkeypatch.setattr(worker_module, "MOST_FRAMES", 40)  # many blocks
-    bench = StandingCore(
-        tmp_path, demo(tmp_path, 2, history_interval_s=1.0), Waiting(frames), start_messages=SAID
-    )
+    bench = StandingCore(tmp_path, demo(tmp_path, 2, history_interval_s=1.0), Waiting(frames), start_messages=SAID)
     yield bench
     bench.close()
 
@@ -54,9 +52,7 @@ def bench(tmp_path: Path, frames: Sequence[Frame], monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize(
     ("interval_s", "block_s"), [(0.01, 0.1), (0.005, 0.1), (0.002, 0.06), (0.001, 0.03), (0.0005, 0.03)]
 )
-def test_a_block_has_some_samples_of_the_fastest_axis(
-    tmp_path: Path, interval_s: float, block_s: float
-) -> None:
+def test_a_block_has_some_samples_of_the_fastest_axis(tmp_path: Path, interval_s: float, block_s: float) -> None:
     config = changed(demo(tmp_path, 2), only="axis2", sample_interval_s=interval_s)
     assert config.block_s == pytest.approx(block_s)
     assert demo(tmp_path, 2, block_s=0.5).block_s == 0.5
@@ -165,11 +161,7 @@ def test_a_snapshot_is_replaced_as_often_as_somebody_looks_and_at_once_where_an_
     while bench.core.monitors.by_id["demo.axis1"].open_alarms == ():
         worker.turn()
     shown = worker.publisher.newest
-    assert (
-        [a.parameter for a in shown.alarms.standing]
-        == [e.parameter for e in shown.axes[0].open_alarms]
-        == ["fm"]
-    )
+    assert [a.parameter for a in shown.alarms.standing] == [e.parameter for e in shown.axes[0].open_alarms] == ["fm"]
 
 
 @pytest.mark.parametrize(("making_s", "pause_s"), [(0.01, READ_S), (0.05, 0.5), (0.3, UNREAD_S)])
@@ -256,9 +248,7 @@ def test_estimates_do_not_wait_for_the_multi_model_detector_which_gets_all_sampl
     folders = [tmp_path / name for name in ("at-once", "late")]
     for folder in folders:
         folder.mkdir()
-    at_once, late = (
-        StandingCore(folder, watched, Waiting(frames), start_messages=SAID) for folder in folders
-    )
+    at_once, late = (StandingCore(folder, watched, Waiting(frames), start_messages=SAID) for folder in folders)
     at_once.run()
 
     late.compiled.estimates.set_result(None)
@@ -349,9 +339,7 @@ def test_a_fault_of_the_worker_is_told(bench: StandingCore) -> None:
     assert isinstance(bench.worker.error, RuntimeError)
 
 
-def test_a_full_disk_ends_the_recording_and_not_the_monitoring(
-    tmp_path: Path, frames: Sequence[Frame]
-) -> None:
+def test_a_full_disk_ends_the_recording_and_not_the_monitoring(tmp_path: Path, frames: Sequence[Frame]) -> None:
     recorder = FrameRecorder(tmp_path / "frames.log")
     fill_the_disk(tmp_path / "frames.log")
     bench = StandingCore(tmp_path, demo(tmp_path, 2), Waiting(frames), recorder)

@@ -71,9 +71,7 @@ def robot(folder: Path) -> Path:
     return folder / "robot.toml"
 
 
-def frames_of(
-    config: Config, seed: int, faults: Sequence[Fault] = (), length_s: float = LENGTH_S
-) -> list[Frame]:
+def frames_of(config: Config, seed: int, faults: Sequence[Fault] = (), length_s: float = LENGTH_S) -> list[Frame]:
     """The frames of a moment are received one after the other."""
     return [
         Frame(START_US + round(time_s * 1e6) + 40 * n, *f.key, f.data)

@@ -47,9 +47,7 @@ def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:
     ratio = FlatParameter("n", "1", "ratio of the brake", 0.5)
     kept = tuple(p for p in drive.drawn if p.name != "Jm")
     definition = Definition(name, symbol("J1") + symbol("n", 2) * symbol("J2"))
-    return replace(
-        renamed(drive, {"Jm": name}), drawn=(rotor, brake, ratio, *kept), definitions=(definition,)
-    )
+    return replace(renamed(drive, {"Jm": name}), drawn=(rotor, brake, ratio, *kept), definitions=(definition,))
 
 
 def renamed(drive: StateSpace, names: Mapping[str, str]) -> StateSpace:
@@ -138,14 +136,10 @@ def _by_bank() -> list[TrialResult]:
     ]
 
 
-def caught(
-    name: str, size: float, delays: Sequence[float] | np.ndarray, names: list[tuple[str, int]]
-) -> TrialResult:
+def caught(name: str, size: float, delays: Sequence[float] | np.ndarray, names: list[tuple[str, int]]) -> TrialResult:
     """With so many alarms of each name."""
     first = tuple(name for name, many in names for _ in range(many))
     assert len(delays) == len(first) == ONSETS
     exact = name == "kT"
     way = "up" if size > 0 else "down"
-    return TrialResult(
-        Fault(name, size), exact, np.array(delays), first, (way,) * ONSETS, 3.0 if exact else math.nan
-    )
+    return TrialResult(Fault(name, size), exact, np.array(delays), first, (way,) * ONSETS, 3.0 if exact else math.nan)

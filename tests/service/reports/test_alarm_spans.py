@@ -19,9 +19,7 @@ from service.store.alarm_entries import Entry
 
 ROOT = Path(__file__).resolve().parents[3]
 S = 1_000_000
-FOUND = Alarm(
-    "fm", "up", 130 * S, 132 * S, 140 * S, None, 0.1, 0.01, 3, onset_low_us=129 * S, onset_high_us=131 * S
-)
+FOUND = Alarm("fm", "up", 130 * S, 132 * S, 140 * S, None, 0.1, 0.01, 3, onset_low_us=129 * S, onset_high_us=131 * S)
 
 
 def axis(*alarms: Alarm) -> ReplayedAxis:
@@ -72,9 +70,7 @@ def test_axes_of_a_robot_whose_alarms_the_same_payload_explains_name_each_other(
 ) -> None:
     """As the journal has them (test_alarm_transitions.py), from the alarms of a replay."""
     config = load(ROOT / "config" / "demo.toml")
-    payload = replace(
-        FOUND, parameter="kT", direction="down", stage="named", causes=(Cause("kT", 1.0, ("load",)),)
-    )
+    payload = replace(FOUND, parameter="kT", direction="down", stage="named", causes=(Cause("kT", 1.0, ("load",)),))
     found = {
         "demo.axis1": payload,
         "demo.axis3": payload,

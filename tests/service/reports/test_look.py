@@ -22,9 +22,7 @@ def test_every_colour_is_defined_once_for_the_light_and_once_for_the_dark() -> N
     assert set(COLOURS.values()) <= set(COLOUR.findall(light))
 
 
-@pytest.mark.parametrize(
-    "path", [DASHBOARD / "page.css", TEMPLATES / "style.css"], ids=["dashboard", "reports"]
-)
+@pytest.mark.parametrize("path", [DASHBOARD / "page.css", TEMPLATES / "style.css"], ids=["dashboard", "reports"])
 def test_both_style_sheets_take_them_from_there(path: Path) -> None:
     """The dashboard sets its own only for what belongs to an alarm, and for its tiles."""
     text = path.read_text(encoding="utf-8")
@@ -42,9 +40,7 @@ def test_both_style_sheets_take_them_from_there(path: Path) -> None:
 def test_lines_are_those_of_the_dashboard(name: str, look: Look) -> None:
     """Dashes are counted in pixels there, in widths of the line here."""
     source = (DASHBOARD / "axis_page.tsx").read_text(encoding="utf-8")
-    line = re.search(
-        rf'const {name} = {{ colour: "(\w+)"(?:, dash: \[(\d+), (\d+)\])?(?:, width: (\d+))? }}', source
-    )
+    line = re.search(rf'const {name} = {{ colour: "(\w+)"(?:, dash: \[(\d+), (\d+)\])?(?:, width: (\d+))? }}', source)
     assert line is not None
     assert COLOURS[look["color"]] == line[1]
     width = float(line[4] or 1.5)

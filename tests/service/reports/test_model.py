@@ -150,9 +150,7 @@ def test_terminals_with_colours_or_without_unicode() -> None:
     assert "-4.262 +- 57.4i" in text
     assert "A = [ -kg*r/Jm" in text
     stream = io.StringIO()
-    print_text(
-        facts_of(space()), Console(file=stream, force_terminal=True, width=80, color_system="standard")
-    )
+    print_text(facts_of(space()), Console(file=stream, force_terminal=True, width=80, color_system="standard"))
     assert "\x1b[1mthree-mass" in stream.getvalue()
 
 

@@ -48,9 +48,7 @@ class Ran:
         case = BY_NAME["paper"]
         self.block = self.make_block(seed)
         own = tuple(Threshold(a, 0.4, w) for a, w in ((0.3, 0.0), (0.2, 0.001), (0.3, 0.0)))
-        settings = case.settings(
-            relative_sd=0.05, outlier_limit=6.0, min_excitation=0.05, information_floor=0.05
-        )
+        settings = case.settings(relative_sd=0.05, outlier_limit=6.0, min_excitation=0.05, information_floor=0.05)
         settings = replace(settings, thresholds=own)
         fleet = Fleet([case.model], [settings])
         self.monitor: AxisMonitor = fleet.monitors[0]
@@ -222,9 +220,7 @@ def test_the_multimodel_detector_has_the_same_bins_and_loses_no_crossing(seed: i
 
 
 S = 1_000_000
-steps = st.lists(
-    st.sampled_from([5_000, 5_000, 4_321, 700_000, 59 * S, 61 * S, 3600 * S, -1, -5 * S]), max_size=30
-)
+steps = st.lists(st.sampled_from([5_000, 5_000, 4_321, 700_000, 59 * S, 61 * S, 3600 * S, -1, -5 * S]), max_size=30)
 
 
 def line(t: Ints, cuts: list[int]) -> tuple[Timeline, Ints]:

@@ -14,9 +14,7 @@ _TABLE = Table(
 
 
 @pytest.mark.parametrize("columns", ["", "60"])
-def test_no_digit_is_cut_off(
-    columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_digit_is_cut_off(columns: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """Nor are numbers broken in a file, which is as wide as it needs to be."""
     monkeypatch.delenv("COLUMNS", raising=False)
     if columns:

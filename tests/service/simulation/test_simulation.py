@@ -122,9 +122,7 @@ def test_after_a_stall_the_robot_goes_on_in_the_present(tmp_path: Path, seed: in
             time.sleep(0.6)
         return 1
 
-    frames, left_out = run_robot(
-        SimulatedRobot(demo(tmp_path, 1), seed), send, threading.Event(), duration_s=2.0
-    )
+    frames, left_out = run_robot(SimulatedRobot(demo(tmp_path, 1), seed), send, threading.Event(), duration_s=2.0)
     assert frames == len(sent)
     assert frames + left_out == 400
     assert sent[6] - sent[5] > 0.6 / 0.005 - 1
@@ -201,9 +199,7 @@ def test_what_is_followed_swings_within_its_range(tmp_path: Path) -> None:
     assert (min(course), max(course)) == pytest.approx((22.0, 58.0), abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("signal", "reference"), [("s", 7.0), ("cos(s)", 0.3), ("sin(s)", -0.2), ("square(s)", 4.0)]
-)
+@pytest.mark.parametrize(("signal", "reference"), [("s", 7.0), ("cos(s)", 0.3), ("sin(s)", -0.2), ("square(s)", 4.0)])
 def test_what_has_no_range_is_at_its_reference(signal: str, reference: float, tmp_path: Path) -> None:
     conditions = SimulatedConditions(axis(tmp_path, [], [slope("fm", signal, reference)]))
     values = np.array(conditions.signals(12.3, {}))
@@ -227,9 +223,7 @@ def test_the_acceleration_of_another_axis_is_that_of_what_it_sends(tmp_path: Pat
 def test_the_acceleration_of_the_axis_itself_is_refused(tmp_path: Path) -> None:
     """It would act one sample late, which makes an inertia that more than doubles unstable."""
     named = axis(tmp_path, [], [slope("fm", "s", 0.0)], axis="one", acceleration=True)
-    with pytest.raises(
-        AxisError, match=r"^r.one: its torque offset follows s, the acceleration of the axis itself"
-    ):
+    with pytest.raises(AxisError, match=r"^r.one: its torque offset follows s, the acceleration of the axis itself"):
         SimulatedConditions(named)
 
 
@@ -254,9 +248,7 @@ def test_a_load_acts_on_the_weight_alone(tmp_path: Path) -> None:
     assert dict(conditions.followed(0.0, 0.0, (math.pi / 2,), NOMINAL))["tau0"] == pytest.approx(constant)
 
 
-def test_a_heavier_load_of_the_simulated_axis_is_what_its_monitor_estimates(
-    tmp_path: Path, seed: int
-) -> None:
+def test_a_heavier_load_of_the_simulated_axis_is_what_its_monitor_estimates(tmp_path: Path, seed: int) -> None:
     weight = {**slope("tau0", "cos(s)", 0.5), "slope": -0.4}
     named = axis(tmp_path, [], [weight], ["fm", "load"])
     noises = EstimatorConfig(torque_noise=0.05, output_noise=1e-4)

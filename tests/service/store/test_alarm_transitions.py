@@ -59,9 +59,7 @@ def test_an_alarm_from_its_raising_to_the_work_order(journal: Journal) -> None:
     assert state(journal, number) == AlarmLife()
     after = journal.act(number, E.COMMENT, by("otto", 20, "gearbox changed", "WO-17"))
     assert (after.work_order, after.active) == ("WO-17", False)
-    found = [
-        (t.at_us // SECOND, t.event, t.from_state, t.to_state, t.who) for t in journal.transitions(number)
-    ]
+    found = [(t.at_us // SECOND, t.event, t.from_state, t.to_state, t.who) for t in journal.transitions(number)]
     assert found == [
         (2, "raise", "normal", "unacknowledged", "axiswatch"),
         (5, "acknowledge", "unacknowledged", "acknowledged", "anna"),
@@ -250,9 +248,7 @@ def test_a_cause_that_is_back_after_the_off_delay_is_raised_again(journal: Journ
     assert events == [(2, "raise"), (14, "clear"), (14, "raise"), (24, "clear"), (24, "raise")]
 
 
-def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(
-    journal: Journal, tmp_path: Path
-) -> None:
+def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(journal: Journal, tmp_path: Path) -> None:
     rules = {(AXIS, "fm"): PLAIN, (AXIS, "kT"): AlarmRules(suppressed=True)}
     journal.obey(rules, 0)
     fm, gone = recorded(journal), recorded(journal, replace(RAISED, parameter="Ja"))
@@ -268,9 +264,7 @@ def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(
     assert [(t.event, t.who) for t in journal.transitions(kT)] == [
         ("remove from service", "anna"), ("raise", "axiswatch"),
     ]  # fmt: skip
-    with pytest.raises(
-        AlarmTransitionError, match=r"demo\.axis1 is out of service already, since .* by anna"
-    ):
+    with pytest.raises(AlarmTransitionError, match=r"demo\.axis1 is out of service already, since .* by anna"):
         journal.services.change(AXIS, E.REMOVE, by("otto", 8))
     with pytest.raises(AlarmTransitionError, match="its axis is out of service"):
         journal.act(fm, E.ACKNOWLEDGE, by("otto", 8))
@@ -302,9 +296,7 @@ def test_the_first_alarm_of_a_robot_is_first_out_while_others_that_followed_are_
 
     def end(axis: str, second: int) -> None:
         at = second * SECOND
-        journal.record(
-            [Entry(axis, "1", 1.0, replace(RAISED, raised_us=at, updated_us=at, ended_us=9000 * SECOND))]
-        )
+        journal.record([Entry(axis, "1", 1.0, replace(RAISED, raised_us=at, updated_us=at, ended_us=9000 * SECOND))])
 
     first = raised("cell.a", 100)
     same = raised("cell.a", 150, "kT")
@@ -408,9 +400,7 @@ def test_whatever_happens_the_journal_replayed_gives_the_state(
         elif isinstance(step, bool):
             with suppress(AlarmTransitionError):
                 journal.services.change(AXIS, E.REMOVE if step else E.RETURN, by("anna", at))
-                assert (state(journal, number).state == "out-of-service") == (
-                    step and state(journal, number).active
-                )
+                assert (state(journal, number).state == "out-of-service") == (step and state(journal, number).active)
         else:
             with suppress(AlarmTransitionError):
                 journal.act(number, step, by("anna", at), (at + 3) * SECOND if step is E.SHELVE else None)

@@ -60,9 +60,7 @@ def test_another_key_is_quarantined_once(checkpoints: Checkpoints, tmp_path: Pat
     assert quarantined(tmp_path) == [("demo.axis1", found.reason)]
 
 
-def test_what_the_monitor_refuses_can_be_quarantined(
-    checkpoints: Checkpoints, tmp_path: Path, seed: int
-) -> None:
+def test_what_the_monitor_refuses_can_be_quarantined(checkpoints: Checkpoints, tmp_path: Path, seed: int) -> None:
     checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.quarantine("demo.axis1", "no array 'ints'", now_us=6)
     assert checkpoints.load("demo.axis1", "key", now_us=7) is None

@@ -19,9 +19,7 @@ from tests.service.store.connections import Watched, connections
 AXIS = "cell.a3"
 FIRST = EpochPlan(AXIS, "configuration", "{}", "as built", (EpochValue("fm", "N m s/rad", 0.06),))
 NOTE = Note(2_000, "anna", "gearbox changed", "WO-7")
-PLAN = EpochPlan(
-    AXIS, "files", '{"a": 1}', "as built", (EpochValue("fm", "N m s/rad", 0.07, 0.06, 1e-3),), None, 60.0
-)
+PLAN = EpochPlan(AXIS, "files", '{"a": 1}', "as built", (EpochValue("fm", "N m s/rad", 0.07, 0.06, 1e-3),), None, 60.0)
 OPEN = Alarm("fm", "up", 10, 20, 30, None, 0.02, 0.001, 3)
 
 

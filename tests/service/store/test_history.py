@@ -84,9 +84,7 @@ def assert_true(store: HistoryStore, points: Sequence[Point]) -> None:
             np.testing.assert_array_equal(high, np.max(values, axis=0))
 
 
-TIMES = st.one_of(
-    st.integers(NOW_S, NOW_S + 300), st.integers(NOW_S, NOW_S + 3 * DAY_S), st.integers(0, 2 * NOW_S)
-)
+TIMES = st.one_of(st.integers(NOW_S, NOW_S + 300), st.integers(NOW_S, NOW_S + 3 * DAY_S), st.integers(0, 2 * NOW_S))
 """Close together, so that they share rows, and far apart, with gaps; in any order, as after a clock was set back"""
 POINTS = st.builds(point, TIMES, st.integers(0, 3), st.sampled_from(SERIES))
 

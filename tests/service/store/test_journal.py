@@ -31,9 +31,7 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
     opened.close()
 
 
-def raised(
-    journal: Journal, e: Alarm, axis: str = "demo.axis1", unit: str = "N m s/rad", nominal: float = 0.06
-) -> int:
+def raised(journal: Journal, e: Alarm, axis: str = "demo.axis1", unit: str = "N m s/rad", nominal: float = 0.06) -> int:
     (number,) = journal.record([Entry(axis, unit, nominal, e)])
     return number
 
@@ -58,9 +56,7 @@ def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Jo
     first = raised(journal, episode("fm"))
     past = (Name(5_000_000, "changed", "fm", "up"),)
     causes = (Cause("kT", 0.6), Cause("fm", 0.4))
-    named = replace(
-        episode("kT", "down"), stage="named", causes=causes, doubt="several", kind="step", past=past
-    )
+    named = replace(episode("kT", "down"), stage="named", causes=causes, doubt="several", kind="step", past=past)
     named = replace(named, onset_low_us=1_000_000, onset_high_us=1_900_000)
     assert raised(journal, named, unit="1", nominal=1.0) == first
     assert journal.open_alarms("demo.axis1") == [named]
@@ -183,9 +179,7 @@ print("open", flush=True)
 input()
 """
     command = [sys.executable, "-c", holder]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
-    ) as process:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "open\n"
         with pytest.raises(StoreInUseError, match=rf"alarms.sqlite is in use by process {process.pid};"):
@@ -208,9 +202,7 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
     for reader in readers:
         reader.start()
     for k in range(100):
-        pair = [
-            Entry("demo.axis1", "1", 1.0, replace(episode(p, raised_us=k), ended_us=k)) for p in ("fm", "kT")
-        ]
+        pair = [Entry("demo.axis1", "1", 1.0, replace(episode(p, raised_us=k), ended_us=k)) for p in ("fm", "kT")]
         journal.record(pair)
     done.set()
     for reader in readers:
@@ -269,9 +261,7 @@ def test_a_damaged_log_goes_with_its_file(tmp_path: Path, seed: int) -> None:
     assert len(quarantined.read_bytes()) == 100
 
 
-def test_nothing_is_written_to_a_file_that_has_been_moved_or_replaced(
-    journal: Journal, tmp_path: Path
-) -> None:
+def test_nothing_is_written_to_a_file_that_has_been_moved_or_replaced(journal: Journal, tmp_path: Path) -> None:
     """A deleted file would take it without an error, and it would be lost."""
     folder, away = tmp_path / "state", tmp_path / "away"
     raised(journal, episode())

@@ -36,9 +36,7 @@ def test_a_secret_names_its_caller_and_is_kept_nowhere(file: TokenFile) -> None:
     assert len(anna) == len("axw_") + 43  # 32 bytes, six bits a letter
 
 
-def test_a_backup_does_not_see_a_file_that_is_being_written(
-    file: TokenFile, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_backup_does_not_see_a_file_that_is_being_written(file: TokenFile, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a process that is killed there, it stays."""
     seen = list[list[str]]()
     monkeypatch.setattr(os, "fsync", lambda _: seen.append([*state_files(file.path.parent)]))

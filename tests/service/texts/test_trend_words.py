@@ -56,9 +56,7 @@ def test_courses_and_their_shares_where_they_are_not_sure() -> None:
     courses = {
         r"fm is steady: 0\.0(6|59)\d* N m s/rad ± \S+": lambda t: SIZE + 0 * t,
         r"fm drifts up by \S+ N m s/rad ± \S+ per day": lambda t: SIZE + 1e-4 * t,
-        r"fm fell at once by \S+ N m s/rad ± \S+, about 2025-10-\d\d \d\d:\d\d UTC": lambda t: (
-            SIZE - 0.02 * (t > 100)
-        ),
+        r"fm fell at once by \S+ N m s/rad ± \S+, about 2025-10-\d\d \d\d:\d\d UTC": lambda t: SIZE - 0.02 * (t > 100),
     }
     for pattern, course in courses.items():
         trend = trend_of(months(rng, 200, course, 0.0005), SIZE, 3600.0)
@@ -79,9 +77,7 @@ def test_an_alarm_about_a_limit() -> None:
 
 
 def test_an_alarm_of_axes_that_show_the_same_payload() -> None:
-    found = Alarm(
-        "kT", "down", NOW_US, NOW_US, NOW_US, None, -0.2, 0.01, 1, "named", (Cause("kT", 0.99, ("load",)),)
-    )
+    found = Alarm("kT", "down", NOW_US, NOW_US, NOW_US, None, -0.2, 0.01, 1, "named", (Cause("kT", 0.99, ("load",)),))
     alone = "kT is 0.2 (20 %, 18 to 22) below its nominal value; another payload would look the same"
     assert episode_words(found, 1.0, "1") == alone
     likelier = "the same at that time: another payload is likelier than a fault of each"

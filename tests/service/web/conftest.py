@@ -194,9 +194,7 @@ def waiting_axis(name: str = "axis2") -> AxisSnapshot:
     facts = AxisStatus(None, parameters, 1e-6, (), dict.fromkeys(COUNTERS, 0), silent)
     axis = replace(monitored_axis(name), bus="can1", status=facts, open_alarms=())
     unknown = tuple(ParameterTrend(p.name, p.unit, p.nominal, 3600.0) for p in PARAMETERS)
-    return replace(
-        axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN, trends=unknown, histories_lost=1
-    )
+    return replace(axis, dropped=dict.fromkeys(axis.dropped, 0), stamps=NOT_KNOWN, trends=unknown, histories_lost=1)
 
 
 def whole_snapshot() -> Snapshot:
@@ -433,9 +431,7 @@ def quiet_page(browser: "Browser", port: int) -> Iterator["Page"]:
     expected = "Failed to load resource"
     opened.on(
         "console",
-        lambda m: (
-            complaints.append(m.text) if m.type == "error" and not m.text.startswith(expected) else None
-        ),
+        lambda m: complaints.append(m.text) if m.type == "error" and not m.text.startswith(expected) else None,
     )
     yield opened
     opened.close()

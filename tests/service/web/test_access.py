@@ -118,9 +118,7 @@ def test_the_files_of_the_page_and_the_sign_of_life_need_none(asked: TestClient,
     assert {asked.get(path).status_code for path in paths} == {200}
 
 
-def test_metrics_need_none_where_that_is_configured_also_while_it_is_served(
-    stage: Stage, tokens: TokenFile
-) -> None:
+def test_metrics_need_none_where_that_is_configured_also_while_it_is_served(stage: Stage, tokens: TokenFile) -> None:
     """A changed configuration may close them again, and open them together with a name of the daemon."""
     tokens.new("anna", Scope.READ)
     stage.access = Access(tokens, open_metrics=True)
@@ -148,15 +146,11 @@ def test_each_scope_may_do_what_it_says(asked: TestClient, tokens: TokenFile) ->
         Scope.OPERATE: [200, 200, 403],
         Scope.ADMIN: [200, 200, 200],
     }
-    assert "needs a token with the scope operate; that of read is smaller" in refused(
-        answers[Scope.READ][1], 403
-    )
+    assert "needs a token with the scope operate; that of read is smaller" in refused(answers[Scope.READ][1], 403)
     assert answers[Scope.OPERATE][1].json() == "operate"
 
 
-def test_a_change_of_the_tokens_holds_at_once_and_their_end_opens_nothing(
-    asked: TestClient, tokens: TokenFile
-) -> None:
+def test_a_change_of_the_tokens_holds_at_once_and_their_end_opens_nothing(asked: TestClient, tokens: TokenFile) -> None:
     assert asked.get("/api/v1/axes").status_code == 200
     secret = tokens.new("anna", Scope.READ)
     refused(asked.get("/api/v1/axes"), 401)
@@ -198,9 +192,7 @@ def test_a_link_to_a_report_has_the_token_in_a_cookie_which_is_good_for_nothing_
 def test_other_machines_need_tokens_and_tls_or_the_option(tokens: TokenFile) -> None:
     with pytest.raises(UnprotectedError, match=r"a token .* and certificate and key"):
         Access(tokens, remote=True)
-    with pytest.raises(
-        UnprotectedError, match=r"needs a token \(axiswatch token new NAME --scope read\); or"
-    ):
+    with pytest.raises(UnprotectedError, match=r"needs a token \(axiswatch token new NAME --scope read\); or"):
         Access(tokens, remote=True, tls=True)
     assert Access(tokens, remote=True, insecure=True).danger is not None
     secret = tokens.new("anna", Scope.READ)
@@ -218,17 +210,12 @@ def test_other_machines_need_tokens_and_tls_or_the_option(tokens: TokenFile) -> 
         Access(tokens, remote=True, tls=True)
 
 
-def test_what_is_insecure_says_so_and_keeps_the_tokens_that_there_are(
-    stage: Stage, tokens: TokenFile
-) -> None:
+def test_what_is_insecure_says_so_and_keeps_the_tokens_that_there_are(stage: Stage, tokens: TokenFile) -> None:
     stage.access = Access(tokens, remote=True, insecure=True)
     client = TestClient(with_routes(stage.app()), base_url="http://localhost")
     assert client.post("/reset").json() == "anyone"
     assert client.get("/healthz").json()["insecure"] is True
-    assert (
-        "may read and operate, without a token; what is sent"
-        in client.get("/api/v1/service").json()["insecure"]
-    )
+    assert "may read and operate, without a token; what is sent" in client.get("/api/v1/service").json()["insecure"]
     secret = tokens.new("anna", Scope.READ)
     refused(client.get("/api/v1/service"), 401)
     words = client.get("/api/v1/service", headers=bearer(secret)).json()["insecure"]
@@ -413,9 +400,7 @@ def test_a_fault_of_the_program_is_logged_as_one(stage: Stage, lines: list[dict[
 def test_the_description_has_the_token_and_both_refusals(asked: TestClient) -> None:
     schema = asked.get("/openapi.json").json()
     assert schema["components"]["securitySchemes"]["token"]["scheme"] == "bearer"
-    assert {"type", "title", "status", "detail"} <= set(
-        schema["components"]["schemas"]["Problem"]["properties"]
-    )
+    assert {"type", "title", "status", "detail"} <= set(schema["components"]["schemas"]["Problem"]["properties"])
     for path, methods in schema["paths"].items():
         if path in ("/healthz", "/reset", "/comment", "/everything"):
             continue

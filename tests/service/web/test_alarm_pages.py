@@ -221,9 +221,7 @@ def test_what_is_refused_is_said_in_the_form_and_an_ended_alarm_gets_a_comment(
     expect(page.get_by_role("table", name="What has happened to it")).to_contain_text("work order WO-18")
 
 
-def test_a_form_is_sent_once_and_waits_for_a_daemon_that_is_late(
-    page: Page, stage: Stage, fm_alarm: Alarm
-) -> None:
+def test_a_form_is_sent_once_and_waits_for_a_daemon_that_is_late(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     """Later than polled answers may be: else a person reads that nobody answered, and does it again."""
     number = stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     sent: list[str] = []
@@ -248,9 +246,7 @@ def test_the_oldest_alarm_can_be_reached(page: Page, stage: Stage, fm_alarm: Ala
     """A page has a hundred; each older one begins where the one before has ended."""
     for k in range(250):
         at_us = fm_alarm.raised_us - 60_000_000 * (250 - k)
-        ended = replace(
-            fm_alarm, onset_us=at_us, raised_us=at_us, updated_us=at_us, ended_us=at_us + 1, past=()
-        )
+        ended = replace(fm_alarm, onset_us=at_us, raised_us=at_us, updated_us=at_us, ended_us=at_us + 1, past=())
         stage.record(f"demo.axis{1 + k % 2}", "N m s/rad", 0.06, ended)
     page.goto("/#/alarms")
     page.get_by_role("button", name="ended").click()
@@ -291,9 +287,7 @@ def test_after_a_form_the_keyboard_goes_on_where_it_was(page: Page, stage: Stage
     expect(page.get_by_text("No alarm in this list.")).to_be_visible()
 
 
-def test_a_form_that_has_just_been_left_does_not_close_the_next_one(
-    page: Page, stage: Stage, fm_alarm: Alarm
-) -> None:
+def test_a_form_that_has_just_been_left_does_not_close_the_next_one(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     """The browser reports the end of a dialog a moment later, which on a busy machine is after the next key."""
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     page.goto("/#/alarms")
@@ -347,9 +341,7 @@ def test_a_replay_report_is_made_and_saved(
     expect(page.get_by_text("its process was ended")).to_be_visible()
     (tmp_path / "frames-alarm1.html").write_text("<h1>Replay</h1>", encoding="utf-8")
     make.click()
-    expect(
-        page.get_by_text("The replay report is being made.")
-    ).to_be_visible()  # the request has been answered
+    expect(page.get_by_text("The replay report is being made.")).to_be_visible()  # the request has been answered
     replays.shown = ReportState("made")
     with page.expect_download() as saved:
         page.get_by_role("link", name="Replay report").click()

@@ -54,9 +54,7 @@ def test_pages_hold_each_alarm_once_though_others_are_raised_meanwhile(
 ) -> None:
     """Two of them were raised at the same time."""
     times = [fm_alarm.raised_us + (k // 2) * 1_000_000 for k in range(7)]
-    numbers = [
-        stage.record(f"demo.axis{k}", "1", 0.06, replace(fm_alarm, raised_us=t)) for k, t in enumerate(times)
-    ]
+    numbers = [stage.record(f"demo.axis{k}", "1", 0.06, replace(fm_alarm, raised_us=t)) for k, t in enumerate(times)]
     for limit in (1, 2, 3, 7, 8):
         assert [a["id"] for page in pages(client, limit) for a in page] == numbers[::-1]
     first = get(client, "?limit=3")
@@ -135,9 +133,7 @@ def test_bodies_that_are_not_as_described_are_refused(client: TestClient, number
     schema = client.get("/openapi.json").json()
     assert "HTTPValidationError" not in json.dumps(schema)
     paths = schema["paths"]
-    taking = [
-        operation for path in paths.values() for operation in path.values() if "requestBody" in operation
-    ]
+    taking = [operation for path in paths.values() for operation in path.values() if "requestBody" in operation]
     assert taking
     assert all("400" in operation["responses"] for operation in taking)
 
@@ -183,9 +179,7 @@ def test_times_at_the_ends_of_the_calendar_are_times(client: TestClient) -> None
 def test_a_form_of_another_site_changes_nothing(client: TestClient, number: int) -> None:
     """A browser sends such bodies to any site without asking it."""
     for kind in ("text/plain", "application/x-www-form-urlencoded", "multipart/form-data"):
-        answer = client.post(
-            f"/api/v1/alarms/{number}/acknowledge", content=b"{}", headers={"content-type": kind}
-        )
+        answer = client.post(f"/api/v1/alarms/{number}/acknowledge", content=b"{}", headers={"content-type": kind})
         assert answer.status_code == 422
     assert get(client, f"/{number}")["state"] == "unacknowledged"
 
@@ -194,8 +188,7 @@ def test_an_alarm_that_the_disk_refuses_is_first_in_the_list_and_makes_not_ready
     stage: Stage, client: TestClient, number: int, fm_alarm: Alarm
 ) -> None:
     entries = [
-        Entry("demo.axis2", "1", 1.0, replace(fm_alarm, past=(), parameter=p), AlarmRules("high"))
-        for p in ("kT", "Ja")
+        Entry("demo.axis2", "1", 1.0, replace(fm_alarm, past=(), parameter=p), AlarmRules("high")) for p in ("kT", "Ja")
     ]
     stage.healthy()
     assert client.get("/readyz").status_code == 200
@@ -297,9 +290,7 @@ def test_an_axis_is_taken_out_of_service_and_returned(stage: Stage, client: Test
     assert client.post("/api/v1/axes/demo.axis9/out-of-service", json={}).status_code == 404
 
 
-def test_an_axis_that_the_configuration_has_taken_out_of_service_says_so(
-    stage: Stage, client: TestClient
-) -> None:
+def test_an_axis_that_the_configuration_has_taken_out_of_service_says_so(stage: Stage, client: TestClient) -> None:
     with_axis(stage, out_of_service=Note(0, CONFIGURATION))
     out = {"since": None, "who": "configuration", "comment": None, "work_order": None}
     for address in ("demo.axis1", "demo.axis1/service"):

@@ -58,16 +58,12 @@ def test_axes_tell_all_of_every_axis(client: TestClient) -> None:
     assert second["detectors"][0]["leading"] is None
 
 
-def test_axes_are_written_as_their_model_is_and_what_is_not_finite_as_null(
-    client: TestClient, stage: Stage
-) -> None:
+def test_axes_are_written_as_their_model_is_and_what_is_not_finite_as_null(client: TestClient, stage: Stage) -> None:
     first, second = stage.snapshot.axes
     kT, *others = first.status.parameters
     kT = replace(kT, estimate=math.nan, g_up=math.inf, g_down=-math.inf)
     status = replace(first.status, parameters=(kT, *others), innovation_variance=math.nan)
-    away = replace(
-        second, out_of_service=Note(stage.now_us, "anna", "new gearbox"), gated_by="mode = 2", heat=None
-    )
+    away = replace(second, out_of_service=Note(stage.now_us, "anna", "new gearbox"), gated_by="mode = 2", heat=None)
     stage.snapshot = replace(stage.snapshot, axes=(replace(first, status=status), away))
     axes = [views.axis(a, stage.now_us) for a in stage.snapshot.axes]
     broken = axes[0].parameters[0]
@@ -76,9 +72,7 @@ def test_axes_are_written_as_their_model_is_and_what_is_not_finite_as_null(
     assert client.get("/api/v1/axes").text == expected.model_dump_json()
 
 
-def test_all_axes_are_written_once_in_two_seconds_and_for_each_snapshot(
-    client: TestClient, stage: Stage
-) -> None:
+def test_all_axes_are_written_once_in_two_seconds_and_for_each_snapshot(client: TestClient, stage: Stage) -> None:
     """While the worker hangs, too, the ages grow."""
 
     def age() -> float:
@@ -143,9 +137,7 @@ def test_what_is_not_tested_says_why_and_what_would_help(client: TestClient) -> 
     shown = [(p["tested"], p["not_tested_reason"], p["tested_s"]) for p in first["parameters"]]
     assert shown == [(True, None, 594.0), (False, "not observed", 421.5), (True, None, 594.0)]
     (words,) = first["not_tested"]
-    assert words.startswith(
-        "1/Ja is not tested: the motion contains almost no information (1/Ja is not observed)"
-    )
+    assert words.startswith("1/Ja is not tested: the motion contains almost no information (1/Ja is not observed)")
     assert {p["not_tested_reason"] for p in second["parameters"]} == {"no sample"}
     (words,) = second["not_tested"]
     assert words.startswith("kT, 1/Ja and fm are not tested: no sample is received. Needed: ")
@@ -181,9 +173,7 @@ def test_an_alarm_about_a_limit_has_it(stage: Stage, client: TestClient, fm_alar
     stage.record("demo.axis1", "N m s/rad", 0.06, replace(fm_alarm, kind="forecast", reaches=(limit,)))
     (alarm,) = client.get("/api/v1/alarms").json()["alarms"]
     assert alarm["kind"] == "forecast"
-    assert alarm["words"].startswith(
-        "fm reaches 0.09 N m s/rad in 24 hours or later, perhaps never; now fm is "
-    )
+    assert alarm["words"].startswith("fm reaches 0.09 N m s/rad in 24 hours or later, perhaps never; now fm is ")
     assert [(r["state"], r["high"]) for r in alarm["reaches"]] == [("open", None)]
 
 

@@ -32,9 +32,7 @@ def test_an_axis_shows_estimates_over_time_and_the_long_term_trend_where_it_is_k
         expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
     drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
     expect(page.get_by_text(drift)).to_be_visible()
-    expect(
-        page.get_by_role("img", name="fm: means over its long-term history").locator("canvas")
-    ).to_be_visible()
+    expect(page.get_by_role("img", name="fm: means over its long-term history").locator("canvas")).to_be_visible()
     changes_the_range_of_time(page)
     page.goto("/#/axes/demo.axis2")
     expect(page.get_by_text("Too little history for a trend yet.")).to_be_visible()

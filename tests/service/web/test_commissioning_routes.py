@@ -70,9 +70,7 @@ def test_a_robot_that_was_never_commissioned_is_told_where_to_write(stage: Stage
     found = stage.client().get("/api/v1/commissioning").json()
     assert found["folder"] == str(tmp_path)
     assert found["report"] is None
-    assert found["steps"][3]["command"].endswith(
-        "--config 'my robot.toml' --minutes 10 --output commissioned"
-    )
+    assert found["steps"][3]["command"].endswith("--config 'my robot.toml' --minutes 10 --output commissioned")
 
 
 def test_the_signals_of_an_axis_are_looked_at(stage: Stage) -> None:

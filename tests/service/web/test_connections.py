@@ -101,9 +101,7 @@ def test_a_certificate_that_cannot_be_used_says_why(tmp_path: Path) -> None:
     with pytest.raises(CertificateError, match=r"none\.key: No such file"):
         Certificate(TLS.file, none).check()
     none.write_text("no key", encoding="utf-8")
-    with pytest.raises(
-        CertificateError, match=r"localhost\.crt and .*none\.key: no PEM certificate with its own"
-    ):
+    with pytest.raises(CertificateError, match=r"localhost\.crt and .*none\.key: no PEM certificate with its own"):
         Certificate(TLS.file, none).check()
     with pytest.raises(CertificateError, match=r"the key is encrypted: store it without a password"):
         Certificate(TLS.file, TLS.key.with_name("encrypted.key")).check()

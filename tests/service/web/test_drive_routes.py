@@ -63,9 +63,7 @@ def test_a_merged_parameter_is_in_all_components_it_is_merged_from(client: TestC
     assert client.get(f"{AXIS}/bode").json()["resonances"] == []
 
 
-def response(
-    frequency_hz: np.ndarray[Any, Any], values: dict[str, float], delay_s: float
-) -> np.ndarray[Any, Any]:
+def response(frequency_hz: np.ndarray[Any, Any], values: dict[str, float], delay_s: float) -> np.ndarray[Any, Any]:
     """G of the drive with its torque held over an interval and late: by the matrix exponential, sample for sample."""
     from scipy.linalg import expm
 
@@ -100,9 +98,7 @@ def test_the_responses_are_those_of_the_nominal_and_of_the_present_values(
         turns = (np.array(answer[name]["phase_deg"]) - np.degrees(np.angle(G))) / 360
         assert turns == pytest.approx(np.round(turns), abs=1e-4)
     assert (answer["unit"], answer["without_estimate"]) == ("rad per N m", [])
-    was, is_now = (
-        [m.frequency_hz for m in resonances(*parts(v)).resonances] for v in (dict(MODEL.nominal), now)
-    )
+    was, is_now = ([m.frequency_hz for m in resonances(*parts(v)).resonances] for v in (dict(MODEL.nominal), now))
     assert [r["nominal_hz"] for r in answer["resonances"]] == pytest.approx(was, rel=1e-6)
     assert [r["present_hz"] for r in answer["resonances"]] == pytest.approx(is_now, rel=1e-6)
     assert is_now[0] > 1.02 * was[0]  # a lighter arm
@@ -126,9 +122,7 @@ def parts(values: dict[str, float]) -> tuple[Any, Any, Any]:
     return A, B[:, MODEL.drive.inputs.index(0)], C[0]
 
 
-def test_a_parameter_without_an_estimate_is_nominal_and_that_is_stated(
-    client: TestClient, stage: Stage
-) -> None:
+def test_a_parameter_without_an_estimate_is_nominal_and_that_is_stated(client: TestClient, stage: Stage) -> None:
     watch(stage, reference(), fm=math.nan, kT=1.1)
     answer = client.get(f"{AXIS}/bode").json()
     assert answer["without_estimate"] == ["fm"]

@@ -161,9 +161,7 @@ def test_a_stream_ends_with_the_daemon(stage: Stage) -> None:
 
 
 @pytest.mark.parametrize("with_token", [True, False])
-def test_a_stream_ends_when_its_caller_is_no_longer_known(
-    stage: Stage, tmp_path: Path, with_token: bool
-) -> None:
+def test_a_stream_ends_when_its_caller_is_no_longer_known(stage: Stage, tmp_path: Path, with_token: bool) -> None:
     """Its token is revoked, or it had none and one is needed now."""
     tokens = TokenFile(tmp_path / "tokens.json")
     headers = {"Authorization": f"Bearer {tokens.new('anna', Scope.READ)}"} if with_token else {}

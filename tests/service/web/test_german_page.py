@@ -36,17 +36,13 @@ def troubled(snapshot: Snapshot) -> Snapshot:
     )
     status = replace(first.status, confounded=(alike,))
     first = replace(first, status=status, gated_by=gate, outside_calibration=(outside,))
-    down = sentence(
-        "down", "down: {why}", why=sentence("no CAN", "this kernel has no CAN (modprobe can-raw)")
-    )
+    down = sentence("down", "down: {why}", why=sentence("no CAN", "this kernel has no CAN (modprobe can-raw)"))
     buses = snapshot.buses[0], BusSnapshot("can1", down, 0, {"queue_full": 7}, "python-can")
     message = sentence("not saved", "the state of the monitors cannot be saved: {why}", why="disk full")
     return replace(snapshot, axes=(first, *others), buses=buses, messages=(message,))
 
 
-def test_nothing_that_the_daemon_says_is_english_there(
-    configured: Stage, page: Page, fm_alarm: Alarm
-) -> None:
+def test_nothing_that_the_daemon_says_is_english_there(configured: Stage, page: Page, fm_alarm: Alarm) -> None:
     configured.snapshot = troubled(configured.snapshot)
     problem = answers("orders.example", "503 Service Unavailable")
     configured.links = (replace(configured.links[0], problem=problem),)
@@ -71,9 +67,7 @@ def test_nothing_that_the_daemon_says_is_english_there(
         unfold(page)
         assert page.locator("main [lang=en], header bdi[lang=en]").all_inner_texts() == [], address
     expect(page.get_by_role("table", name="Busse")).to_contain_text("Warteschlange voll 7")
-    expect(page.get_by_role("table", name="Anlagenverbindungen")).to_contain_text(
-        "orders.example antwortet 503"
-    )
+    expect(page.get_by_role("table", name="Anlagenverbindungen")).to_contain_text("orders.example antwortet 503")
     page.evaluate("() => { location.hash = '#/axes/demo.axis1'; }")
     banner = page.get_by_role("list", name="nicht geprüft: demo.axis1")
     expect(banner).to_contain_text("Schätzung pausiert: temperature ist nicht bekannt")
@@ -118,9 +112,7 @@ def test_what_is_refused_is_said_in_german(stage: Stage, page: Page, fm_alarm: A
     stage.journal.act(number, AlarmEvent.ACKNOWLEDGE, Note(stage.now_us, "somebody else"))
     form = page.get_by_role("dialog")
     form.get_by_role("button", name="Quittieren").click()
-    expect(form.get_by_role("alert")).to_have_text(
-        "Nicht möglich („quittiert“): der Alarm ist jetzt „quittiert“"
-    )
+    expect(form.get_by_role("alert")).to_have_text("Nicht möglich („quittiert“): der Alarm ist jetzt „quittiert“")
     form.get_by_role("button", name="Abbrechen").click()
     page.evaluate("() => { location.hash = '#/system'; }")
     page.get_by_role("button", name="Die letzten Minuten aufzeichnen").click()

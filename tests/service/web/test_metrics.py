@@ -78,9 +78,7 @@ def test_a_forecast_is_no_alarm_of_a_change(stage: Stage) -> None:
         assert found["axiswatch_limit_alarm_active", "demo.axis1", "upper", "fm"] == float(forecast)
 
 
-def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(
-    stage: Stage, fm_alarm: Alarm
-) -> None:
+def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(stage: Stage, fm_alarm: Alarm) -> None:
     def entry(parameter: str, rules: AlarmRules) -> Entry:
         return Entry("demo.axis1", "1", 1.0, replace(fm_alarm, parameter=parameter, past=()), rules)
 
@@ -93,9 +91,7 @@ def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(
     assert found["axiswatch_alarms", "high", "unacknowledged"] == 2
     assert found["axiswatch_alarms", "low", "suppressed"] == 1
     assert sum(count for (name, *_), count in found.items() if name == "axiswatch_alarms") == 3
-    hidden = {
-        labels[-1] for labels, value in found.items() if labels[0] == "axiswatch_alarm_hidden" and value
-    }
+    hidden = {labels[-1] for labels, value in found.items() if labels[0] == "axiswatch_alarm_hidden" and value}
     assert hidden == {"kT"}
     assert found[("axiswatch_alarms_not_recorded",)] == 3
     assert found["axiswatch_alarm_active", "demo.axis1", "up", "kT"] == 0
@@ -250,15 +246,12 @@ def asked(address: str, expression: str) -> dict[tuple[str, ...], float]:
     except (urllib.error.URLError, ConnectionError):
         return {}
     return {
-        (row["metric"].get("axis", ""), row["metric"].get("parameter", "")): float(row["value"][1])
-        for row in found
+        (row["metric"].get("axis", ""), row["metric"].get("parameter", "")): float(row["value"][1]) for row in found
     }
 
 
 @pytest.mark.prometheus
-def test_prometheus_has_the_estimates_of_the_api(
-    stage: Stage, tmp_path: Path, need: Callable[[str], str]
-) -> None:
+def test_prometheus_has_the_estimates_of_the_api(stage: Stage, tmp_path: Path, need: Callable[[str], str]) -> None:
     with (
         serving(stage) as url,
         prometheus(need("prometheus"), url.removeprefix("http://"), tmp_path) as address,

@@ -84,9 +84,7 @@ def test_an_alarm_on_paper_is_a_sheet_with_dates_and_the_name_of_its_frames(
     page.emulate_media(media="print")
     expect(raised).to_have_text("2026-03-01 11:59:53", use_inner_text=True)
     expect(sheet.get_by_text("Printed 2026-03-01 12:00:00")).to_be_visible()
-    head = sheet.get_by_role("table", name="What has happened to it").get_by_role(
-        "columnheader", name="Event"
-    )
+    head = sheet.get_by_role("table", name="What has happened to it").get_by_role("columnheader", name="Event")
     assert (head.bounding_box() or {"height": 0})["height"] > 10  # a table, not a block for each row
     assert page.pdf(format="A4").count(b"/Type /Page\n") == 1
 
@@ -96,9 +94,7 @@ def test_a_fault_of_a_sensor_asks_for_the_sensor_and_a_payload_for_the_payload(
 ) -> None:
     advice = {"output scale": "Check sensor, cable", "load": "Compare what the robot carries"}
     for k, (name, words) in enumerate(advice.items()):
-        later = replace(
-            fm_alarm, parameter=name, causes=(Cause(name, 1.0),), raised_us=fm_alarm.raised_us + k
-        )
+        later = replace(fm_alarm, parameter=name, causes=(Cause(name, 1.0),), raised_us=fm_alarm.raised_us + k)
         number = stage.record("demo.axis1", "1", 1.0, later)
         page.goto(f"/#/alarms/{number}")
         expect(page.get_by_role("article")).to_contain_text(words)
@@ -124,9 +120,7 @@ def test_friction_of_an_axis_whose_warmth_is_not_known_may_be_the_cold(
     expect(page.get_by_role("article")).not_to_contain_text("cannot tell these apart")
 
 
-def test_of_several_alarms_a_tile_names_the_first_and_how_many_more(
-    stage: Stage, page: Page, fm_alarm: Alarm
-) -> None:
+def test_of_several_alarms_a_tile_names_the_first_and_how_many_more(stage: Stage, page: Page, fm_alarm: Alarm) -> None:
     stage.record("demo.axis1", "N m s/rad", 0.06, fm_alarm)
     later_us = fm_alarm.raised_us + 9_000_000
     later = replace(fm_alarm, parameter="kT", direction="down", raised_us=later_us)

@@ -70,9 +70,7 @@ def test_the_overview_shows_axes_with_estimates_and_follows_them(page: Page, sta
     expect(row).to_contain_text("−20,0 %")
 
 
-def test_the_axes_are_searched_filtered_and_reached_by_keys(
-    page: Page, stage: Stage, fm_alarm: Alarm
-) -> None:
+def test_the_axes_are_searched_filtered_and_reached_by_keys(page: Page, stage: Stage, fm_alarm: Alarm) -> None:
     stage.record("demo.axis2", "N m s/rad", 0.06, fm_alarm)
     page.goto("/")
     expect(page.locator("a.tile").first).to_contain_text("demo.axis2")  # it needs more
@@ -197,9 +195,7 @@ def reads_the_documentation(page: Page) -> None:
     expect(page.get_by_text("maximum number of entries; neighbours are merged")).to_be_visible()
 
 
-def test_it_says_for_how_long_nobody_has_answered_and_comes_back(
-    page: Page, daemon: Daemon, stage: Stage
-) -> None:
+def test_it_says_for_how_long_nobody_has_answered_and_comes_back(page: Page, daemon: Daemon, stage: Stage) -> None:
     """Its clock is turned; tests/end_to_end/test_daemon_page.py has a daemon that keeps its connections."""
     page.clock.install()
     page.goto("/")
@@ -239,9 +235,7 @@ def setup_of(axes: list[AxisSnapshot]) -> RobotSetup:
 
     def look(axis_id: str) -> SignalCheck:
         signal = SIGNAL_CHECK.signals[0].model_copy(update={"signal": axis_id})
-        return SIGNAL_CHECK.model_copy(
-            update={"signals": [signal] * 2, "problems": [axis_id], "doubts": [axis_id]}
-        )
+        return SIGNAL_CHECK.model_copy(update={"signals": [signal] * 2, "problems": [axis_id], "doubts": [axis_id]})
 
     return replace(setup, config=lambda: named, look=look)
 
@@ -262,9 +256,7 @@ def named(stage: Stage, fm_alarm: Alarm) -> int:
 
 def test_of_a_robot_with_a_long_name_each_tile_names_its_axis(page: Page, stage: Stage) -> None:
     robot = "Welding-cell-South_Handling-04_Station-7"
-    axes = [
-        replace(stage.snapshot.axes[0], id=f"{robot}.J{k}", robot=robot, name=f"J{k}") for k in range(1, 4)
-    ]
+    axes = [replace(stage.snapshot.axes[0], id=f"{robot}.J{k}", robot=robot, name=f"J{k}") for k in range(1, 4)]
     stage.snapshot = replace(stage.snapshot, axes=tuple(axes))
     page.goto("/")
     names = page.locator("a.tile.untested .name bdi:last-child")

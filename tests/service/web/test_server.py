@@ -122,9 +122,7 @@ def test_the_dashboard_is_newer_than_its_sources() -> None:
 
 
 def test_the_lock_file_of_the_dashboard_has_hashes_and_no_host() -> None:
-    packages = json.loads((STATIC.with_name("dashboard") / "package-lock.json").read_text(encoding="utf-8"))[
-        "packages"
-    ]
+    packages = json.loads((STATIC.with_name("dashboard") / "package-lock.json").read_text(encoding="utf-8"))["packages"]
     assert [name for name, p in packages.items() if name and "integrity" not in p] == []
     assert [name for name, p in packages.items() if "resolved" in p] == []
 

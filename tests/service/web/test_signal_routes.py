@@ -59,9 +59,7 @@ def test_nothing_is_kept_until_somebody_looks_nor_after_that(worker: Worker) -> 
     assert worker.live.look("demo.axis1") == ()
 
 
-def test_samples_are_columns_and_those_that_follow_are_asked_for_alone(
-    worker: Worker, client: TestClient
-) -> None:
+def test_samples_are_columns_and_those_that_follow_are_asked_for_alone(worker: Worker, client: TestClient) -> None:
     nothing = client.get(SIGNALS).json()
     assert (nothing["begin"], nothing["end"], nothing["time_s"], nothing["torque"]) == (None, None, [], [])
     worker.add("demo.axis1", 0, 2)

@@ -169,9 +169,7 @@ def test_its_pages_miss_nothing_where_two_changes_have_one_time(changed: TestCli
     every = changed.get("/api/v1/system/audit").json()["changes"]
     found, cursor = list[Any](), None
     for _ in every:
-        page = changed.get(
-            "/api/v1/system/audit", params={"limit": 1, **({"cursor": cursor} if cursor else {})}
-        ).json()
+        page = changed.get("/api/v1/system/audit", params={"limit": 1, **({"cursor": cursor} if cursor else {})}).json()
         found += page["changes"]
         cursor = page["next"]
     assert found == every

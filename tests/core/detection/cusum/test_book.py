@@ -124,9 +124,7 @@ def test_a_second_fault_is_named_given_the_first() -> None:
     book, _ = named(10.0, 0.0, 0.0)
     assert book.take(crossing("fm", 30)) == []
     assert [(a.parameter, a.stage) for a in book.unreported] == [("fm", "changed")]
-    kinds = [
-        (c.kind, c.alarm.parameter, c.alarm.raised_us) for c in book.changes(evidence(40, 10.0, 0.0, 8.0))
-    ]
+    kinds = [(c.kind, c.alarm.parameter, c.alarm.raised_us) for c in book.changes(evidence(40, 10.0, 0.0, 8.0))]
     assert kinds == [("raised", "fm", 30), ("updated", "kT", 10)]
     assert names(book) == [("kT", "up", "named"), ("fm", "up", "named")]
     first, second = book.open
@@ -242,9 +240,7 @@ def test_the_same_cause_beside_another_alarm_is_reopened_once() -> None:
     assert len(book.take(evidence(75, 8.0, 0.0, 9.0))) == 2
 
 
-@pytest.mark.parametrize(
-    ("time_us", "d"), [(60, (0.0, 0.0, 9.0)), (60, (-9.0, 0.0, 0.0)), (200, (9.0, 0.0, 0.0))]
-)
+@pytest.mark.parametrize(("time_us", "d"), [(60, (0.0, 0.0, 9.0)), (60, (-9.0, 0.0, 0.0)), (200, (9.0, 0.0, 0.0))])
 def test_another_cause_or_direction_or_a_later_time_is_another_alarm(
     time_us: int, d: tuple[float, float, float]
 ) -> None:
@@ -280,9 +276,7 @@ def test_a_saved_book_goes_on_as_before() -> None:
         ((0, 0, 0), 500.0, "model"),
     ],
 )
-def test_sensors_are_suspected_and_raise_one_alarm_only(
-    held: tuple[int, int, int], excess: float, doubt: str
-) -> None:
+def test_sensors_are_suspected_and_raise_one_alarm_only(held: tuple[int, int, int], excess: float, doubt: str) -> None:
     book = Book()
     book.take(crossing("kT", 10, "down" if held[0] < 0 else "up"))
     (e,) = book.take(evidence(20, 20.0 if held[0] >= 0 else -20.0, 3.0, 4.0, held=held, excess=excess))

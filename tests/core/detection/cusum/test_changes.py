@@ -41,9 +41,7 @@ def test_step_and_drift_are_told_apart_and_sized(drift: bool, seed: int) -> None
     found, _ = changes(seed, drift, size=8.0)
     odds = np.array([c.drift for c in found]) * (1 if drift else -1)
     z = np.array([(c.size - 8.0) / c.size_sd for c in found])
-    print(
-        f"drift {drift}: sure and right {np.mean(odds > SURE):.3f}, sure and wrong {np.mean(odds < -SURE):.4f}"
-    )
+    print(f"drift {drift}: sure and right {np.mean(odds > SURE):.3f}, sure and wrong {np.mean(odds < -SURE):.4f}")
     assert np.mean(odds > SURE) > 0.9
     assert np.mean(odds < -SURE) < 0.03
     assert 0.8 < z.std() < 1.3

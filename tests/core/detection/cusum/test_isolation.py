@@ -124,9 +124,7 @@ def test_a_payload_that_changes_the_inertia_is_a_change_of_the_load(inertia: flo
 def test_the_weight_of_a_payload_scatters_as_stated(seed: int) -> None:
     """Most of it comes from the inertia here."""
     V = np.diag((np.array([0.05, 0.05, 0.05, 0.005]) * NOMINAL) ** 2)
-    draws = np.random.default_rng(seed).multivariate_normal(
-        after_payload(1.5, 1.4) / SCALE, V / SCALE**2, 4000
-    )
+    draws = np.random.default_rng(seed).multivariate_normal(after_payload(1.5, 1.4) / SCALE, V / SCALE**2, 4000)
     found, sd = np.array([[x[0] for x in sizes(d * SCALE, V, [LOAD], PAYLOAD)] for d in draws]).T
     z = (found / NOMINAL[LOAD] - 0.4) / (sd / NOMINAL[LOAD])
     assert abs(z.mean()) < 0.15

@@ -95,9 +95,7 @@ def stuck(y: Floats) -> Floats:
 
 
 @pytest.mark.parametrize(("broken", "doubt"), [(opposite, "sign"), (stuck, "still")])
-def test_a_sensor_is_one_alarm_and_no_parameter(
-    broken: Callable[[Floats], Floats], doubt: str, seed: int
-) -> None:
+def test_a_sensor_is_one_alarm_and_no_parameter(broken: Callable[[Floats], Floats], doubt: str, seed: int) -> None:
     t_us, u, y = experiments(range(seed, seed + 8), samples=SAMPLES)
     y = np.concatenate([y[:FAULT_AT], broken(y[FAULT_AT:])])
     versions, _ = histories(seed, t_us.tolist(), u, y)

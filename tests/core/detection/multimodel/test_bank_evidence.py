@@ -21,10 +21,7 @@ H = 10.0
 def evidence() -> BankEvidence:
     """For kT -20 and +20 %, fm +40 %, and the healthy axis; no sums yet."""
     axis = (PLANT.model, PLANT.settings)
-    changes = [
-        hypothesis_of(*axis, cause, size)
-        for cause, size in (("kT", -0.2), ("kT", 0.2), ("fm", math.log(1.4)))
-    ]
+    changes = [hypothesis_of(*axis, cause, size) for cause, size in (("kT", -0.2), ("kT", 0.2), ("fm", math.log(1.4)))]
     hypotheses = (REFERENCE, *changes, REFERENCE)
     zeros = np.zeros(len(hypotheses))
     tables, predictors = lanes.lanes_of(

@@ -48,17 +48,13 @@ def predicted(model: AxisModel, s: Settings, hypothesis: Hypothesis, rec: Experi
 
 
 def changes(case: Case, rng: np.random.Generator) -> Hypothesis:
-    factors = {
-        name: float(rng.uniform(0.7, 1.4)) for name in rng.choice(list(case.values), 3) if name != "delay"
-    }
+    factors = {name: float(rng.uniform(0.7, 1.4)) for name in rng.choice(list(case.values), 3) if name != "delay"}
     return Hypothesis("some", factors=factors)
 
 
 @law
 @given(seed=seeds, case=st.sampled_from(CASES), jitter=st.sampled_from([0.0, 0.3]))
-def test_a_hypothesis_predicts_as_the_recursion_at_its_parameters(
-    seed: int, case: Case, jitter: float
-) -> None:
+def test_a_hypothesis_predicts_as_the_recursion_at_its_parameters(seed: int, case: Case, jitter: float) -> None:
     rng = np.random.default_rng(seed)
     hypothesis = changes(case, rng)
     rec = record(seed, case, SAMPLES, jitter=jitter, gaps=1)
@@ -88,9 +84,7 @@ def test_a_distorted_signal_is_that_of_the_recursion_with_the_signal_put_right(
 
 
 @law
-@given(
-    seed=seeds, case=st.sampled_from(CASES), jitter=st.sampled_from([0.0, 0.3]), share=st.floats(-1.0, 1.0)
-)
+@given(seed=seeds, case=st.sampled_from(CASES), jitter=st.sampled_from([0.0, 0.3]), share=st.floats(-1.0, 1.0))
 @example(seed=0, case=BY_NAME["speed-output-error-late"], jitter=0.0, share=-1.0)
 @example(seed=0, case=BY_NAME["speed-output-error-late"], jitter=0.0, share=-0.4)
 def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, share: float) -> None:
@@ -102,9 +96,7 @@ def test_a_torque_that_acts_late_or_early(seed: int, case: Case, jitter: float, 
     rec.u[:3] = 0.0  # both start alike
     early = share < 0
     late = replace(s, delay_s=(share + early) * s.interval_s)
-    expected = held(
-        case.model, late, Experiment(rec.t_us, np.append(rec.u[1:], 0.0) if early else rec.u, rec.y)
-    )
+    expected = held(case.model, late, Experiment(rec.t_us, np.append(rec.u[1:], 0.0) if early else rec.u, rec.y))
     found = predicted(case.model, s, Hypothesis("delay", delay_s=share * s.interval_s), rec)
     np.testing.assert_allclose(found[2:-1], expected[2:-1], rtol=1e-6, atol=1e-7 * np.abs(rec.y).max())
 
@@ -138,9 +130,7 @@ def test_the_usual_intervals_give_what_any_interval_gives(
     expected = innovations()
     moved = np.isfinite(expected).all(axis=1)
     assert moved.sum() == SAMPLES - 1
-    np.testing.assert_allclose(
-        found[moved], expected[moved], rtol=1e-9, atol=1e-9 * np.abs(expected[moved]).max()
-    )
+    np.testing.assert_allclose(found[moved], expected[moved], rtol=1e-9, atol=1e-9 * np.abs(expected[moved]).max())
     assert not np.array_equal(found[moved], expected[moved])  # it is the other way
 
 
@@ -169,9 +159,7 @@ def state(bank: HypothesisBank) -> list[bytes]:
     cuts=st.lists(st.integers(0, SAMPLES), max_size=4),
     saved=st.booleans(),
 )
-def test_blocks_may_end_anywhere_and_a_saved_bank_goes_on(
-    seed: int, case: Case, cuts: list[int], saved: bool
-) -> None:
+def test_blocks_may_end_anywhere_and_a_saved_bank_goes_on(seed: int, case: Case, cuts: list[int], saved: bool) -> None:
     """Also where nominal values follow conditions, which at times are unknown, and behind gates."""
     rec = record(seed, case, SAMPLES, jitter=0.3 * (seed % 2), gaps=1, true=drawn(case, seed))
     block = conditioned(seed, case, rec)
@@ -191,9 +179,7 @@ def drawn(case: Case, seed: int) -> dict[str, float]:
     """Values of the plant, which a monitor may have to find changed."""
     rng = np.random.default_rng(seed)
     monitored = [split_name(name)[0] for name in case.model.monitored]
-    return {
-        name: v * (rng.uniform(0.6, 1.6) if name in monitored else 1.0) for name, v in case.values.items()
-    }
+    return {name: v * (rng.uniform(0.6, 1.6) if name in monitored else 1.0) for name, v in case.values.items()}
 
 
 def test_a_state_that_does_not_fit_is_refused() -> None:

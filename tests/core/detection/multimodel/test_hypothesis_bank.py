@@ -111,9 +111,7 @@ def test_a_corrected_size_belongs_to_the_open_alarm_of_its_cause() -> None:
 def test_a_cause_whose_evidence_began_after_the_alarm_leaves_its_onset() -> None:
     """No alarm is raised before its own onset, whatever cause explains more later."""
     fm, later, about = share("fm"), Onset(18, 15, 19), Onset(11, 2, 14)
-    _, ((raised,), (named_later,)) = feed(
-        changed(10, "kT"), CauseIdentified(20, 10, later, (fm,), certain=True)
-    )
+    _, ((raised,), (named_later,)) = feed(changed(10, "kT"), CauseIdentified(20, 10, later, (fm,), certain=True))
     assert named_later.onset == raised.onset == ONSET
     _, (_, (named_soon,)) = feed(changed(10, "kT"), CauseIdentified(20, 10, about, (fm,), certain=True))
     assert named_soon.onset == Onset(10, 2, 10)
@@ -176,9 +174,7 @@ def test_more_of_a_cause_changes_its_size_once_it_has_lasted() -> None:
 
 
 def test_another_cause_than_the_one_that_stands_at_first_sight_is_an_alarm_of_its_own() -> None:
-    book, _ = feed(
-        changed(10, "kT"), named(12, 10, share("kT")), changed(40, "kT"), named(45, 40, share("fm"))
-    )
+    book, _ = feed(changed(10, "kT"), named(12, 10, share("kT")), changed(40, "kT"), named(45, 40, share("fm")))
     assert open_alarms(book) == [(10, "named", "kT", "up"), (40, "named", "fm", "up")]
     book.take(named(50, 40, share("1/Ja")))
     assert open_alarms(book) == [(10, "named", "kT", "up"), (40, "named", "1/Ja", "up")]
@@ -229,9 +225,7 @@ def monitor(seed: int, alarms: str = "multimodel") -> AxisMonitor:
     [({"kT": 0.7}, 1, ("kT", "down")), ({}, -1, (TORQUE_SIGN, "up"))],
     ids=["parameter", "sensor"],
 )
-def test_a_cause_is_named_with_its_size(
-    fault: dict[str, float], sign: int, name: tuple[str, str], seed: int
-) -> None:
+def test_a_cause_is_named_with_its_size(fault: dict[str, float], sign: int, name: tuple[str, str], seed: int) -> None:
     right = 0
     for k in range(seed, seed + 3):
         watched = monitor(k)
@@ -320,9 +314,7 @@ def test_a_saved_detector_with_other_candidates_is_refused() -> None:
 def test_a_fleet_does_what_its_axes_do(seed: int) -> None:
     settings = settings_of("speed", seed)
     rec = experiment(seed, {"kT": 1.3}, samples=1600)
-    fleet = Fleet(
-        [MODEL] * 2, [settings] * 2, {1: MultiModelDetector(MODEL, settings, DAY)}, {1: "multimodel"}
-    )
+    fleet = Fleet([MODEL] * 2, [settings] * 2, {1: MultiModelDetector(MODEL, settings, DAY)}, {1: "multimodel"})
     fleet.update({a: SampleBlock(rec.t_us, rec.u, rec.y) for a in (0, 1)})
     alone = monitor(seed)
     alone.update(SampleBlock(*rec))

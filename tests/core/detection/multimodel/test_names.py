@@ -196,9 +196,7 @@ def test_no_name_is_given_while_the_state_is_that_of_before(bank: HypothesisBank
     slowest = round(1e6 * slowest_time_constant(bank.model, bank.settings.gain(5), INTERVAL_S))
     wrong = []
     for _, events in events_of(bank, range(seed, seed + 12), {"kT": 1.5}, 2000):
-        changed, named = (
-            next(e for e in events if isinstance(e, kind)) for kind in (ChangeDetected, CauseIdentified)
-        )
+        changed, named = (next(e for e in events if isinstance(e, kind)) for kind in (ChangeDetected, CauseIdentified))
         assert isinstance(named, CauseIdentified)
         assert named.time_us - changed.time_us >= slowest
         assert named.certain
@@ -248,9 +246,7 @@ def test_onset_and_size_are_within_their_intervals(bank: HypothesisBank, seed: i
         assert onset.onset_high_us is not None
         inside.append(onset.onset_low_us <= true_us <= onset.onset_high_us + 5000)
         sizes.append((share.size - math.log(1.2)) / share.size_sd)
-    print(
-        f"onset in its interval {np.mean(inside):.3f}, size: mean {np.mean(sizes):.2f}, sd {np.std(sizes):.2f}"
-    )
+    print(f"onset in its interval {np.mean(inside):.3f}, size: mean {np.mean(sizes):.2f}, sd {np.std(sizes):.2f}")
     assert len(inside) > 0.9 * SEEDS
     assert binom.cdf(sum(inside), len(inside), 0.9) > BY_LUCK
     assert np.mean(np.abs(sizes) < 4) > 0.85
@@ -338,10 +334,7 @@ def test_a_nominal_value_that_may_be_off_turns_no_change_into_a_larger_one(seed:
     shift = np.zeros((4000, len(model.monitored)))
     shift[:, model.monitored.index("1/Ja")] = off
     allowance = np.max(
-        [
-            healthy_evidence(bank, [SampleBlock(*rec, shift=s)]).allowance
-            for s in (shift, 0.0 * shift, -shift)
-        ],
+        [healthy_evidence(bank, [SampleBlock(*rec, shift=s)]).allowance for s in (shift, 0.0 * shift, -shift)],
         axis=0,
     )
     error = tuple(0.1 * (name == "1/Ja") for name in model.monitored)
@@ -362,9 +355,7 @@ def test_what_a_change_leaves_unexplained_is_no_evidence_of_a_second_one(seed: i
     healthy, stands = (HypothesisBank(model, settings, found) for _ in range(2))
     stands.adopt({"kT": size}, None)
     nominally = HypothesisBank(replace(model, nominal={**model.nominal, "kT": 1.1}), settings, found)
-    of_change, left, plain = (
-        bank.run_traced(SampleBlock(*rec))[1].llr[1000:] for bank in (healthy, stands, nominally)
-    )
+    of_change, left, plain = (bank.run_traced(SampleBlock(*rec))[1].llr[1000:] for bank in (healthy, stands, nominally))
     lost = np.mean(plain[:, 1] - left[:, 1])
     assert lost == pytest.approx(MODEL_ERROR**2 * np.mean(of_change[:, 0]), rel=0.2)
 

@@ -16,9 +16,7 @@ BEGINS = 1_000
 @pytest.mark.parametrize("begins", [BEGINS, BEGINS + 7])
 def test_it_raises_no_alarm(begins: int, seed: int) -> None:
     model, rng = reference_model("angle"), np.random.default_rng(seed)
-    settings = mc.recommended_settings(
-        model, INTERVAL_S, mc.MonitoringOptions(torque_noise=0.5, output_noise=NOISE)
-    )
+    settings = mc.recommended_settings(model, INTERVAL_S, mc.MonitoringOptions(torque_noise=0.5, output_noise=NOISE))
     u = SPEED * model.nominal["fm"] + rng.normal(0, 0.5, 3 * BEGINS)
     y = simulate_linear(model.drive, model.nominal, u[:, np.newaxis], INTERVAL_S)[0][:, 0]
     y += rng.normal(0, NOISE, len(y))

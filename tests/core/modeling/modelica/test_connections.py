@@ -58,6 +58,4 @@ def test_connectors_of_ones_own(connector: str) -> None:
 
 
 def test_the_models_own_flange_is_free() -> None:
-    assert stiffness_of(
-        f"{ARM}; {A} out;", "connect(out, arm.flange_b); connect(arm.flange_a, motor.flange_b);"
-    )
+    assert stiffness_of(f"{ARM}; {A} out;", "connect(out, arm.flange_b); connect(arm.flange_a, motor.flange_b);")

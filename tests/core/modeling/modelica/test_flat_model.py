@@ -26,9 +26,7 @@ def test_inputs_sensors_and_angles() -> None:
     flat = read([Source("two.mo", TWO_MASS)])
     assert flat.name == "TwoMass"
     assert [(i.name, i.kind) for i in flat.inputs] == [("u", TORQUE), ("bearing.coulomb.direction", COULOMB)]
-    assert [(s.name, s.angle, s.quantity) for s in flat.sensors] == [
-        ("encoder", "encoder.flange.phi", "speed")
-    ]
+    assert [(s.name, s.angle, s.quantity) for s in flat.sensors] == [("encoder", "encoder.flange.phi", "speed")]
     assert {v.name for v in flat.variables if v.prefer} == {"motor.phi", "arm.phi"}
 
 

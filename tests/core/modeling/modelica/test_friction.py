@@ -68,9 +68,7 @@ def test_units_of_what_stands_in_the_table(table: str, units: dict[str, str]) ->
 
 def test_it_acts_between_shaft_and_ground_in_line_with_the_shaft() -> None:
     """J w' = u - fc sign(w) - fm w with the bearing between two inertias, J = J1 + J2."""
-    bearing = (
-        f"{COMPONENTS}.BearingFriction bearing(tau_pos = [0, 5; 1, 8]); {COMPONENTS}.Inertia arm(J = 2);"
-    )
+    bearing = f"{COMPONENTS}.BearingFriction bearing(tau_pos = [0, 5; 1, 8]); {COMPONENTS}.Inertia arm(J = 2);"
     joints = "connect(motor.flange_b, bearing.flange_a); connect(bearing.flange_b, arm.flange_a);"
     model = flat(drive(bearing, joints))
     s = 1234567

@@ -43,9 +43,7 @@ def test_ways_to_name_a_class(declarations: str) -> None:
         "/* a drive */ " + drive(),
         "within;" + drive(),
         drive().replace("end D;", "annotation(__Vendor(what only = 1 vendor, knows));\nend D;"),
-        drive().replace(
-            "end D;", 'annotation(Icon(graphics = {Text(textString = "%name;)")}), x = [1; 2]);\nend D;'
-        ),
+        drive().replace("end D;", 'annotation(Icon(graphics = {Text(textString = "%name;)")}), x = [1; 2]);\nend D;'),
     ],
 )
 def test_what_editors_add(text: str) -> None:
@@ -110,9 +108,7 @@ def test_axiswatchs_own_library_may_be_among_the_texts() -> None:
     assert [i.name for i in model.inputs] == ["torque.tau", "weight.cosine", "weight.sine"]
 
 
-@pytest.mark.parametrize(
-    "within", ["AxisWatch", "Modelica.Blocks", "Modelica.Mechanics.Rotational.Components"]
-)
+@pytest.mark.parametrize("within", ["AxisWatch", "Modelica.Blocks", "Modelica.Mechanics.Rotational.Components"])
 def test_the_library_cannot_be_changed_from_a_text(within: str) -> None:
     own = Source("own.mo", f"within {within}; model Inertia Real x = 1; end Inertia;")
     assert read([own, Source("d.mo", drive())]).equations == flat(drive()).equations

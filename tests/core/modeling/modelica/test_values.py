@@ -17,9 +17,7 @@ PI = Laurent.number("3.141592653589793")
 
 def inertia(model: FlatModel, name: str = "motor") -> Laurent:
     """J of a component, as it stands in the equations."""
-    (found,) = (
-        e.terms[f"{name}.a", 0] for e in model.equations if len(e.terms) == 3 and (f"{name}.a", 0) in e.terms
-    )
+    (found,) = (e.terms[f"{name}.a", 0] for e in model.equations if len(e.terms) == 3 and (f"{name}.a", 0) in e.terms)
     return found
 
 

@@ -23,9 +23,7 @@ def residue(coefficient: Laurent, values: Mapping[str, Fraction]) -> int:
     return value.numerator * pow(value.denominator, -1, PRIME) % PRIME
 
 
-def responses(
-    model: FlatModel, value_of: Callable[[str], int], s: int
-) -> dict[tuple[str, int], dict[int, int]]:
+def responses(model: FlatModel, value_of: Callable[[str], int], s: int) -> dict[tuple[str, int], dict[int, int]]:
     """(sensor's quantity, its number) -> kind of input -> transfer function there.
 
     Args:

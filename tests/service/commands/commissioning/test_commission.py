@@ -42,9 +42,7 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: p
     text = record.read_text(encoding="utf-8").splitlines()
     still = [text[0], *(",".join([*line.split(",")[:3], "0.1", "0"]) for line in text[1:])]
     record.write_text("\n".join(still) + "\n", encoding="utf-8")
-    config = configured(
-        folder / "robot.toml", *(AXIS.format(n=n, interval=x) for n, x in ((1, 0.01), (2, H)))
-    )
+    config = configured(folder / "robot.toml", *(AXIS.format(n=n, interval=x) for n, x in ((1, 0.01), (2, H))))
     words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made", "--yes")
     result = axiswatch(*words)
     assert result.exit_code == NOT_TESTED, result.output
@@ -168,22 +166,16 @@ def test_all_wrong_at_once_ends_right(folder: Path, seed: int) -> None:
     wrong = [1e3 * (rows[:, 0] - rows[0, 0]), 1000 / 2.4 * rows[:, 1], 2**14 / (2 * np.pi) * rows[:, 2]]
     write_rows(record, np.column_stack([wrong[0], *np.rint(wrong[1:])]))
     nominal = ", ".join(f"{name} = {0.9 * v if name in ('Jm', 'Ja') else v}" for name, v in VALUES.items())
-    config = configured(
-        folder / "robot.toml", AXIS.format(n=1, interval=H).replace("kT = 1, r = 0.0085", nominal)
-    )
+    config = configured(folder / "robot.toml", AXIS.format(n=1, interval=H).replace("kT = 1, r = 0.0085", nominal))
     words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made")
     asked = axiswatch(*words)
     assert asked.exit_code == MISTAKE
-    assert "3 proposed changes, to be confirmed in a terminal" in " ".join(
-        asked.stderr.replace("│", " ").split()
-    )
+    assert "3 proposed changes, to be confirmed in a terminal" in " ".join(asked.stderr.replace("│", " ").split())
     result = axiswatch(*words, "--yes")
     assert result.exit_code == 0, result.output
     assert "per mille of a rated torque of about 2." in result.output
     assert "2^14 = 16384" in result.output
-    assert "18 s of the records can be used, 18 memories of 1 s" in (
-        folder / "made" / "report.html"
-    ).read_text("utf-8")
+    assert "18 s of the records can be used, 18 memories of 1 s" in (folder / "made" / "report.html").read_text("utf-8")
     (axis,) = load(folder / "made" / "axiswatch.toml").axes
     assert axis.config.estimator.memory_s is not None
     assert 0.5 < axis.config.estimator.memory_s < 1
@@ -203,9 +195,7 @@ def review_of_log(folder: Path, rows: Path) -> Review:
     return review(config.read_text("utf-8"), "cell.a1", [str(log)], folder)
 
 
-@pytest.mark.parametrize(
-    ("seconds", "every_s", "waited_s"), [(20.0, 0.016, 0.0), (5.0, 0.2, 0.0), (5.0, 0.02, 0.15)]
-)
+@pytest.mark.parametrize(("seconds", "every_s", "waited_s"), [(20.0, 0.016, 0.0), (5.0, 0.2, 0.0), (5.0, 0.02, 0.15)])
 def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, folder: Path, seed: int) -> None:
     """An adapter passes on the frames of 16 ms at once: the interval is right, the times are not.
 
@@ -216,9 +206,7 @@ def test_frames_in_bunches(seconds: float, every_s: float, waited_s: float, fold
     columns = read_rows(rows)
     since = columns[:, 0] - columns[0, 0]
     bunch = np.floor(since / every_s + 1e-9)
-    columns[:, 0] += (
-        (bunch + 1) * every_s - since + 1e-4 * (np.arange(since.size) - np.searchsorted(bunch, bunch))
-    )
+    columns[:, 0] += (bunch + 1) * every_s - since + 1e-4 * (np.arange(since.size) - np.searchsorted(bunch, bunch))
     late = since < waited_s
     columns[late, 0] = columns[0, 0] + waited_s + 1e-5 * np.arange(np.count_nonzero(late))
     write_rows(rows, columns, form=RECEIVED)
@@ -242,9 +230,7 @@ def test_times_of_receipt_that_scatter(
     angle, speed = 5 * np.sin(w * at), 5 * w * np.cos(w * at)
     torque = 0.01 * -(w**2) * angle + 0.5 * np.tanh(speed) + 0.01 * speed + rng.normal(0, 0.02, t.size)
     rows = folder / "rows.csv"
-    np.savetxt(
-        rows, np.column_stack([1e3 + t + late, torque, angle]), "%.10g", ",", header="t,u,y", comments=""
-    )
+    np.savetxt(rows, np.column_stack([1e3 + t + late, torque, angle]), "%.10g", ",", header="t,u,y", comments="")
     found = review_of_log(folder, rows)
     assert [correction.change for correction in found.corrections] == changes
 
@@ -257,9 +243,7 @@ def test_a_counter_whose_cycle_is_another_one(bits: int, every_s: float, folder:
     columns[:, 0] *= every_s / 0.005
     write_rows(rows, columns, form=RECEIVED)
     messages = can_logs.dbc(folder / "robot.dbc", 1, "rad")
-    text = messages.read_text("utf-8").replace(
-        "24|40@1- (1E-006,0) [-549755|549755]", "24|24@1- (1E-005,0) [-83|83]"
-    )
+    text = messages.read_text("utf-8").replace("24|40@1- (1E-006,0) [-549755|549755]", "24|24@1- (1E-005,0) [-83|83]")
     text = text.rstrip() + f'\n SG_ Joint1_Count : 48|{bits}@1+ (1,0) [0|{2**bits - 1}] "" Monitor\n'
     messages.write_text(text, "utf-8")
     config = can_logs.configured(folder / "robot.toml", messages)

@@ -315,15 +315,11 @@ def test_a_planned_motion_may_be_recorded_at_once(
     assert recorded == minutes
 
 
-def test_an_axis_that_no_record_has_does_not_hinder_the_others(
-    folder: Path, config: Path, two_axes: Path
-) -> None:
+def test_an_axis_that_no_record_has_does_not_hinder_the_others(folder: Path, config: Path, two_axes: Path) -> None:
     with moving(two_axes, first_axis(config), turned):
         result = axiswatch("commission", "--config", config, "--output", "made", "--minutes", 0.03)
     assert result.exit_code == MISTAKE  # a question, of the axis that is there
-    assert "1 proposed change, to be confirmed in a terminal: cell.a1: torque.factor = -1" in words_of(
-        result.stderr
-    )
+    assert "1 proposed change, to be confirmed in a terminal: cell.a1: torque.factor = -1" in words_of(result.stderr)
 
 
 def turned(rows: Floats) -> None:

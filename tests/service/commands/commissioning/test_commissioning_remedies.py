@@ -45,9 +45,9 @@ torque = { column = "u" }
 angle = { column = "phi" }
 model = { drive = "three-mass", monitor = ["kT", "1/Ja", "fm"], nominal = { kT = 1, r = 0.01, Jg = 3.0 } }
 """
-MASS = TEXT.replace(
-    '"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]'
-).replace(", r = 0.01, Jg = 3.0 }", " }")
+MASS = TEXT.replace('"three-mass", monitor = ["kT", "1/Ja", "fm"]', '"one-mass", monitor = ["kT", "fm"]').replace(
+    ", r = 0.01, Jg = 3.0 }", " }"
+)
 TWO = MASS + MASS[MASS.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
 NAME = "cell.a1"
 
@@ -280,9 +280,7 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     assert (len(outcome.corrections), len(outcome.notes)) == ((1, 1) if better else (0, 0))
 
 
-def test_each_axis_sees_the_corrections_of_the_others(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The motion of one may be a signal of another, in the unit and at the interval that were found for it."""
     (tmp_path / "axes.toml").write_text(TWO, encoding="utf-8")
     (tmp_path / "record.csv").write_text("u,phi\n" + "0.1,0.2\n" * 10, encoding="utf-8")
@@ -340,9 +338,7 @@ def test_a_memory_that_is_given_stays(tmp_path: Path) -> None:
 
 def test_what_the_thresholds_find_comes_first() -> None:
     """The records alone promise more than the tests may say that allow for the scatter of friction."""
-    half = Outcome(
-        "cell.a1", within_s=50.0, smallest=(("kT", 0.05, -0.05), ("fc", None, -0.5), ("fm", None, None))
-    )
+    half = Outcome("cell.a1", within_s=50.0, smallest=(("kT", 0.05, -0.05), ("fc", None, -0.5), ("fm", None, None)))
     assert half.finding == "Found within 50 s, either way: kT from 5 %; as far as was tried, not fc, fm."
     assert replace(half, smallest=half.smallest[:1]).finding == "Found within 50 s, either way: kT from 5 %."
     assert Outcome("cell.a1").finding == ""

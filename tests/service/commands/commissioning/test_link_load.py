@@ -279,9 +279,7 @@ speed = {{ column = "hoist_w" }}
         ("hoist", {"payload"}),
     ],
 )
-def test_a_load_and_a_turntable_that_starts_again(
-    axis: str, terms: set[str], tmp_path: Path, seed: int
-) -> None:
+def test_a_load_and_a_turntable_that_starts_again(axis: str, terms: set[str], tmp_path: Path, seed: int) -> None:
     """The workpiece on a turntable weighs by the tilt; a hoist has no angle at all."""
     rng, step = np.random.default_rng(seed), 0.01
     t = np.arange(0.0, 120.0, step)

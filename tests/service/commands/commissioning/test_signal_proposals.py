@@ -32,9 +32,7 @@ NOMINAL = ", ".join(f"{name} = {value}" for name, value in VALUES.items())
 
 def known(n: int = 1) -> str:
     """An axis whose nominal values are about known."""
-    text = AXIS.format(n=n, interval=H).replace(
-        "nominal = { kT = 1, r = 0.0085 }", f"nominal = {{ {NOMINAL} }}"
-    )
+    text = AXIS.format(n=n, interval=H).replace("nominal = { kT = 1, r = 0.0085 }", f"nominal = {{ {NOMINAL} }}")
     return text.replace("Jm = 0.006", "Jm = 0.005").replace("Ja = 100.0", "Ja = 85.0")
 
 
@@ -77,9 +75,7 @@ def test_each_mistake_is_put_right(
     record = changed(table(tmp_path / "record.csv", seed, 20.0), change)
     found = review(ROBOT + known(), "cell.a1", [record], tmp_path).corrections
     assert [correction.key for correction in found] == [key for key, _ in right]
-    assert [correction.value for correction in found] == pytest.approx(
-        [value for _, value in right], rel=1e-3
-    )
+    assert [correction.value for correction in found] == pytest.approx([value for _, value in right], rel=1e-3)
 
 
 @pytest.mark.parametrize(("late", "corrected"), [(2, 2), (13, 10)])
@@ -145,9 +141,7 @@ def test_axes_with_the_torque_of_each_other(swap: bool, sign: int, tmp_path: Pat
     assert {axis: corrections[0].value for axis, corrections in found.items()} == right
 
 
-@pytest.mark.parametrize(
-    ("times", "proposed"), [(0.5, True), (0.9, False), (1.0, False), (1.15, False), (2.0, True)]
-)
+@pytest.mark.parametrize(("times", "proposed"), [(0.5, True), (0.9, False), (1.0, False), (1.15, False), (2.0, True)])
 def test_a_wrong_gear_ratio_is_told_from_nominal_inertias_that_are_about_right(
     times: float, proposed: bool, tmp_path: Path, seed: int
 ) -> None:

@@ -188,9 +188,7 @@ def test_counts_hide_a_weight(look: Look) -> None:
         ("t,M1 [mNm],y", {"u": lambda u: 1e3 * u}, ("torque", "factor"), 1e-3),
     ],
 )
-def test_the_unit_in_the_name(
-    names: str, change: Columns, key: tuple[str, str], value: float, look: Look
-) -> None:
+def test_the_unit_in_the_name(names: str, change: Columns, key: tuple[str, str], value: float, look: Look) -> None:
     (found,) = look("one-mass", "angle", False, change, names).corrections
     assert is_change(found, key, value)
     # The inertia is known, and fits as it is: the name of the column is not right.
@@ -308,9 +306,7 @@ REAL = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("file", "interval", "time", "torque", "motion", "output"), soaked(REAL, *REAL[:3], REAL[-1])
-)
+@pytest.mark.parametrize(("file", "interval", "time", "torque", "motion", "output"), soaked(REAL, *REAL[:3], REAL[-1]))
 def test_real_axes_are_left_alone(
     file: str, interval: float, time: str, torque: str, motion: str, output: str,
     tmp_path: Path, records_dir: Path,
@@ -334,9 +330,7 @@ def test_a_real_axis_with_mistakes(tmp_path: Path, records_dir: Path) -> None:
         do_compression=False,
     )
     text = ROBOT + axis_text("one-mass", "speed", known=True, J=0.033).replace(str(H), "0.0005")
-    looked = review(
-        text.replace('time = { column = "t" }\n', ""), "cell.a1", [str(tmp_path / "wrong.mat")], tmp_path
-    )
+    looked = review(text.replace('time = { column = "t" }\n', ""), "cell.a1", [str(tmp_path / "wrong.mat")], tmp_path)
     assert {c.key: c.value for c in looked.corrections} == {
         ("torque", "factor"): -1.0,
         ("speed", "factor"): pytest.approx(DEGREES),
@@ -355,9 +349,7 @@ def test_a_unit_below_the_name_is_taken_as_one_in_it(tmp_path: Path, seed: int) 
     path = tmp_path / "record.csv"
     columns = np.column_stack([m.t, m.torque, m.angle / DEGREES])
     np.savetxt(path, columns, "%.12g", ",", header="# export\nt,u,y\ns,Nm,deg", comments="")
-    (found,) = review(
-        ROBOT + axis_text("one-mass", "angle", False), "cell.a1", [str(path)], tmp_path
-    ).corrections
+    (found,) = review(ROBOT + axis_text("one-mass", "angle", False), "cell.a1", [str(path)], tmp_path).corrections
     assert is_change(found, ("angle", "factor"), DEGREES)
     assert "in degrees: deg" in found.reason
 

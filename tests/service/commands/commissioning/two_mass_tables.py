@@ -58,9 +58,9 @@ def _rows(seed: int, seconds: float, fault: float, axes: int) -> Floats:
     for n in range(axes):
         period = 5.0 + 2.0 * n
         plant = SimulatedAxis(VALUES, 1.0, drive=two_mass("angle"))
-        test = 0.6 * np.sign(rng.standard_normal(t.size)) * (
-            np.arange(t.size) // 3 % 2
-        ) + 0.2 * rng.standard_normal(t.size)
+        test = 0.6 * np.sign(rng.standard_normal(t.size)) * (np.arange(t.size) // 3 % 2) + 0.2 * rng.standard_normal(
+            t.size
+        )
         torque, angle = np.zeros(t.size), np.zeros(t.size)
         for k in range(t.size):
             if n == 0 and fault != 1 and k == t.size // 2:
