@@ -126,6 +126,11 @@ class Term(NamedTuple):
         return not {"cos", "sin"}.isdisjoint(self.functions)
 
     @property
+    def is_load(self) -> bool:
+        """Whether it is the torque of what the axis carries: it turns, or multiplies a load and its acceleration."""
+        return self.turns or any(sum(not f.function for f in p.factors) > 1 for p in self.products)
+
+    @property
     def is_signal(self) -> bool:
         """Whether the term is a single signal."""
         return len(self.factors) == 1 and not self.functions and self.products[0].number == 1

@@ -262,7 +262,7 @@ def _watch(estimate: Estimate, records: Sequence[Record], options: Identificatio
     if options.memories_s:
         memory_s = outlook.sufficient_memory(options.monitored, options.memories_s)
     watched = outlook.watched(options.monitored, memory_s)
-    weight = _turning_weight(estimate, options)
+    weight = _carried_weight(estimate, options)
     if weight:
         longer_s = _LOAD_MEMORIES * options.memories_s[-1] if options.memories_s else memory_s
         if found := outlook.with_load(options.monitored, longer_s, weight):
@@ -272,11 +272,12 @@ def _watch(estimate: Estimate, records: Sequence[Record], options: Identificatio
     return _Watch(watched, memory_s, weight if any(w.name == LOAD for w in watched) else {})
 
 
-def _turning_weight(estimate: Estimate, options: IdentificationOptions) -> dict[str, float]:
+def _carried_weight(estimate: Estimate, options: IdentificationOptions) -> dict[str, float]:
     """References of the terms that the constant torque follows as a weight, by slope; empty: no weight is an input."""
     torques = set(estimate.drive.constant_torques()) - {split_name(name)[0] for name in options.monitored}
-    turning = [t for t in options.scheduled if t.parameter in torques and Term.read(t.term).turns]
-    return {term.slope: term.reference for term in turning if term.parameter == turning[0].parameter}
+    followed = [term for term in options.scheduled if term.parameter in torques]
+    loads = [term for term in followed if Term.read(term.term).is_load]
+    return {term.slope: term.reference for term in followed if loads and term.parameter == loads[0].parameter}
 
 
 def _silent(*_: object) -> None:

@@ -11,9 +11,9 @@ from service.config.bus_rules import same_names
 from service.config.conditions import (
     Schedule,
     follow_of,
+    load_torques,
     signal_names,
     term_of,
-    turning_torques,
     varying_of,
     weight_of,
 )
@@ -152,7 +152,7 @@ def load(axis: AxisConfig) -> Iterator[Finding]:
         message = "is relative to the nominal weight, so its nominal value is 1: remove this"
         yield Finding(("model", "nominal", LOAD), message)
     to_come = axis.records_only and axis.model.nominal_file is None
-    if not turning_torques(axis) and not to_come and not not_identified(axis):
+    if not load_torques(axis) and not to_come and not not_identified(axis):
         message = (
             "no constant torque follows the pose, so there is no weight to compare the load with: find it with"
             ' `axiswatch identify --schedule "tau0: cos(angle)"`'

@@ -56,12 +56,12 @@ def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
     monitored = {split_name(name)[0] for name in axis.model.monitor}
     if all(v.parameter not in monitored for v in followed):
         return followed
-    return turning_torques(axis) if LOAD in axis.model.monitor else ()
+    return load_torques(axis) if LOAD in axis.model.monitor else ()
 
 
-def turning_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
-    """The schedules of one constant torque that depend on the angles of the pose."""
-    return tuple(v for v in _followed_torques(axis) if _turns(v))
+def load_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
+    """The schedules of one constant torque that are those of what the axis carries, as they depend on the pose."""
+    return tuple(v for v in _followed_torques(axis) if _is_load(v))
 
 
 def _followed_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
@@ -71,9 +71,9 @@ def _followed_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
     return tuple(v for v in followed if v.parameter == followed[0].parameter)
 
 
-def _turns(schedule: Schedule) -> bool:
+def _is_load(schedule: Schedule) -> bool:
     try:
-        return Term.read(schedule.signal).turns
+        return Term.read(schedule.signal).is_load
     except ValueError:  # a cross-check reports that
         return False
 

@@ -21,7 +21,7 @@ from service.config.axis_settings import (
     unidentifiable_pairs,
 )
 from service.config.bus_messages import messages_of
-from service.config.conditions import turning_torques, varying_of
+from service.config.conditions import load_torques, varying_of
 from service.config.drives import axis_model, not_identified
 from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.unit_names import UNITS, Quantity, unit_passed_over
@@ -101,9 +101,9 @@ def _assumptions(config: Config) -> Iterator[str]:
 
 def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:
     """The load is not monitored although weight or inertia follows the pose and the payload may change."""
-    if LOAD not in axis.model.monitor and turning_torques(axis):
+    if LOAD not in axis.model.monitor and load_torques(axis):
         yield (
-            f'{axis_id}: the load of its links follows the pose, but "{LOAD}" is not in monitor: another payload will'
+            f'{axis_id}: the torque follows what the axis carries, but "{LOAD}" is not in monitor: another payload will'
             " be reported as a fault of the drive, most likely of kT"
         )
 

@@ -96,3 +96,18 @@ def test_a_sum_of_products_has_one_value() -> None:
     assert [product.number for product in term.products] == [-1, 2, -1]
     expected = -a * np.cos(b) + 2 * v * w * np.sin(2 * b) - (v - w) ** 2
     np.testing.assert_allclose(term.value({"a": a, "b": b, "v": v, "w": w}), expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "is_load"),
+    [
+        ("cos(axis2)", True),
+        ("payload * cos(axis2)", True),
+        ("grip * lift-acceleration", True),
+        ("lift-acceleration", False),
+        ("payload", False),
+        ("square(axis1-speed)", False),
+    ],
+)
+def test_what_is_a_torque_of_what_the_axis_carries(text: str, is_load: bool) -> None:
+    assert Term.read(text).is_load == is_load

@@ -82,7 +82,8 @@ def link_weights(
         loads: names of signals that may be loads.
         accelerations: names of signals that are those of other axes.
         moving: of angles that do not wrap, the names of signals for speed and acceleration, which need not be in the
-            records; own too.  The torque of kinetic energies is then looked for, too.
+            records; own too.  The torque of kinetic energies is then looked for, too; of the own angle alone, as of a
+            linear axis, that of the inertia of a load.
     """
     parts, window = slow_parts(records, (*angles, *loads, *accelerations))
     if not parts:
@@ -99,7 +100,7 @@ def link_weights(
             chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
-        return _complete(LinkWeights((), before, before), records, own, moving, loads)
+        return _complete(LinkWeights((), before, before), records, own, angles, moving, loads)
     needed, left = chosen, balance.error(chosen)
     for term in chosen:
         fewer = [w for w in needed if w != term]
@@ -107,19 +108,20 @@ def link_weights(
             needed = fewer
     balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
     found = LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
-    return _complete(found, records, own, moving, loads)
+    return _complete(found, records, own, angles, moving, loads)
 
 
 def _complete(
     found: LinkWeights,
     records: Sequence[Record],
     own: str,
+    angles: Sequence[str],
     moving: Mapping[str, MotionSignals],
     loads: Sequence[str],
 ) -> LinkWeights | None:
     """The same with the energies of links that reduce the error; None: all terms do not explain enough."""
-    if own in moving and len(moving) > 1:
-        found = _with_energies(found, records, own, moving, loads)
+    if own in moving and (len(moving) > 1 or loads):
+        found = _with_energies(found, records, own, angles, moving, loads)
     enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
     return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
 
@@ -128,6 +130,7 @@ def _with_energies(
     found: LinkWeights,
     records: Sequence[Record],
     own: str,
+    angles: Sequence[str],
     moving: Mapping[str, MotionSignals],
     loads: Sequence[str],
 ) -> LinkWeights:
@@ -136,14 +139,15 @@ def _with_energies(
     if not parts:
         return found
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
-    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, list(moving))
-    best, energies = terms, link_energies(balance(values))
+    arm = [angle for angle in angles if angle in moving]
+    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, arm)
+    best, energies = terms, link_energies(balance(values)) if len(arm) > 1 else None
     for load in loads:
-        # Terms that were found without its energies stand for them, so the search begins anew.
+        # Terms that were found without the energies of the load stand for them, so the search begins anew.
         carrying = link_energies(balance([], load))
-        if (1 - carrying.explained) ** 2 < _CLEARLY_LESS * (1 - energies.explained) ** 2:
+        if energies is None or (1 - carrying.explained) ** 2 < _CLEARLY_LESS * (1 - energies.explained) ** 2:
             best, energies = [], carrying
-    if not energies.found:
+    if energies is None or not energies.found:
         return found
     # An acceleration stays, as it may be there for a positive inertia.
     needed = [term for k, term in enumerate(best) if k not in energies.needless or not term.turns]

@@ -66,7 +66,8 @@ class MotionSignals(NamedTuple):
 class Energy(NamedTuple):
     """The energy f(s) v_j v_k of joints ``axes`` = (j, k); f is ``function``, s is ``angles``.
 
-    Without ``axes``: the weight f(s), which is the derivative of a potential energy.  ``load``: the name of the signal
+    Without ``axes``: the weight f(s), which is the derivative of a potential energy; of a linear axis it has no angles.
+    ``load``: the name of the signal
     of a carried load that it is multiplied by; "": none.
     """
 
@@ -78,6 +79,8 @@ class Energy(NamedTuple):
     def torque(self, own: str, signals: Mapping[str, MotionSignals]) -> Term:
         """Its torque on the axis with the angle ``own``, in terms of signals, but for a factor."""
         load = (_signal(self.load),) if self.load else ()
+        if not self.axes and not self.angles:
+            return Term.product(*load)
         f = Factor(self.function, tuple((int(np.sign(n)), a) for n, a in self.angles for _ in range(abs(n))))
         slope = Factor("sin" if self.function == "cos" else "cos", f.addends)
         sign = -1 if self.function == "cos" else 1
@@ -188,7 +191,9 @@ class EnergyBalance(WeightBalance):
         self.energies = tuple(_candidates(own, angles))
         self.most_sums = 2 * _MOST_SUMS if load else _MOST_SUMS
         if load:
-            every = (Energy((own, own), "cos", ()), *self.energies)
+            every = [Energy((own, own), "cos", ()), *self.energies]
+            if not angles:
+                every.append(Energy((), "cos", ()))
             self.energies += tuple(energy._replace(load=load) for energy in every)
         columns = [self._energy_column(energy, own) for energy in self.energies]
         rows = np.column_stack([self.rows, *further, *columns])

@@ -10,6 +10,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import COSINE, SINE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Quality, Record, TurningWeight
+from monitor_core.wording import listed
 from service.commands.commissioning.checked_axis import fastest
 from service.commands.commissioning.link_load import LinkLoad
 from service.commands.excite import MotionRequest
@@ -146,15 +147,17 @@ def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
         changes.insert(0, Correction(("model", "drive"), _ONE_MASS.name, "the torque shows a weight"))
     motions = {change.key[1] for change in weight.signals if change.key[-1] in ("speed", "acceleration")}
     terms = [Term.read(term) for term in weight.terms]
+    loads = {signal.name for signal in axis.config.signal if signal.axis is None}
     weighs = any(term.turns and motions.isdisjoint(term.signals) for term in terms)
-    moves = any(not motions.isdisjoint(term.signals) for term in terms)
+    moves = any(not motions.isdisjoint(term.signals) and loads.isdisjoint(term.signals) for term in terms)
     parts = ["the weight of links at these angles"] if weighs else []
     parts += ["what it takes to move the links"] if moves else []
+    parts += ["a load that comes and goes"] if any(not loads.isdisjoint(term.signals) for term in terms) else []
     return Retry(
         corrected(text, axis.id, weight.signals),
         tuple(changes),
         (f"{OFFSET}: {', '.join(weight.terms)}",),
-        " and ".join(parts) or "a load that follows this",
+        listed(parts),
     )
 
 

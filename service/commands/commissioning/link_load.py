@@ -39,7 +39,11 @@ class LinkLoad(NamedTuple):
     @property
     def explains_much_more(self) -> bool:
         """Whether the terms leave less than half of the squared errors."""
-        return (1 - self.explained) ** 2 < _MUCH_LESS * (1 - self.before) ** 2
+        return _leaves_much_less(self.explained, self.before)
+
+
+def _leaves_much_less(explained: float, before: float) -> bool:
+    return (1 - explained) ** 2 < _MUCH_LESS * (1 - before) ** 2
 
 
 def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> LinkLoad | None:
@@ -87,6 +91,13 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         if found and names[name] in angles
     }
     found = link_weights(geared, own, angles, known_loads, accelerations, moving)
+    if own in motors and known_loads and derivatives[axis.config.name]:
+        # It may be a linear axis, whose load follows no angle.
+        speed, acceleration = (changes[0].key[1] for changes in derivatives[axis.config.name])
+        straight = {own: MotionSignals(speed, acceleration)}
+        plain = link_weights(loaded, own, (), known_loads, accelerations, straight)
+        if plain is not None and (found is None or not _leaves_much_less(found.explained, plain.explained)):
+            found, ratios = plain, {}
     if found is None:
         return None
     used = {signal for term in found.terms for signal in Term.read(term).signals}

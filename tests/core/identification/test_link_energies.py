@@ -145,6 +145,19 @@ def test_a_load_that_is_picked_and_placed_adds_its_own_energies(rng: Generator) 
     }
 
 
+def test_a_load_on_a_linear_axis_is_weight_and_inertia(rng: Generator) -> None:
+    """No angle of an arm is given, so that none can be followed."""
+    q, v, a = motion(rng, 300.0, 1, stops_s=4.0)
+    gripper = np.repeat(rng.permutation(np.arange(75) % 2), 400).astype(float)
+    lift = replace(
+        record(rng, 0, (4 + 3 * gripper) * a[0] + 20 + 15 * gripper, q, v), signals={"gripper": gripper, "q1": q[0]}
+    )
+    found = link_weights([lift], "q1", (), ("gripper",), moving={"q1": SIGNALS["q1"]})
+    assert found is not None
+    assert set(found.terms) == {"gripper", "gripper * q1-acceleration"}
+    assert found.explained > 0.93
+
+
 @pytest.mark.parametrize("own", [0, 1])
 def test_a_constant_inertia_follows_nothing(own: int, rng: Generator) -> None:
     q, v, a = motion(rng, 300.0)

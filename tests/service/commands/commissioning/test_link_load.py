@@ -300,3 +300,29 @@ def test_a_load_and_a_turntable_that_starts_again(axis: str, terms: set[str], tm
     table = np.column_stack([*columns, load])
     np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header=names, comments="")
     assert set(load_of(POSITIONER, f"arm.{axis}", tmp_path / "a.csv").terms) == terms
+
+
+GANTRY = two_axes("across", "lift").replace(
+    "[[robot.axis]]", 'signal = [{ name = "DO3", column = "grip" }]\n[[robot.axis]]', 1
+)
+
+
+def test_what_a_gantry_grips_is_weight_and_inertia(tmp_path: Path, seed: int) -> None:
+    """The angle of the motor of a linear axis is none of an arm."""
+    rng = np.random.default_rng(seed)
+    swing = Swing.drawn(rng, 240.0, 60.0, 30.0)
+    w = swing.w * np.sin(np.pi * swing.t / 4) ** 2  # a rest at multiples of 4 s, where the gripper acts
+    q, a = np.cumsum(w, axis=1) * 0.01, np.gradient(w, 0.01, axis=1)
+    grip = np.repeat(rng.permutation(np.arange(60) % 2), 400).astype(float)
+    u = np.array([0.1 * a[0], (0.02 + 0.01 * grip) * a[1] + 2 + 1.5 * grip])
+    u += 0.01 * w + 0.3 * np.tanh(w / 0.2) + rng.normal(0, 0.03, q.shape)
+    columns = np.column_stack([swing.t, u[0], q[0], u[1], q[1], grip])
+    np.savetxt(tmp_path / "a.csv", columns, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2,grip", comments="")
+    found = load_of(GANTRY, "arm.lift", tmp_path / "a.csv")
+    assert set(found.terms) == {"DO3", "DO3 * lift-acceleration"}
+    assert found.explains_much_more
+    assert {c.key[1:]: c.value for c in found.signals} == {
+        ("lift-acceleration", "axis"): "lift",
+        ("lift-acceleration", "acceleration"): True,
+    }
+    assert link_load(GANTRY, "arm.across", [str(tmp_path / "a.csv")], tmp_path) is None
