@@ -86,16 +86,12 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
         angles = []
     geared = [_behind_gears(record, ratios) for record in loaded]
     moving = {
-        names[name]: MotionSignals(*(changes[0].key[1] for changes in found))
-        for name, found in derivatives.items()
-        if found and names[name] in angles
+        names[name]: _motion_signals(found) for name, found in derivatives.items() if found and names[name] in angles
     }
     found = link_weights(geared, own, angles, known_loads, accelerations, moving)
-    if own in motors and known_loads and derivatives[axis.config.name]:
+    if own in motors and known_loads and (motion := derivatives[axis.config.name]):
         # It may be a linear axis, whose load follows no angle.
-        speed, acceleration = (changes[0].key[1] for changes in derivatives[axis.config.name])
-        straight = {own: MotionSignals(speed, acceleration)}
-        plain = link_weights(loaded, own, (), known_loads, accelerations, straight)
+        plain = link_weights(loaded, own, (), known_loads, accelerations, {own: _motion_signals(motion)})
         if plain is not None and (found is None or not _leaves_much_less(found.explained, plain.explained)):
             found, ratios = plain, {}
     if found is None:
@@ -168,6 +164,11 @@ def _derivatives(axis: NamedAxis, other: NamedAxis) -> tuple[tuple[Correction, .
         )
         found.append(changes if given else (*changes, *_geared(name, other)))
     return tuple(found)
+
+
+def _motion_signals(derivatives: Sequence[Sequence[Correction]]) -> MotionSignals:
+    """The names of the signals that these changes, as of ``_derivatives``, add."""
+    return MotionSignals(*(changes[0].key[1] for changes in derivatives))
 
 
 def _extent(angle: Floats | None) -> float:
