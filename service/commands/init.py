@@ -27,6 +27,7 @@ from service.config.schema import BusConfig
 if TYPE_CHECKING:
     from service.ingest.column_roles import TableRoles
     from service.ingest.live_roles import BusRoles
+    from service.ingest.signal_roles import LoadSignal
     from service.ingest.table_files import Table
 
 RecordFile = Annotated[
@@ -194,15 +195,15 @@ def _from_log(description: Path, log: Path, output: Path) -> None:
     propose(output, [*_bus_words(found, description), *_load_words(loads)], lines, next_step)
 
 
-def _loads_in(found: BusRoles, known: MessageSet) -> list[tuple[str, str]]:
-    """Message and signal of what may tell what the robot carries, of the received messages."""
+def _loads_in(found: BusRoles, known: MessageSet) -> list[LoadSignal]:
+    """Signals of the received messages that may tell what the robot carries."""
     from service.ingest.signal_roles import loads_in
 
     return loads_in([message for message in known.messages if message.name in found.received])
 
 
-def _load_words(loads: Iterable[tuple[str, str]]) -> Iterator[str]:
-    return (f"all axes: {message}.{signal} may tell what the robot carries" for message, signal in loads)
+def _load_words(loads: Iterable[LoadSignal]) -> Iterator[str]:
+    return (f"all axes: {load.name} may tell what the robot carries" for load in loads)
 
 
 def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str) -> BusRoles:

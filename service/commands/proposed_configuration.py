@@ -10,7 +10,7 @@ from service.config.schema import BusConfig
 from service.config.unit_names import UNITS, unit_in
 from service.ingest.column_roles import TableRoles
 from service.ingest.drive_objects import DriveObjects
-from service.ingest.signal_roles import AxisRoles, SignalRole
+from service.ingest.signal_roles import AxisRoles, LoadSignal, SignalRole
 from service.ingest.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 
@@ -47,6 +47,15 @@ def _load_lines(sources: Mapping[str, str]) -> Iterator[str]:
         yield f"signal = [{', '.join(signals)}]  # {why}"
 
 
+_ANY_WAIT_S = 3600
+"""Longest wait between two changes of what a robot carries"""
+
+
+def _bus_source(load: LoadSignal) -> str:
+    source = f"message = {toml_value(load.message)}, signal = {toml_value(load.signal)}"
+    return source if load.cyclic else f"{source}, max_age_s = {_ANY_WAIT_S}"
+
+
 def _signal_name(column: str) -> str:
     """The name of a column in the letters that the name of a signal may have."""
     name = re.sub(r"[^A-Za-z0-9_-]+", "-", column).strip("-")
@@ -59,12 +68,12 @@ def bus_lines(
     output: Path,
     bus: BusConfig | None = None,
     channel: str = _BUS,
-    loads: Sequence[tuple[str, str]] = (),
+    loads: Sequence[LoadSignal] = (),
 ) -> Iterator[str]:
     """The file ``output`` for the axes of a bus that ``messages`` describes.
 
-    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.  ``loads``: message and signal of
-    what may tell what the robot carries.
+    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.  ``loads``: what
+    may tell what the robot carries.
     """
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
@@ -72,10 +81,7 @@ def bus_lines(
     yield from _bus_lines(bus, channel)
     yield f"messages = {toml_value(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
-    carried = {
-        _signal_name(signal): f"message = {toml_value(message)}, signal = {toml_value(signal)}"
-        for message, signal in loads
-    }
+    carried = {_signal_name(load.signal): _bus_source(load) for load in loads}
     loaded = [*_load_lines(carried)]
     yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis)), *loaded] for axis in axes})
 

@@ -105,10 +105,25 @@ def axes_in(messages: Sequence[Message]) -> list[AxisRoles]:
     return [axis for n in numbers if (axis := _axis(n, by_axis[n], by_name)) is not None]
 
 
-def loads_in(messages: Sequence[Message]) -> list[tuple[str, str]]:
-    """Message and signal of each measured load, and of each gripper, by their names and units."""
+class LoadSignal(NamedTuple):
+    """A signal that may tell what a robot carries."""
+
+    message: str
+    signal: str
+    cyclic: bool
+    """Whether its message has a cycle time; otherwise it may be sent only when something changes"""
+
+    @property
+    def name(self) -> str:
+        """Name of the signal, with that of its message."""
+        return f"{self.message}.{self.signal}"
+
+
+def loads_in(messages: Sequence[Message]) -> list[LoadSignal]:
+    """Each measured load, and each gripper, by their names and units."""
     found = ((m, s) for m in messages for s in m.signals if not counts(s))
-    return [(m.name, s.name) for m, s in found if is_load(s.name, s.unit or "") or is_gripper(s.name)]
+    loads = ((m, s) for m, s in found if is_load(s.name, s.unit or "") or is_gripper(s.name))
+    return [LoadSignal(m.name, s.name, bool(m.cycle_time)) for m, s in loads]
 
 
 def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:
