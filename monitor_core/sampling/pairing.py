@@ -13,8 +13,8 @@ DROP_REASONS = (*("not_finite", "absurd", "repeated", "out_of_order", "untimed",
 
 not_finite: NaN or infinite.  absurd: beyond physical limits.  repeated: the same quantity again within half
 an interval.  out_of_order: not after the last sample.  untimed: the sample counter, or the fitted clock, contradicts
-the time of receipt.  unpaired: the partner never came.  late: came after its partner had been discarded, or paired with
-another value.  missing: samples that never came, from the interval between two samples.
+the time of receipt.  unpaired: the partner was never received.  late: received after its partner had been discarded, or
+paired with another value.  missing: samples that were never received, from the interval between two samples.
 """
 
 NOT_FINITE, ABSURD, REPEATED, OUT_OF_ORDER, _, UNPAIRED, LATE, MISSING = range(len(DROP_REASONS))

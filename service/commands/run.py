@@ -13,7 +13,7 @@ import typer
 from service.commands.daemon_logs import LogFormat, configure_logs
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Port, configuration
-from service.commands.signal_handling import obeyed
+from service.commands.signal_handling import handling
 from service.config import Config, ConfigErrors, load
 from service.store.database import StoreError
 
@@ -62,7 +62,7 @@ def run(
     """
     hangup = Hangup(config, port)
     # Before anything that takes long: without a handler, SIGHUP ends the process.
-    with explained(), obeyed([signal.SIGHUP], hangup.apply):
+    with explained(), handling([signal.SIGHUP], hangup.apply):
         configure_logs(log_format)
         read = configuration(config)
         from service.commands.daemon import run_daemon

@@ -20,12 +20,12 @@ def stopped_by_signals(stop: threading.Event | None = None) -> Iterator[threadin
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
-    with obeyed((signal.SIGINT, signal.SIGTERM), stop.set, once=True):
+    with handling((signal.SIGINT, signal.SIGTERM), stop.set, once=True):
         yield stop
 
 
 @contextmanager
-def obeyed(numbers: Sequence[int], action: Callable[[], object], *, once: bool = False) -> Iterator[None]:
+def handling(numbers: Sequence[int], action: Callable[[], object], *, once: bool = False) -> Iterator[None]:
     """In this block, run by the main thread, each of these signals makes a thread call ``action``.
 
     The main thread can run a handler between any two instructions, even while it holds the lock of an event.  Setting
@@ -38,7 +38,7 @@ def obeyed(numbers: Sequence[int], action: Callable[[], object], *, once: bool =
     """
     reading, writing = os.pipe()
 
-    def obey() -> None:
+    def handle() -> None:
         while os.read(reading, 1) == _SIGNAL:
             action()
         os.close(reading)
@@ -48,7 +48,7 @@ def obeyed(numbers: Sequence[int], action: Callable[[], object], *, once: bool =
         for number in numbers if once else ():
             signal.signal(number, signal.SIG_DFL)
 
-    threading.Thread(target=obey, name="signals", daemon=True).start()
+    threading.Thread(target=handle, name="signals", daemon=True).start()
     before = {number: signal.signal(number, on_signal) for number in numbers}
     try:
         yield

@@ -98,7 +98,7 @@ def resume_monitors(
     """
     _resume_windows(monitors, journal.epochs, in_force.epochs)
     restored = restore(monitors, checkpoints, journal, now_us, configured)
-    journal.obey(alarm_rules(in_force.axes, quantities(monitors.by_id)), now_us)
+    journal.apply_rules(alarm_rules(in_force.axes, quantities(monitors.by_id)), now_us)
     for axis_id, axis in monitors.axes.items():
         epoch = axis.epoch
         if epoch.learning is not None and not epoch.learning.window.done_s:  # its state could not be restored

@@ -35,7 +35,7 @@ class ServiceStep(NamedTuple):
     note: Note
 
 
-ObeyService = Callable[[sqlite3.Connection, str, Note], None]
+ApplyService = Callable[[sqlite3.Connection, str, Note], None]
 """Applies a change of service to the alarms of an axis."""
 
 
@@ -45,8 +45,8 @@ class AxisServices:
     Every method raises StoreError if the file cannot be read or written.
     """
 
-    def __init__(self, db: Database, obey: ObeyService) -> None:
-        self._db, self._obey = db, obey
+    def __init__(self, db: Database, apply: ApplyService) -> None:
+        self._db, self._apply = db, apply
 
     def removed(self) -> dict[str, Note]:
         """The axes that a person has taken out of service, with the person's note."""
@@ -76,7 +76,7 @@ class AxisServices:
                 "INSERT INTO axis_service (axis, event, at_us, who, comment, work_order) VALUES (?, ?, ?, ?, ?, ?)",
                 [axis, event, *note],
             )
-            self._obey(connection, axis, note)
+            self._apply(connection, axis, note)
 
 
 def removal(connection: sqlite3.Connection, axis: str, rules: AlarmRules) -> tuple[AlarmRules, str]:

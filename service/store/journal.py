@@ -70,7 +70,7 @@ class Journal(Store):
             """Random identity of this file, which stays when the file is moved"""
         self.epochs = Epochs(self._db, _end_open)
         """Epochs of the axes; in the same file, as they change in one transaction with the alarms"""
-        self.services = AxisServices(self._db, self._obey_service)
+        self.services = AxisServices(self._db, self._apply_service)
         """Axes that a person has taken out of service; in the same file, as they change in one transaction with the
         alarms"""
         self._rules: dict[tuple[str, str], AlarmRules] = {}
@@ -113,7 +113,7 @@ class Journal(Store):
     def _group(self, axis: str) -> str:
         return self._groups.get(axis) or axis.partition(".")[0]
 
-    def obey(self, rules: Mapping[tuple[str, str], AlarmRules], at_us: int) -> None:
+    def apply_rules(self, rules: Mapping[tuple[str, str], AlarmRules], at_us: int) -> None:
         """Apply the configured rules, which may have changed, to active and hidden alarms.
 
         Args:
@@ -127,13 +127,13 @@ class Journal(Store):
                 own = rules.get((alarm.axis, alarm.parameter))
                 if own is not None:
                     connection.execute("UPDATE alarm SET priority = ? WHERE id = ?", [own.priority, alarm.id])
-                    _obey(connection, alarm, own, Note(at_us, SERVICE))
+                    _apply(connection, alarm, own, Note(at_us, SERVICE))
 
-    def _obey_service(self, connection: sqlite3.Connection, axis: str, note: Note) -> None:
+    def _apply_service(self, connection: sqlite3.Connection, axis: str, note: Note) -> None:
         """Apply a removal from service, or a return, to the alarms of an axis."""
         for alarm in select_alarms(connection, f"{STANDING} AND axis = ?", [axis]):
             own = self._rules.get((axis, alarm.parameter), AlarmRules())
-            _obey(connection, alarm, own, note, note.who)
+            _apply(connection, alarm, own, note, note.who)
 
     def act(self, alarm_id: int, event: AlarmEvent, note: Note, until_us: int | None = None) -> RecordedAlarm:
         """Record an action of a person on an alarm; returns the alarm after it.
@@ -175,7 +175,7 @@ class Journal(Store):
             own = self._rules.get((alarm.axis, alarm.parameter), AlarmRules())
             at_us = returns_us(alarm.life, alarm.ended_us, own)
             if at_us is not None and at_us <= now_us:
-                _obey(connection, alarm, own, Note(at_us, SERVICE))
+                _apply(connection, alarm, own, Note(at_us, SERVICE))
 
     def statistics(self, since_us: int, until_us: int) -> AlarmStatistics:
         """Statistics of the alarms raised in this period."""
@@ -275,7 +275,7 @@ class Journal(Store):
 _BEFORE_ALL = (2**63 - 1, 2**63 - 1)
 
 
-def _obey(
+def _apply(
     connection: sqlite3.Connection, alarm: RecordedAlarm, rules: AlarmRules, note: Note, by: str | None = None
 ) -> None:
     """Record the transitions that are due at the time of the note; ``by``: who has changed the service of the axis."""

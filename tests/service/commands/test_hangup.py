@@ -28,7 +28,7 @@ class Applied:
 
 
 @pytest.mark.parametrize("mistaken", [False, True])
-def test_while_the_daemon_starts_it_is_noted_and_obeyed_once_it_runs(tmp_path: Path, mistaken: bool) -> None:
+def test_while_the_daemon_starts_it_is_noted_and_applied_once_it_runs(tmp_path: Path, mistaken: bool) -> None:
     file, applied = demo_config(tmp_path), Applied()
     hangup = Hangup(file, 8123)
     with capture_logs() as logs:

@@ -8,7 +8,7 @@ from tests.end_to_end.processes import PATIENCE_S
 
 PROGRAM = """
 import os, signal
-from service.commands.signal_handling import obeyed, stopped_by_signals
+from service.commands.signal_handling import handling, stopped_by_signals
 
 def handlers():
     return [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)]
@@ -19,7 +19,7 @@ with stopped_by_signals() as stop:
         os.kill(os.getpid(), signal.SIGTERM)
     assert stop.wait(30)
 seen = []
-with obeyed([signal.SIGHUP], lambda: seen.append(1)):
+with handling([signal.SIGHUP], lambda: seen.append(1)):
     for count in (1, 2):
         os.kill(os.getpid(), signal.SIGHUP)
         while len(seen) < count:

@@ -160,7 +160,7 @@ def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_cl
 
 def test_an_off_delay_ends_by_the_given_clock(journal: Journal) -> None:
     rules = {(AXIS, "fm"): AlarmRules(off_delay_s=1e-5)}
-    journal.obey(rules, 0)
+    journal.apply_rules(rules, 0)
     alarms = Alarms(journal, QUANTITIES, Clock(), rules)
     alarms.record([AxisAlarm(AXIS, episode())])
     alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])

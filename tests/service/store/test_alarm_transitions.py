@@ -178,7 +178,7 @@ def test_rules_of_the_configuration_hold_at_once_and_after_a_change_of_it(journa
     with pytest.raises(AlarmTransitionError, match=r"\[robot.axis.alarms\]"):
         journal.act(hidden, E.ACKNOWLEDGE, by("anna", 5))
     rules = AlarmRules("low", latched=True)
-    journal.obey({(AXIS, "kT"): AlarmRules("high"), (AXIS, "fm"): rules}, 6 * SECOND)
+    journal.apply_rules({(AXIS, "kT"): AlarmRules("high"), (AXIS, "fm"): rules}, 6 * SECOND)
     assert state(journal, hidden) == AlarmLife(S.UNACKNOWLEDGED)
     recorded(journal, ended(9), rules)
     alarm = journal.get(hidden)
@@ -214,7 +214,7 @@ def test_an_old_journal_keeps_its_alarms_and_the_active_ones_become_unacknowledg
 def test_a_chattering_axis_is_one_alarm_that_returns_after_the_off_delay(journal: Journal) -> None:
     """Its cause goes and comes back five times; the monitor knows it as the same alarm, the off-delay as lasting."""
     rules, alarm = AlarmRules(off_delay_s=30), RAISED
-    journal.obey({(AXIS, "fm"): rules}, 0)
+    journal.apply_rules({(AXIS, "fm"): rules}, 0)
     number = recorded(journal, alarm, rules)
     journal.act(number, E.ACKNOWLEDGE, by("anna", 5))
     for k in range(1, 6):
@@ -225,10 +225,10 @@ def test_a_chattering_axis_is_one_alarm_that_returns_after_the_off_delay(journal
         assert recorded(journal, alarm, rules) == number
     assert [t.event for t in journal.transitions(number)] == ["raise", "acknowledge"]
     recorded(journal, ended(120, alarm), rules)
-    journal.obey({(AXIS, "fm"): rules}, 149 * SECOND)
+    journal.apply_rules({(AXIS, "fm"): rules}, 149 * SECOND)
     journal.end_shelves(149 * SECOND)
     assert state(journal, number) == AlarmLife(S.ACKNOWLEDGED)
-    journal.obey({(AXIS, "fm"): rules}, 170 * SECOND)  # as at the next start
+    journal.apply_rules({(AXIS, "fm"): rules}, 170 * SECOND)  # as at the next start
     assert state(journal, number) == AlarmLife()
     last = journal.transitions(number)[-1]
     assert (last.at_us, last.event) == (150 * SECOND, "clear")
@@ -250,7 +250,7 @@ def test_a_cause_that_is_back_after_the_off_delay_is_raised_again(journal: Journ
 
 def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(journal: Journal, tmp_path: Path) -> None:
     rules = {(AXIS, "fm"): PLAIN, (AXIS, "kT"): AlarmRules(suppressed=True)}
-    journal.obey(rules, 0)
+    journal.apply_rules(rules, 0)
     fm, gone = recorded(journal), recorded(journal, replace(RAISED, parameter="Ja"))
     other = journal.record([Entry("demo.axis2", "1", 1.0, RAISED)])[0]
     journal.services.change(AXIS, E.REMOVE, by("anna", 5, "gearbox is changed", "WO-9"))
@@ -270,7 +270,7 @@ def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(journa
         journal.act(fm, E.ACKNOWLEDGE, by("otto", 8))
     journal.close()
     again = Journal(tmp_path / "alarms.sqlite")  # the next start
-    again.obey(rules, 9 * SECOND)
+    again.apply_rules(rules, 9 * SECOND)
     assert again.services.removed() == {AXIS: by("anna", 5, "gearbox is changed", "WO-9")}
     assert state(again, fm).state == "out-of-service"
     again.services.change(AXIS, E.RETURN, by("otto", 10))
