@@ -34,8 +34,7 @@ from monitor_core.drive.signal_terms import Factor, Product, Term
 from monitor_core.identification.torque_balance.torque_windows import WINDOWS, GridPart
 from monitor_core.identification.weight.weight_balance import WeightBalance
 
-_MOST_SUMS = 8
-"""Most sums without a carried load; with one there are twice as many."""
+_MOST_SUMS = 16
 _MOST_OTHERS = 2
 """Other angles in the sum of a weight."""
 _MOST_OF_ANGLE = 2
@@ -133,7 +132,7 @@ def link_energies(balance: EnergyBalance) -> LinkEnergies:
     """The energies of links whose torque acts on the axis of this balance."""
     chosen, before = list[int](), balance.error(())
     sums, left = list[int](), before
-    while len(sums) < balance.most_sums:
+    while len(sums) < _MOST_SUMS:
         best, least = balance.best(sums)
         if not least < balance.max_remaining * left:
             break
@@ -189,7 +188,6 @@ class EnergyBalance(WeightBalance):
         ends = np.cumsum([len(part.u) for part in parts])[:-1]
         further = [self.column(np.split(values, ends)) for values in terms]
         self.energies = tuple(_candidates(own, angles))
-        self.most_sums = 2 * _MOST_SUMS if load else _MOST_SUMS
         if load:
             every = [Energy((own, own), "cos", ()), *self.energies]
             if not angles:
