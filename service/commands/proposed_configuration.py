@@ -72,8 +72,8 @@ def bus_lines(
 ) -> Iterator[str]:
     """The file ``output`` for the axes of a bus that ``messages`` describes.
 
-    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.  ``loads``: what
-    may tell what the robot carries.
+    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.  ``loads``: signals
+    that may tell what the robot carries.
     """
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
@@ -81,7 +81,9 @@ def bus_lines(
     yield from _bus_lines(bus, channel)
     yield f"messages = {toml_value(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
-    carried = {_signal_name(load.signal): _bus_source(load) for load in loads}
+    signals = [load.signal for load in loads]
+    names = (load.signal if signals.count(load.signal) == 1 else load.name for load in loads)
+    carried = {_signal_name(name): _bus_source(load) for name, load in zip(names, loads, strict=True)}
     loaded = [*_load_lines(carried)]
     yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis)), *loaded] for axis in axes})
 

@@ -28,6 +28,8 @@ Confidence = Literal["sure", "likely", "guess"]
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
 _TURNS = (360.0, 2 * math.pi, 1.0)
 _NEARLY = 1e-3
+_MOST_STATE_BITS = 2
+"""Longest signal of a gripper that is its state; a longer one is its force or position."""
 
 
 class SignalRole(NamedTuple):
@@ -120,9 +122,13 @@ class LoadSignal(NamedTuple):
 
 
 def loads_in(messages: Sequence[Message]) -> list[LoadSignal]:
-    """Each measured load, and each gripper, by their names and units."""
+    """Each measured load, by its name and unit, and each state of a gripper, by its name and length."""
     found = ((m, s) for m in messages for s in m.signals if not counts(s))
-    loads = ((m, s) for m, s in found if is_load(s.name, s.unit or "") or is_gripper(s.name))
+    loads = (
+        (m, s)
+        for m, s in found
+        if is_load(s.name, s.unit or "") or (is_gripper(s.name) and s.length <= _MOST_STATE_BITS)
+    )
     return [LoadSignal(m.name, s.name, bool(m.cycle_time)) for m, s in loads]
 
 

@@ -66,8 +66,7 @@ class Energy(NamedTuple):
     """The energy f(s) v_j v_k of joints ``axes`` = (j, k); f is ``function``, s is ``angles``.
 
     Without ``axes``: the weight f(s), which is the derivative of a potential energy; of a linear axis it has no angles.
-    ``load``: the name of the signal
-    of a carried load that it is multiplied by; "": none.
+    ``load``: the name of the signal of a carried load by which it is multiplied; "": none.
     """
 
     axes: tuple[str, ...]

@@ -76,13 +76,19 @@ def test_a_gripper_and_a_payload(folder: Path) -> None:
     """A message without a cycle may be sent only when something changes, so its values do not become too old."""
     more = 'BO_ 704 Scale: 8 Controller\n SG_ Payload : 8|16@1+ (0.1,0) [0|100] "kg" Monitor\n'
     more += 'BO_ 703 Outputs: 8 Controller\n SG_ DO_Gripper : 0|1@1+ (1,0) [0|1] "" Monitor\n'
-    more += ' SG_ GripperCounter : 24|8@1+ (1,0) [0|255] "" M\n\nBA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\n'
+    more += ' SG_ GripperCounter : 24|8@1+ (1,0) [0|255] "" M\n SG_ GripperForce : 32|16@1+ (1,0) [0|9] "N" M\n'
+    more += 'BO_ 705 Second: 8 Controller\n SG_ DO_Gripper : 0|1@1+ (1,0) [0|1] "" M\n\n'
+    more += 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\n'
     more += 'BA_DEF_DEF_ "GenMsgCycleTime" 0;\nBA_ "GenMsgCycleTime" BO_ 704 100;\n'
     text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", more))
     assert "all axes: Outputs.DO_Gripper may tell what the robot carries" in text
     for axis in axes:
         found = {(signal.name, signal.message, signal.signal, signal.max_age_s) for signal in axis.config.signal}
-        assert found == {("DO_Gripper", "Outputs", "DO_Gripper", 3600.0), ("Payload", "Scale", "Payload", 10.0)}
+        assert found == {
+            ("Outputs-DO_Gripper", "Outputs", "DO_Gripper", 3600.0),
+            ("Second-DO_Gripper", "Second", "DO_Gripper", 3600.0),
+            ("Payload", "Scale", "Payload", 10.0),
+        }
 
 
 def test_a_real_one(records_dir: Path) -> None:
