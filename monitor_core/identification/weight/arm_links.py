@@ -85,6 +85,19 @@ def link_weights(
             records; own too.  The torque of kinetic energies is then looked for, too; of the own angle alone, as of a
             linear axis, that of the inertia of a load.
     """
+    found = _weights(records, own, angles, loads, accelerations)
+    if found is None:
+        return None
+    if own in moving and (len(moving) > 1 or loads):
+        found = _with_energies(found, records, own, angles, moving, loads)
+    enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
+    return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
+
+
+def _weights(
+    records: Sequence[Record], own: str, angles: Sequence[str], loads: Sequence[str], accelerations: Sequence[str]
+) -> LinkWeights | None:
+    """The weights, loads and accelerations alone; None: the records are too short."""
     parts, window = slow_parts(records, (*angles, *loads, *accelerations))
     if not parts:
         return None
@@ -100,30 +113,14 @@ def link_weights(
             chosen = carrying
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
-        return _complete(LinkWeights((), before, before), records, own, angles, moving, loads)
+        return LinkWeights((), before, before)
     needed, left = chosen, balance.error(chosen)
     for term in chosen:
         fewer = [w for w in needed if w != term]
         if (fewer or balance.coupled) and balance.error(fewer) < _MIN_INCREASE * left:
             needed = fewer
     balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
-    found = LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
-    return _complete(found, records, own, angles, moving, loads)
-
-
-def _complete(
-    found: LinkWeights,
-    records: Sequence[Record],
-    own: str,
-    angles: Sequence[str],
-    moving: Mapping[str, MotionSignals],
-    loads: Sequence[str],
-) -> LinkWeights | None:
-    """The same with the energies of links that reduce the error; None: all terms do not explain enough."""
-    if own in moving and (len(moving) > 1 or loads):
-        found = _with_energies(found, records, own, angles, moving, loads)
-    enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
-    return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
+    return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
 
 
 def _with_energies(
