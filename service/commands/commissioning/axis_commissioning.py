@@ -26,6 +26,7 @@ from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.commissioning.commissioning_remedies import (
     Motion,
     Retry,
+    followers_monitored,
     memories_of,
     memory_change,
     motion_for,
@@ -116,7 +117,7 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     tried: list[str] = []
     schedule: tuple[str, ...] = ()
     fair = None  # fit without the load of links, used if the fit with it is rejected
-    lacks = ""
+    lacks = taken = ""
     try:
         while True:
             config, axis = configured(text, order.axis_id, order.folder)
@@ -137,7 +138,10 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
                 text, axis, task, report, outcome = fair
                 again = None
                 break
-            if again is None or (again.changes and not order.shorten):
+            if again is not None and again.changes and not order.shorten:
+                taken = taken or f"; --yes applies {again.words}"
+                again = None if report.rejection else followers_monitored(report, text, axis)
+            if again is None:
                 break
             if again.schedule and watched_in(report) and not report.rejection:
                 fair = text, axis, task, report, outcome
@@ -148,7 +152,6 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
             outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
     except _MISTAKES as error:
         return replace(outcome, refusal=f"not identified: {error}")
-    taken = "" if again is None else f"; --yes applies {again.words}"
     outcome = _with_values(order.folder, axis, report, outcome, taken, lacks)
     motion = motion_for(report, [item.record for item in task.estimation])
     if motion is None:
@@ -165,12 +168,13 @@ def _with_values(
     ``taken``: remedies that --yes would apply; ``lacks``: see ``lacks_of``.
     """
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
+    better = [f"A better fit can be tried{taken}."] if taken and not report.rejection and watched_in(report) else []
     replace_text(folder / page, identification_html.as_html(report))
     outcome = replace(
         outcome,
         verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
         outlook=report.outlook,
-        notes=(*outcome.notes, *report.warnings),
+        notes=(*outcome.notes, *report.warnings, *better),
         pages=(page,),
         no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,
     )

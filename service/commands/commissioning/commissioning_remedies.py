@@ -96,13 +96,21 @@ def retry(
         return _with_links(text, axis, weight)
     if unfit:
         return _with_other_drive(report, text, axis, tried, turn)
+    return followers_monitored(report, text, axis)
+
+
+def followers_monitored(report: IdentificationReport, text: str, axis: NamedAxis) -> Retry | None:
+    """Repeat it with those parameters that can be monitored, if one that cannot follows a signal or the heat.
+
+    Only monitored parameters can follow.
+    """
+    watched = watched_in(report)
     bases = {split_name(name)[0] for name in watched}
     scheduled, torques = report.result.options.scheduled, report.result.estimate.drive.constant_torques()
     # A coefficient of a weight is an input unless it is monitored.
     followed = [term for term in scheduled if term.parameter not in torques]
-    if all(split_name(term.parameter)[0] in bases for term in followed):
+    if not watched or all(split_name(term.parameter)[0] in bases for term in followed):
         return None
-    # Only monitored parameters can follow temperature or a signal, so repeat it with those that can be monitored.
     fewer = monitoring(text, axis.id, watched)
     return None if fewer == text else Retry(fewer, ())
 

@@ -22,7 +22,13 @@ from service.commands.commissioning.axis_commissioning import (
     not_identified,
     unmonitored_words,
 )
-from service.commands.commissioning.commissioning_remedies import Retry, memories_of, memory_change, retry
+from service.commands.commissioning.commissioning_remedies import (
+    Retry,
+    followers_monitored,
+    memories_of,
+    memory_change,
+    retry,
+)
 from service.commands.commissioning.link_load import LinkLoad
 from service.commands.commissioning.signal_proposals import Review, configured
 from service.commands.exit_codes import MISTAKE
@@ -196,6 +202,18 @@ def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
     assert axis.model.monitor == ("kT",)
     endless = next_try(tmp_path, report(KT, NO_FM, follows=("fm",)), again.text)
     assert endless is None, "it would be the same for ever"
+
+
+def test_what_follows_is_monitored_where_a_better_fit_waits_for_consent(tmp_path: Path) -> None:
+    """A proposal that nobody confirmed is not applied; the axis is calibrated without it."""
+    found = report(KT, NO_FM, follows=("fm",), quality=Quality.FAIR)
+    proposed = next_try(tmp_path, found, MASS, links=lambda: LinkLoad((), ("cos(a1)",), 0.9, 0.3))
+    assert proposed is not None
+    assert proposed.schedule
+    again = followers_monitored(found, MASS, configured(MASS, NAME, tmp_path)[1])
+    assert again is not None
+    assert not again.changes
+    assert configured(again.text, NAME, tmp_path)[1].config.model.monitor == ("kT",)
 
 
 def test_a_weight_follows_the_pose_without_being_monitored(tmp_path: Path) -> None:
