@@ -222,9 +222,9 @@ def find_change(edges: Floats, values: Floats, sd: Floats, level_sd: float) -> C
 
 
 def _moments(edges: Floats) -> Floats:
-    """Middles of equal parts of each stretch."""
+    """The first edge, for a change before it, and the middles of equal parts of each stretch."""
     share = (np.arange(PARTS) + 0.5) / PARTS
-    return np.asarray((edges[:-1, None] + np.diff(edges)[:, None] * share).ravel())
+    return np.append(edges[0], (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel())
 
 
 def _steps(edges: Floats, moments: Floats) -> Floats:
@@ -262,8 +262,10 @@ def _excess(f: Floats, values: Floats, sd: Floats, level_sd: float) -> float:
 
 
 def _interval(edges: Floats, p: Floats) -> tuple[float, float]:
-    """Central interval of probability COVERED, for p (moments,), which is uniform within each part of a stretch."""
+    """Central interval of probability COVERED, for p (moments,), which is uniform within each part of a stretch.
+
+    It begins at the first edge if the change may have been before it.
+    """
     times = np.append((edges[:-1, None] + np.diff(edges)[:, None] * np.arange(PARTS) / PARTS).ravel(), edges[-1])
-    total = np.append(0.0, np.cumsum(p))
-    low, high = np.interp([(1 - COVERED) / 2, (1 + COVERED) / 2], total, times)
+    low, high = np.interp([(1 - COVERED) / 2, (1 + COVERED) / 2], np.cumsum(p), times)
     return float(low), float(high)

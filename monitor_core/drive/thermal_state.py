@@ -40,6 +40,8 @@ GAP_S = 1.0
 """A longer interval between two samples is a pause."""
 MOVED = 1.0
 """An axis whose angle at the sensor [rad] differs by more than this after a pause has moved meanwhile."""
+_MOST_POWER = 100.0
+"""Friction power of one step at the most, in units of the largest heat of the records; more comes from a wrong angle"""
 
 ThermalStart = Literal["cold", "unknown"]
 Unwatched = Literal["stood", "unknown"]
@@ -169,7 +171,8 @@ class ThermalState:
         # Value by value: the last bit of a vectorised exponential may depend on the index in the array.
         ones = (1.0,) * len(self.parts)
         a = np.array([self.model.cooled(ones, us * 1e-6) for us in distinct.tolist()]).T[:, which]
-        brought = (1.0 - a) * np.where(paused, 0.0, self.model.power(steps.speed))
+        power = np.minimum(self.model.power(steps.speed), _MOST_POWER * self.model.largest)
+        brought = (1.0 - a) * np.where(paused, 0.0, power)
         if self._restored and self.model.unwatched == "unknown" and h[0] > gap and not lost[0]:
             self._doubt(int(t_us[0]), a[:, 0].tolist())
             a[:, 0], brought[:, 0], paused[0] = 1.0, 0.0, False

@@ -107,7 +107,7 @@ def _mark(t: int, sums: Floats, when: Ints) -> None:
 
 @outlined
 def restart_paths(t: int, when: Ints) -> None:
-    """Discard the past of restarted predictors."""
+    """Begin the paths with the first sample.  The marks stay: what is there from the start may have begun before it."""
     for a in range(when.shape[1]):
-        for j in range(when.shape[0]):
+        for j in range(FIRST_MARK):
             when[j, a] = t if when[j, a] == NEVER else when[j, a]

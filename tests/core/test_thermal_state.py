@@ -67,6 +67,14 @@ def test_heat_is_the_exact_solution_for_a_power_that_is_held() -> None:
         assert found[k] == pytest.approx(heat, rel=1e-8)
 
 
+def test_one_wrong_angle_does_not_warm_the_axis() -> None:
+    """A spike of 50 rad in one sample of 4 ms would be 7.8 MW of friction."""
+    t_us, y = np.arange(2_000) * 4_000, np.linspace(0.0, 8.0, 2_000)
+    usual = heat_of(operating(COLD, MODEL), t_us, y)[-1]
+    y[1_000] += 50.0
+    assert heat_of(operating(COLD, MODEL), t_us, y)[-1] - usual < 0.002 * COLD.largest
+
+
 def test_a_lasting_motion_is_as_warm_as_its_friction_power() -> None:
     t_us = np.arange(60_000) * H_US  # ten time constants
     for axis, y in ((operating(COLD), np.full(t_us.size, 10.0)), (operating(COLD, MODEL), t_us * 1e-5)):

@@ -114,7 +114,7 @@ def find_warm_up(
         return None
     errors = model_errors(windows, fit.which, carried, start, fit.shape)
     judged = bool(np.isfinite(errors).all())
-    starts, model = tuple(fit.starts), replace(fit.model, fm=fm, fc=fc)
+    starts, model = tuple(fit.starts), replace(fit.model, fm=fm, fc=fc, largest=search.highest)
     heats = [with_heat(record, model, parts) for record, parts in zip(records, starts, strict=True)]
     largest = max(float(record.signals[HEAT].max()) for record in heats)
     if judged:

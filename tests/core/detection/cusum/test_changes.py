@@ -47,6 +47,17 @@ def test_step_and_drift_are_told_apart_and_sized(drift: bool, seed: int) -> None
     assert 0.8 < z.std() < 1.3
 
 
+def test_a_change_before_the_past_has_no_earliest_moment(seed: int) -> None:
+    """Nothing is known of the time before; a change in the first stretches may also have been before them."""
+    rng = np.random.default_rng(seed)
+    runs = [series(rng, -5.0, 3.0, drift=False) for _ in range(RUNS)]
+    before = [find_change(*run, 0.5).low == run[0][0] for run in runs]
+    print(f"said to be possible before the past: {np.mean(before):.3f}")
+    assert np.mean(before) > 0.9
+    runs = [series(rng, 8.0, 3.0, drift=False) for _ in range(RUNS)]
+    assert np.mean([find_change(*run, 0.5).low > run[0][0] for run in runs]) > 0.9
+
+
 def test_a_larger_scatter_than_stated_widens_the_interval(seed: int) -> None:
     rng = np.random.default_rng(seed)
     edges, values, sd = series(rng, 15.0, 3.0, drift=False)

@@ -241,6 +241,16 @@ def test_a_cause_is_named_with_its_size(fault: dict[str, float], sign: int, name
     assert right >= 2
 
 
+def test_a_fault_from_the_first_sample_on_may_have_begun_before_it(seed: int) -> None:
+    rec = experiment(seed, {"kT": 0.7}, samples=2600)
+    faulty = SampleBlock(rec.t_us[FAULT_AT:], rec.u[FAULT_AT:], rec.y[FAULT_AT:])
+    for record, known in ((faulty, False), (SampleBlock(*rec), True)):
+        watched = monitor(seed)
+        watched.update(record)
+        (alarm,) = watched.open_alarms
+        assert (alarm.onset_low_us is not None) == known
+
+
 def test_each_detector_alarms_where_it_is_the_source_and_shows_its_evidence_elsewhere(seed: int) -> None:
     rec = SampleBlock(*experiment(seed, {"1/Ja": 1.5}, samples=2600))
     by_cusum, by_multimodel = monitor(seed, "cusum"), monitor(seed)
