@@ -103,6 +103,13 @@ class Conditions:
         """All signals, the measured ones first."""
         return self.signals if self.thermal is None else (*self.signals, HEAT)
 
+    @property
+    def pose_angles(self) -> tuple[str, ...]:
+        """Names of the angles that nominal values follow, by cosines and sines."""
+        factors = [factor for f in (*self.follows, *self.weight) for factor in f.term.factors]
+        turning = [factor for factor in factors if factor.function in ("cos", "sin")]
+        return tuple(dict.fromkeys(name for factor in turning for _, name in factor.addends))
+
     def __bool__(self) -> bool:
         return bool(self.follows or self.gates or self.min_speed > 0 or self.weight)
 

@@ -49,6 +49,7 @@ from monitor_core.monitoring.axis_status import (
     unidentifiable_words,
 )
 from monitor_core.monitoring.calibrated_range import (
+    MOST_NEW_POSES,
     RMS_SPEED,
     CalibratedRange,
     ConditionTracker,
@@ -57,6 +58,7 @@ from monitor_core.monitoring.calibrated_range import (
 )
 from monitor_core.monitoring.fleet import AxisTrace, Fleet
 from monitor_core.monitoring.heat_observer import WarmUp, conditioned_records
+from monitor_core.monitoring.known_poses import PoseMap, pose_maps
 from monitor_core.monitoring.not_tested import MIN_TESTED_MEMORIES, NotTested
 from monitor_core.monitoring.recommended_settings import (
     DEFAULT_MEMORY_S,

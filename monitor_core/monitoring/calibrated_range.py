@@ -1,8 +1,9 @@
 """Ranges of the speed and the signals of an axis during calibration, and whether the axis is within them now.
 
 Thresholds keep their false-alarm budget in the conditions of the records from which they were calibrated.  A condition
-is the value of an auxiliary signal, or the root mean square of the speed over ten memories.  The torque is not a
-condition, as a fault changes it.
+is the value of an auxiliary signal, the root mean square of the speed over ten memories, or the share of new poses:
+of the way of the axis in ten memories, how much it went while the robot was in poses that are not in the records.  The
+torque is not a condition, as a fault changes it.
 """
 
 import math
@@ -15,6 +16,7 @@ import numpy as np
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.structure import Output
+from monitor_core.monitoring.known_poses import PoseMap
 from monitor_core.samples import SampleBlock, forward_fill
 from monitor_core.settings import Settings
 from monitor_core.wording import sentence
@@ -22,6 +24,10 @@ from monitor_core.wording import sentence
 RMS_SPEED = "rms speed"
 """Root mean square of the speed [rad/s]; no signal can have this name."""
 RMS_MEMORIES = 10
+NEW_POSES = "share of new poses"
+"""Share of the way of the axis over ten memories, 0 to 1; no signal can have this name."""
+MOST_NEW_POSES = 0.1
+"""With more of it another program runs, for which the nominal values of the load are an extrapolation."""
 MARGIN = 0.1
 """A value counts as inside if it is beyond an end by at most this share of the width and of the ends' magnitudes."""
 
@@ -46,36 +52,54 @@ class ConditionTracker:
         output: the measured output.
         settings: memory, interval and longest gap.
         signals: names of the auxiliary signals.
+        poses: maps of the known poses; their angles are among the signals.
     """
 
-    def __init__(self, output: Output, settings: Settings, signals: Sequence[str]) -> None:
-        self.names = (RMS_SPEED, *signals)
+    def __init__(
+        self, output: Output, settings: Settings, signals: Sequence[str], poses: Sequence[PoseMap] = ()
+    ) -> None:
+        self.names = (RMS_SPEED, *signals, *([NEW_POSES] if poses else ()))
+        self._signals, self._poses = len(signals), [(m, [signals.index(name) for name in m.angles]) for m in poses]
         self._angle, self._gap_us = output == "angle", 1e6 * settings.max_gap_s
         self._samples = RMS_MEMORIES * settings.memory
         self._speed = MeasuredSpeed(output)
-        self._sums = [0.0, 0.0]  # of the squares and of their weights
+        self._sums = [0.0] * 4  # of the squares of the speed, of their weights, of the way, and of that in new poses
         self._last = np.full(len(self.names), math.nan)
 
     def take(self, block: SampleBlock) -> Floats:
-        """The conditions at each sample (N, 1 + S); NaN: unknown."""
+        """The conditions at each sample (N, 1 + S), with maps (N, 2 + S); NaN: unknown."""
         N = block.size
         if N == 0:
             return np.zeros((0, len(self.names)))
-        squares = self._speeds(block) ** 2
-        known = np.isfinite(squares)
+        speed = self._speeds(block)
+        known = np.isfinite(speed)
         # A sample without a speed leaves the sums as they are.
-        total, count = self._sum(0, squares[known]), self._sum(1, np.ones(int(known.sum())))
+        total, count = self._sum(0, speed[known] ** 2), self._sum(1, np.ones(int(known.sum())))
         conditions = np.full((N, len(self.names)), math.nan)
         enough = count > self._samples * (1 - math.exp(-1))
         conditions[known, 0] = np.where(enough, np.sqrt(total / count), math.nan)
-        conditions[:, :1] = forward_fill(conditions[:, :1], self._last[:1])
         if block.signals is not None:
-            conditions[:, 1:] = block.signals
+            conditions[:, 1 : 1 + self._signals] = block.signals
+        held = [0]
+        if self._poses:
+            way = np.abs(speed[known])
+            gone, new = self._sum(2, way), self._sum(3, np.where(self._is_new(block)[known], way, 0.0))
+            conditions[known, -1] = np.where(enough & (gone > 0), new / np.maximum(gone, math.ulp(0.0)), math.nan)
+            held.append(-1)
+        conditions[:, held] = forward_fill(conditions[:, held], self._last[held])
         self._last = conditions[-1].copy()
         return conditions
 
+    def _is_new(self, block: SampleBlock) -> Bools:
+        """Whether the robot is in a pose that is not in the records (N,)."""
+        new = np.zeros(block.size, np.bool_)
+        if block.signals is not None:
+            for known, (first, second) in self._poses:
+                new |= ~known.holds(block.signals[:, first], block.signals[:, second])
+        return new
+
     def _sum(self, row: int, values: Floats) -> Floats:
-        """Running sum of values (n,) with exponential forgetting; ``row`` selects one of the two sums."""
+        """Running sum of values (n,) with exponential forgetting; ``row`` selects one of the sums."""
         if not values.size:
             return values
         factor = 1 - 1 / self._samples
@@ -103,21 +127,31 @@ def ranges(output: Output, settings: Settings, signals: Sequence[str], records: 
     ]
 
 
+class Inside(NamedTuple):
+    """Whether an axis is within its calibrated conditions at each sample, and whether in known poses, (N,) each."""
+
+    conditions: Bools
+    """All conditions, among them the poses"""
+    poses: Bools
+
+
 class CalibratedRange:
     """Tells whether an axis is within its calibrated conditions, from sample to sample."""
 
     def __init__(self, known: Sequence[Range], tracker: ConditionTracker) -> None:
         self._tracker = tracker
         self._ranges = [(tracker.names.index(r.condition), r) for r in known if r.condition in tracker.names]
+        self._new_poses = Range(NEW_POSES, 0.0, MOST_NEW_POSES) if NEW_POSES in tracker.names else None
         self._last: Floats | None = None
 
-    def take(self, block: SampleBlock) -> Bools:
+    def take(self, block: SampleBlock) -> Inside:
         """Whether the conditions are inside at each sample (N,)."""
         values, inside = self._tracker.take(block), np.ones(block.size, np.bool_)
         for column, r in self._ranges:
             inside &= r.holds(values[:, column])
+        poses = np.ones(block.size, np.bool_) if self._new_poses is None else self._new_poses.holds(values[:, -1])
         self._last = values[-1] if block.size else self._last
-        return inside
+        return Inside(inside & poses, poses)
 
     @property
     def outside(self) -> tuple[str, ...]:
@@ -125,7 +159,7 @@ class CalibratedRange:
         last = self._last
         if last is None:
             return ()
-        return tuple(
+        beyond = tuple(
             sentence(
                 "not calibrated",
                 "{name} = {value}, calibrated from {low} to {high}",
@@ -137,3 +171,12 @@ class CalibratedRange:
             for column, r in self._ranges
             if not r.holds(last[column : column + 1]).all()
         )
+        return (self.new_poses, *beyond) if self.new_poses else beyond
+
+    @property
+    def new_poses(self) -> str:
+        """A sentence if, at the last sample, the share of new poses was too large; otherwise empty."""
+        if self._last is None or self._new_poses is None or self._new_poses.holds(self._last[-1:]).all():
+            return ""
+        text = "{share} % of the way of the axis is in poses of the robot that no record of the calibration has"
+        return sentence("new poses", text, share=f"{100 * self._last[-1]:.0f}")

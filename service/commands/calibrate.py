@@ -124,24 +124,26 @@ def calibrate_axis(
         RecordError, DescriptionError, IngestError: a record cannot be read.
     """
     from monitor_core.calibration import calibrate as find_thresholds
-    from monitor_core.monitoring import ranges
+    from monitor_core.monitoring import pose_maps, ranges
     from service.commands.progress import Background
     from service.config import conditions_of
     from service.config.axis_settings import alarm_source_of, axis_settings, monitored_model
     from service.ingest.axis_records import wanted
     from service.ingest.loaded_records import load_samples
     from service.ingest.recorded_units import units_as_recorded
-    from service.reports.calibration_report import Calibration, one_sided, warnings
+    from service.reports.calibration_report import Calibration, new_poses, one_sided, warnings
 
     model = monitored_model(axis)
     settings = axis_settings(axis, model)
     records, sources = load_samples(texts, config, axis, model, lambda part: progress("reading", part, 1.0))
     result = find_thresholds(model, settings, records, options, progress, Background)
     alarms: DetectorName = "cusum" if result.bank is None else alarm_source_of(axis.config, True)
-    found = ranges(model.drive.output, settings, conditions_of(axis).columns, records)
+    conditions = conditions_of(axis)
+    found = ranges(model.drive.output, settings, conditions.columns, records)
+    poses = tuple(pose_maps(conditions.pose_angles, conditions.columns, records))
     units = units_as_recorded(config, axis, wanted(texts[0]).path)
-    cautions = (*warnings(result), *one_sided(records, found), *units)
-    return Calibration(axis, result, sources, cautions, provenance, alarms, tuple(found))
+    cautions = (*warnings(result), *one_sided(records, found), *new_poses(poses), *units)
+    return Calibration(axis, result, sources, cautions, provenance, alarms, tuple(found), poses)
 
 
 def seconds_of(text: str) -> float:

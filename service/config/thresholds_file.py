@@ -4,9 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from monitor_core.drive import AxisModel
+from monitor_core.monitoring import PoseMap
 from monitor_core.settings import Settings, Threshold
 from service.config.base_table import NotNegative, Positive, Real
 from service.config.found_file import FoundFile, FoundTable, alike
@@ -50,6 +51,22 @@ class RangeTable(FoundTable):
     high: Real
 
 
+class PosesTable(FoundTable):
+    """[[poses]]: a map of the poses of two axes in the calibration records.
+
+    known: cells of 10 by 10 degrees, one bit each, in hexadecimal digits; those of one row have the same first angle.
+    """
+
+    angles: tuple[str, str]
+    known: str
+
+    @field_validator("known")
+    @classmethod
+    def _is_a_map(cls, known: str) -> str:
+        PoseMap.from_hex(("", ""), known)
+        return known
+
+
 class ThresholdsFile(FoundFile):
     """The whole file.
 
@@ -67,6 +84,8 @@ class ThresholdsFile(FoundFile):
     """Thresholds of the multi-model detector, if it was calibrated"""
     range: tuple[RangeTable, ...] = ()
     """Ranges of the rms speed and of the signals; empty in files of earlier versions"""
+    poses: tuple[PosesTable, ...] = ()
+    """Maps of the poses, if the load on the axis follows them; empty in files of earlier versions"""
 
 
 # --- Thresholds belong to the nominal values and the estimator settings of one monitor --------------------------------

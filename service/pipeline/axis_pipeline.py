@@ -9,6 +9,7 @@ from monitor_core.monitoring import (
     AxisMonitor,
     CalibratedRange,
     ConditionTracker,
+    PoseMap,
     Range,
     UnrecordedHeat,
     WarmUp,
@@ -53,7 +54,9 @@ class AxisPipeline:
         """The starts of its motion; None: a thermal law or a signal says what friction to expect"""
         self._calibrated: CalibratedRange | None = None
         if thresholds is not None and thresholds.range:
-            tracker = ConditionTracker(axis.config.output, monitor.settings, conditions.columns)
+            there = [m for m in thresholds.poses if {*m.angles} <= {*conditions.columns}]
+            poses = [PoseMap.from_hex(m.angles, m.known) for m in there]
+            tracker = ConditionTracker(axis.config.output, monitor.settings, conditions.columns, poses)
             ranges = tuple(Range(r.condition, r.low, r.high) for r in thresholds.range)
             self._calibrated = CalibratedRange(ranges, tracker)
         self._turns = turns_of(axis.config)
@@ -84,9 +87,9 @@ class AxisPipeline:
             block = self.operating.conditioned(block)
         if self._calibrated is not None:
             inside = self._calibrated.take(block)
-            block = block._replace(inside=inside)
-            if self._outside == "wait":
-                block = block._replace(gate=inside if block.gate is None else block.gate & inside)
+            gate = inside.conditions if self._outside == "wait" else inside.poses
+            gate = gate if block.gate is None else block.gate & gate
+            block = block._replace(inside=inside.conditions, gate=gate)
         return block, more
 
     @property
@@ -113,7 +116,9 @@ class AxisPipeline:
     def gated_by(self) -> str:
         """The operating condition that kept the last sample from being used; empty: it was used."""
         reason = "" if self.operating is None else self.operating.reason
-        return reason or (joined(self.outside_calibration) if self._outside == "wait" else "")
+        if reason or self._calibrated is None:
+            return reason
+        return joined(self.outside_calibration) if self._outside == "wait" else self._calibrated.new_poses
 
 
 def _motion(monitor: AxisMonitor) -> Motion | None:

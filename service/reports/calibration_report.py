@@ -10,7 +10,7 @@ from rich.text import Text
 
 from monitor_core.calibration import CalibrationResult, DetectorResult, TrialResult
 from monitor_core.detection import DetectorName
-from monitor_core.monitoring import RMS_SPEED, Range
+from monitor_core.monitoring import MOST_NEW_POSES, RMS_SPEED, PoseMap, Range
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
@@ -30,6 +30,8 @@ class Calibration:
     alarms: DetectorName = "cusum"
     ranges: Sequence[Range] = ()
     """Ranges of the conditions in the records"""
+    poses: Sequence[PoseMap] = ()
+    """Maps of the poses in the records, if the load on the axis follows them"""
 
     @property
     def detectors(self) -> tuple[DetectorResult, ...]:
@@ -223,6 +225,17 @@ def one_sided(records: Sequence[SampleBlock], found: Sequence[Range]) -> Iterato
     for r in found:
         if r.condition != RMS_SPEED and r.high == r.low:
             yield f"{r.condition} is {r.low:.3g} in all records: at other values the promise does not hold."
+
+
+def new_poses(poses: Sequence[PoseMap]) -> Iterator[str]:
+    """A caution where the load follows the pose: another program may need other records."""
+    angles = dict.fromkeys(name for known in poses for name in known.angles)
+    if angles:
+        yield (
+            f"The load on this axis follows {listed(list(angles))}, and is known in the poses of these records. While"
+            f" more than {percent(MOST_NEW_POSES)} of the way of the axis is in other poses (10 to 20 degrees from"
+            " them), nothing is tested: record every program of the robot."
+        )
 
 
 _DOUBTFUL_SCATTER, _FAR_EXTRAPOLATION = 2.0, 30.0

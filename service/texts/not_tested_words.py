@@ -48,6 +48,8 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
 
 def _within_conditions(gated_by: str) -> str:
     """What would help against the condition that excluded the last sample."""
+    if isinstance(gated_by, Sentence) and gated_by.kind == "new poses":
+        return _PROGRAM
     if not isinstance(gated_by, Sentence) or gated_by.kind != "beyond":
         return _NEEDED[NotTested.CONDITIONS]
     signal = gated_by.values["found"]
@@ -56,6 +58,7 @@ def _within_conditions(gated_by: str) -> str:
 
 
 _FARTHER = "nominal values and thresholds from records that reach this value, too"
+_PROGRAM = "nominal values and thresholds from records of this program, too: `axiswatch commission` with all of them"
 _WIDEN = '; or `outside_calibration = "widen"` in [robot.axis.detector], with which the CUSUM tests go on'
 _MORE_MOTION = "motion that accelerates and has several speeds within memory_s, or a longer memory_s"
 _COLD = '`start = "cold"` in [robot.axis.thermal], if it is cold at the beginning'

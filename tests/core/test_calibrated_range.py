@@ -62,13 +62,13 @@ def test_outside_is_what_the_records_did_not_have_with_a_margin(seed: int) -> No
     assert [r.condition for r in known] == [RMS_SPEED, "temperature"]
     assert known[1] == Range("temperature", 20.0, 30.0)
     calibrated = CalibratedRange(known, tracker())
-    assert calibrated.take(concatenate(records)).all()
+    assert calibrated.take(concatenate(records)).conditions.all()
     assert list(calibrated.outside) == []
-    assert calibrated.take(block(seed, 10, 3.0, 32.9, 4000)).all()
-    assert not calibrated.take(block(seed, 10, 3.0, 33.1, 4010)).any()
+    assert calibrated.take(block(seed, 10, 3.0, 32.9, 4000)).conditions.all()
+    assert not calibrated.take(block(seed, 10, 3.0, 33.1, 4010)).conditions.any()
     assert list(calibrated.outside) == ["temperature = 33.1, calibrated from 20 to 30"]
-    assert calibrated.take(block(seed, 10, 3.0, np.nan, 4020)).all()  # unknown: a gate is for that
-    faster = calibrated.take(block(seed, 2000, 6.0, 25.0, 4030))
+    assert calibrated.take(block(seed, 10, 3.0, np.nan, 4020)).conditions.all()  # unknown: a gate is for that
+    faster = calibrated.take(block(seed, 2000, 6.0, 25.0, 4030)).conditions
     assert faster[0]
     assert not faster[-1]
     assert calibrated.outside[0].startswith("rms speed = ")

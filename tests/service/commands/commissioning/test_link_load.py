@@ -14,6 +14,7 @@ from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning import axis_commissioning
 from service.commands.commissioning.link_load import LinkLoad, link_load
+from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
 from service.config.commissioned import corrected
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
@@ -102,6 +103,16 @@ def test_a_weak_motor_is_named_and_the_healthy_arm_is_quiet(cell: Cell) -> None:
     found = alarms(cell, faulty)
     assert set(found) == {"robot1.shoulder"}
     assert found["robot1.shoulder"] == [("kT", "down")]
+
+
+def test_in_poses_that_no_record_has_nothing_is_tested(cell: Cell) -> None:
+    """To the other side: the cosine of the shoulder is within its range."""
+    taken = cell.arm.take(40.0)
+    moved = write(cell.folder / "moved.csv", taken._replace(y=taken.y * [-1.0, 1.0]))
+    done = axiswatch("replay", moved, "--config", cell.config)
+    assert done.exit_code == NOT_TESTED, done.output
+    assert "Not tested: robot1.shoulder: " in done.output
+    assert "of the way of the axis is in poses of the robot that no record of the calibration has" in done.output
 
 
 def alarms(cell: Cell, record: Path) -> dict[str, list[tuple[str, str]]]:

@@ -208,6 +208,7 @@ const SENTENCES: Record<string, string> = {
   beyond: "{found}, außerhalb von {low} bis {high}",
   heat: "Wärme = {heat}, Reibung bekannt von {low} bis {high}",
   "not calibrated": "{name} = {value}, kalibriert von {low} bis {high}",
+  "new poses": "{share} % des Weges der Achse liegen in Posen des Roboters, die keine Kalibrieraufnahme enthält",
   wider: "{why}: mit größerer Toleranz geprüft",
 
   "not opened": "gestört: noch nicht geöffnet",
