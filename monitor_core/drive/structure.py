@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.kernel.tables import COSINE, OF_MOTION, ONE, SINE, TORQUE, WEIGHT
+from monitor_core.kernel.tables import OF_ANGLE, OF_MOTION, ONE, TORQUE, WEIGHT
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
 Output = Literal["speed", "angle", "mean speed"]
@@ -224,7 +224,7 @@ class Drive:
 
     def weights(self) -> tuple[str, ...]:
         """Parameters that are factors of the weight, which turns with the pose, and of nothing else."""
-        return tuple(p.name for p in self.parameters if self._drives_only(p.name, (COSINE, SINE, WEIGHT)))
+        return tuple(p.name for p in self.parameters if self._drives_only(p.name, (*OF_ANGLE, WEIGHT)))
 
     def _drives_only(self, name: str, kinds: Sequence[int]) -> bool:
         found = [(term, power) for term in self.terms for factor, power in term.powers if factor == name]

@@ -14,7 +14,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive
-from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, OF_ANGLE, OF_MOTION, ONE, TORQUE
 from monitor_core.modeling.standard_drives import three_mass
 
 
@@ -82,8 +82,7 @@ class SimulatedAxis:
         self._constant = np.array([float(kind == ONE) for kind in kinds])
         self._of_torque = [i for i, kind in enumerate(kinds) if kind == TORQUE]
         self._friction, self._weight = (
-            [(i, kind, ratio[i]) for i, kind in enumerate(kinds) if kind in wanted]
-            for wanted in ((COULOMB,), (COSINE, SINE))
+            [(i, kind, ratio[i]) for i, kind in enumerate(kinds) if kind in wanted] for wanted in ((COULOMB,), OF_ANGLE)
         )
         self._parts = self._substeps if self._drive.acts(OF_MOTION, model.nominal) else 1
         self._held: dict[float, tuple[Floats, Floats]] = {}
