@@ -34,9 +34,14 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class Plant:
-    """A drive whose output is the angle, sampled with an interval.
+    """The drive that a planned motion moves.
 
-    ``speed_scale`` is that of Coulomb friction, rad/s; ``coulomb`` multiplies that friction.
+    Args:
+        drive: the drive, with the angle as output.
+        values: of all its parameters.
+        interval_s: sample interval [s].
+        speed_scale: that of Coulomb friction [rad/s].
+        coulomb: factor of that friction.
 
     Raises:
         KeyError: a value is missing.
