@@ -5,7 +5,7 @@ from __future__ import annotations
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from service.pipeline.warming import compile_all
+from service.pipeline.kernel_cache import compile_all
 
 if TYPE_CHECKING:
     from monitor_core.arrays import Floats

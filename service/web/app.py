@@ -13,7 +13,7 @@ from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
 from service.pipeline.baselines import BaselineConflictError, BaselineError, BaselineUnavailableError
-from service.pipeline.giving_way import giving_way
+from service.pipeline.pauses import with_pauses
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.web import metrics, models, views
@@ -101,7 +101,7 @@ def _axes(state: AppState) -> APIRouter:
     api = APIRouter()
 
     def written(taken: Snapshot, now_us: int) -> bytes:
-        return views.axes_json(taken, [views.axis_json(a, now_us) for a in giving_way(taken.axes)])
+        return views.axes_json(taken, [views.axis_json(a, now_us) for a in with_pauses(taken.axes)])
 
     every = Latest(written, _LONGEST_S)
     state.prepared.append(every)
