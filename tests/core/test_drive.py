@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.structure import Definition, Drive, Output, Parameter, Quantity, Term, split_name
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
@@ -222,13 +223,15 @@ def test_a_linear_simulation_takes_drawn_parameters(seed: int) -> None:
 
 
 NAMES = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0", "kT")
-V = dict(zip(NAMES, (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0), strict=True)) | {"r": 0.5}
+PRIMES = (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0)
+V = {**REFERENCE_VALUES, **dict(zip(NAMES, PRIMES, strict=True)), "r": 0.5}
 
 
 def test_rest_moves_rigidly() -> None:
     """Without torque and friction nothing accelerates and no spring is tensioned."""
     for output in ("speed", "angle"):
-        model = AxisModel(three_mass(output), {**V, "fm": 0.0}, ("kT",))
+        drive = three_mass(output)
+        model = AxisModel(drive, {**V, **dict.fromkeys(friction_of(drive).viscous, 0.0)}, ("kT",))
         A, _, C = model.matrices()
         rest = model.drive.matrix("rest", model.nominal)
         assert (C @ rest == 1).all()
