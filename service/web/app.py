@@ -62,8 +62,7 @@ def create_app(state: AppState) -> FastAPI:
     app.include_router(_api(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
     app.include_router(_probes(state))
     app.include_router(_pages())
-    if state.reports is not None:
-        app.include_router(report_router(state.reports))
+    app.include_router(report_router(state.reports))
     app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))  # after the route of the icons
     app.add_middleware(EntityTags)
     app.add_middleware(Gate, access=state.access)
@@ -91,7 +90,7 @@ def _api(state: AppState) -> APIRouter:
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
         """Version, readiness with reasons, buses, links, messages for the operator."""
-        report = None if state.reports is None else state.reports.address
+        report = state.reports.address
         return views.service(state.snapshot(), state.now_us(), report, state.access.danger, state.links())
 
     return api
