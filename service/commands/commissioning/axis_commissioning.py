@@ -23,6 +23,7 @@ from monitor_core.wording import listed
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.commands.calibrate import as_identified, calibrate_axis
+from service.commands.commissioning.checked_axis import configured
 from service.commands.commissioning.commissioning_remedies import (
     Motion,
     Retry,
@@ -34,7 +35,7 @@ from service.commands.commissioning.commissioning_remedies import (
     watched_in,
 )
 from service.commands.commissioning.link_load import link_load
-from service.commands.commissioning.signal_proposals import Review, configured
+from service.commands.commissioning.signal_proposals import Review
 from service.commands.excite import planned, torque_columns
 from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
 from service.commands.output_files import replace_text
