@@ -62,7 +62,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
+class MatrixTerm:
     """``coefficient * prod parameter^exponent``, added to one entry of a matrix."""
 
     matrix: Matrix
@@ -129,7 +129,7 @@ class Drive:
     states: tuple[Quantity, ...]
     inputs: tuple[int, ...]
     parameters: tuple[Parameter, ...]
-    terms: tuple[Term, ...]
+    terms: tuple[MatrixTerm, ...]
     speed_state: int
     definitions: tuple[Definition, ...] = ()
     drawn: tuple[Parameter, ...] = ()
@@ -284,7 +284,7 @@ class Drive:
             self,
             output="mean speed",
             states=(*self.states, Quantity(SINCE_SAMPLE, "rad")),
-            terms=(*others, *turned, Term("C", 0, n, 1.0, ())),
+            terms=(*others, *turned, MatrixTerm("C", 0, n, 1.0, ())),
         )
 
     @property
@@ -308,7 +308,7 @@ class Drive:
         n = len(self.states)
         torque = [t for t in self.terms if t.matrix == "B" and self.inputs[t.col] == TORQUE]
         acts = [replace(term, matrix="A", col=n) for term in torque]
-        decays = Term("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
+        decays = MatrixTerm("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
         return replace(
             self,
             states=(*self.states, Quantity(DISTURBANCE, "N m")),

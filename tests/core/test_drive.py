@@ -11,7 +11,7 @@ import pytest
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.structure import Definition, Drive, Output, Parameter, Quantity, Term, split_name
+from monitor_core.drive.structure import Definition, Drive, MatrixTerm, Output, Parameter, Quantity, split_name
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model, three_mass
@@ -41,10 +41,10 @@ SPRUNG = Drive(
         Parameter("kT", "1", "torque constant"),
     ),
     terms=(
-        Term("A", 0, 1, 1.0, ()),
-        Term("A", 1, 0, -1.0, ((IN_SERIES, -1), (JOINED, -1))),
-        Term("B", 1, 0, 1.0, (("kT", 1), (JOINED, -1))),
-        Term("C", 0, 1, 1.0, ()),
+        MatrixTerm("A", 0, 1, 1.0, ()),
+        MatrixTerm("A", 1, 0, -1.0, ((IN_SERIES, -1), (JOINED, -1))),
+        MatrixTerm("B", 1, 0, 1.0, (("kT", 1), (JOINED, -1))),
+        MatrixTerm("C", 0, 1, 1.0, ()),
     ),
     speed_state=1,
     definitions=(
@@ -163,9 +163,9 @@ def test_ratios_are_one_at_the_sensor_and_nothing_without_motion() -> None:
         inputs=(TORQUE, COULOMB, ONE, COSINE, SINE, COULOMB),
         terms=(
             *drive.terms,
-            Term("ratio", 3, 0, 2.0, (("r", 1),)),
-            Term("ratio", 3, 0, 1.0, ()),
-            Term("ratio", 5, 0, 0.0, ()),
+            MatrixTerm("ratio", 3, 0, 2.0, (("r", 1),)),
+            MatrixTerm("ratio", 3, 0, 1.0, ()),
+            MatrixTerm("ratio", 5, 0, 0.0, ()),
         ),
     )
     ratio = geared.matrix("ratio", {**REFERENCE_VALUES, "r": 0.25})
