@@ -43,7 +43,7 @@ _OPERATORS = frozenset(" +*/^()")
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A physical parameter.
+    """A physical parameter: its name, its SI unit as text, and its meaning in words.
 
     ``positive``: the value must be above zero (inertias, springs).  ``nonnegative``: the value must not be negative
     (dampers, friction); this is implied by ``positive``.
