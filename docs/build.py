@@ -3,6 +3,7 @@
 import json
 import tempfile
 from pathlib import Path
+from typing import NoReturn
 
 from docs.commissioning_figures import motion_figure, replay_figure, replayed
 from docs.reference_figures import figure_5, figure_6, numbers, reference
@@ -11,6 +12,8 @@ from service.store.journal import Journal
 from service.web.app import create_app
 from service.web.app_state import AppState
 from service.web.metrics import FAMILIES
+from service.web.report_pages import ReportPages
+from service.web.robot_setup import RobotSetup
 
 SCHEMA = Path(__file__).with_name("openapi.json")
 METRICS = Path(__file__).with_name("metrics.md")
@@ -29,10 +32,15 @@ def write_schema() -> None:
     nothing = Snapshot(0, 0, (), (), Histogram((), (0,), 0.0), None)
     with tempfile.TemporaryDirectory() as folder:
         journal = Journal(Path(folder) / "alarms.sqlite")
-        schema = create_app(AppState(lambda: nothing, journal)).openapi()
+        setup = RobotSetup(_not_asked, Path(folder) / "axiswatch.toml", _not_asked)
+        schema = create_app(AppState(lambda: nothing, journal, setup, ReportPages(Path(folder), ()))).openapi()
         journal.close()
     SCHEMA.write_text(json.dumps(schema, indent=1) + "\n", encoding="utf-8")
     print(f"{SCHEMA.name}: {len(schema['paths'])} addresses")
+
+
+def _not_asked(*_: object) -> NoReturn:
+    raise AssertionError("the schema of the API depends on no answer")
 
 
 METRICS_TOP = """# Metrics

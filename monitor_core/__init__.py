@@ -6,12 +6,13 @@ Models and simulation:
 * ``AxisModel``: one axis: a drive with nominal values and monitored parameters.
 * ``two_mass, three_mass, five_mass, REFERENCE_VALUES``: drives of the library, the paper's values.
 * ``SimulatedAxis, reference_model, experiment``: simulated axes; the paper's reference experiment.
-* ``Conditions, Follow, Gate, Operating``: nominal values that follow signals, gates.
+* ``Conditions, Follow, Term, Gate, Operating``: nominal values that follow signals, gates.
 
 Excitation:
 
 * ``multisine, crest_factor``: signals.
-* ``plan``: a motion within the limits of the drive.
+* ``plan, ExcitationTask, ExcitationError``: a motion with which the parameters will be well determined.
+* ``Plant, Estimation, MotionLimits``: what such a motion is planned for: drive, later estimation, largest values.
 * ``Accuracy``: Cramer-Rao bound of a record.
 
 Identification:
@@ -54,8 +55,19 @@ if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationError, CalibrationOptions, CalibrationResult, calibrate
     from monitor_core.detection import Alarm, Limits, MultiModelDetector
     from monitor_core.detection.multimodel.multimodel_detector import least_delay
-    from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Gate, Operating, Parameter
-    from monitor_core.excitation import Accuracy, crest_factor, experiment, multisine, plan
+    from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Gate, Operating, Parameter, Term
+    from monitor_core.excitation import (
+        Accuracy,
+        Estimation,
+        ExcitationError,
+        ExcitationTask,
+        MotionLimits,
+        Plant,
+        crest_factor,
+        experiment,
+        multisine,
+        plan,
+    )
     from monitor_core.identification import (
         Disturbance,
         Estimate,
@@ -96,8 +108,9 @@ _NAMES = {
     "calibration": "CalibrationError CalibrationOptions CalibrationResult calibrate",
     "detection": "Alarm Limits MultiModelDetector",
     "detection.multimodel.multimodel_detector": "least_delay",
-    "drive": "AxisModel Conditions Drive Follow Gate Operating Parameter",
-    "excitation": "Accuracy crest_factor experiment multisine plan",
+    "drive": "AxisModel Conditions Drive Follow Gate Operating Parameter Term",
+    "excitation": "Accuracy Estimation ExcitationError ExcitationTask MotionLimits Plant crest_factor experiment "
+    "multisine plan",
     "identification": "Disturbance Estimate IdentificationError IdentificationOptions IdentificationResult Problem "
     "Record check_record fit identify",
     "modeling": "REFERENCE_VALUES SimulatedAxis five_mass reference_model three_mass two_mass",

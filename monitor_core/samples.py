@@ -14,7 +14,11 @@ N m; 1e5 rad/s is a million revolutions per minute; 1e8 rad is 16 million revolu
 
 
 class SampleBlock(NamedTuple):
-    """Samples of one axis in the order of their receipt: from the reader to the kernel, live or from a record."""
+    """Samples of one axis in the order of their receipt: from the reader to the kernel, live or from a record.
+
+    ``t_us`` (N,) times [us]; ``u`` (N,) motor torque [N m]; ``y`` (N,) motor speed [rad/s] or motor angle [rad], as the
+    output of the drive.  The other arrays are computed by ``Operating.conditioned`` where an axis has conditions.
+    """
 
     t_us: NDArray[np.int64]  # (N,) time [us]
     u: Floats  # (N,) motor torque [N m]

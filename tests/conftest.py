@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import pytest
 from hypothesis import settings
 
-from service.pipeline.warming import choose
+from service.pipeline.kernel_cache import choose
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

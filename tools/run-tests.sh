@@ -25,7 +25,7 @@ ahead() {
   .venv/bin/python -c "import os
 import tests.conftest # without garbage collection, which would take a tenth of the time
 from service.commands.warm import compile_offline
-from service.pipeline.warming import Shape, compile_kernel
+from service.pipeline.kernel_cache import Shape, compile_kernel
 $1
 os._exit(0) # it is written; to take the compiler's memory apart would take a second"
 }

@@ -17,7 +17,7 @@ from monitor_core.calibration.simulated_copies import Innovations, Plants, innov
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, TORQUE, WEIGHT
+from monitor_core.kernel.tables import ANGLE_FUNCTIONS, COULOMB, ONE, TORQUE, WEIGHT
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 
@@ -151,7 +151,7 @@ def _input(axis: MonitoredAxis, record: SampleBlock, c: int, scale: float, speed
     if kind == COULOMB:
         ratio = float(model.drive.matrix("ratio", model.nominal)[c, 0]) / settings.speed_scale
         return _interval_mean(np.tanh(ratio * record.y)) if output == "speed" else np.tanh(ratio * speed)
-    return _interval_mean(np.cos(scale * record.y) if kind == COSINE else np.sin(scale * record.y))
+    return _interval_mean(ANGLE_FUNCTIONS[kind](scale * record.y))
 
 
 def _mean_speed(axis: MonitoredAxis, record: SampleBlock) -> Floats:

@@ -19,7 +19,7 @@ FOUND_SHARE = 0.9
 
 @dataclass(frozen=True)
 class DetectorResult:
-    """Performance of one detector.
+    """Performance of one detector; ``within_s`` as in ``CalibrationResult``.
 
     ``between_s``: mean time between false alarms [s]: most likely value and bounds of the 90 % interval.  ``caught``:
     trials of all changes, with the names of the alarms: the first name of the CUSUM tests, the final name of the
@@ -66,8 +66,18 @@ class MultiModelCalibration:
 class CalibrationResult:
     """Result of ``calibrate``; times in seconds.
 
-    ``settings``: include the thresholds.  ``onsets``: number of onsets of each change.  ``caught``: trials of the CUSUM
-    tests; empty if the records are too short for trials.  ``records_s``: total length of the records.
+    Attributes:
+        model: the axis, as given.
+        settings: as given, with the thresholds.
+        budget_s: mean time between false alarms that the thresholds keep [s].
+        within_s: time within which changes of the smallest possible size must be found [s].
+        scatter: scatter of healthy estimates in the records.
+        rates: rate of false alarms of the CUSUM tests, with its uncertainty.
+        allowance: allowance of each test (p,), in sizes of its parameter.
+        caught: trials of the CUSUM tests; empty if the records are too short for trials.
+        onsets: number of onsets of each change.
+        records_s: total length of the records [s].
+        bank: the multi-model detector; None: it is not available for the axis.
     """
 
     model: AxisModel
@@ -81,7 +91,6 @@ class CalibrationResult:
     onsets: int
     records_s: float
     bank: MultiModelCalibration | None = None
-    """None: the multi-model detector is not available for the axis"""
 
     @property
     def tests(self) -> DetectorResult:

@@ -142,8 +142,26 @@ AlarmKey = tuple[int, str, Direction]
 class Alarm:
     """An alarm of one axis.  Times in microseconds since 1970, sizes in the unit of the parameter.
 
-    ``parameter`` is the best name so far.  ``size`` is theta - theta_0 with its standard deviation; both are None while
-    they are not known, and where the cause has no size.
+    Attributes:
+        parameter: the best name so far: a monitored parameter, or another cause, such as "torque offset".
+        direction: of the change: "up" or "down".
+        onset_us: likeliest time of the change.
+        raised_us: time of the first detection.
+        updated_us: time of the last crossing, name or evidence.
+        ended_us: time of the end; None: the alarm is open.
+        size: theta - theta_0; None: not known yet, or the cause has no size.
+        size_sd: standard deviation of ``size``; None as there.
+        crossings: number of times that a test has crossed its threshold.
+        stage: "changed": something has changed; "named": the cause is known.
+        causes: possible causes, the likeliest first; causes below one percent are left out.
+        doubt: why the name may be wrong, see ``Doubt``; empty: no doubt.
+        onset_low_us: the onset lies between low and high with a probability of 90 %; None: unknown.
+        onset_high_us: the other end of that interval.
+        kind: "step", "drift" or "forecast", see ``Kind``; empty: not known.
+        past: earlier names.
+        reaches: the limit, for a forecast.
+        inside_calibration: whether the alarm was raised within the calibrated conditions; None: unknown.
+        reopened_us: time at which the cause was detected again after the end; None: the alarm was not reopened.
     """
 
     parameter: str
@@ -157,20 +175,14 @@ class Alarm:
     crossings: int
     stage: Stage = "changed"
     causes: tuple[Cause, ...] = ()
-    """Possible causes, the likeliest first; causes below one percent are left out"""
     doubt: Doubt = ""
     onset_low_us: int | None = None
-    """The onset lies between low and high with a probability of 90 %; None: unknown"""
     onset_high_us: int | None = None
     kind: Kind = ""
     past: tuple[Name, ...] = ()
-    """Earlier names"""
     reaches: tuple[Reach, ...] = ()
-    """The limit, for a forecast"""
     inside_calibration: bool | None = None
-    """Whether the alarm was raised within the calibrated conditions; None: unknown"""
     reopened_us: int | None = None
-    """Time at which the cause was detected again after the alarm had ended; None: the alarm was not reopened"""
 
     @property
     def since_us(self) -> int:

@@ -13,4 +13,4 @@ from monitor_core.drive.operating_conditions import Conditions, Follow, Gate, Op
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import DELAY, LOAD, Drive, Output, Parameter, split_name
 from monitor_core.drive.thermal_state import HEAT, Fast, ThermalModel, ThermalStart, Unwatched
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, OF_ANGLE, ONE, SINE, TORQUE

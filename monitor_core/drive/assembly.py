@@ -8,7 +8,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.friction_roles import rigid_speeds
-from monitor_core.drive.structure import DELAY, Drive, Term, split_name
+from monitor_core.drive.structure import DELAY, Drive, MatrixTerm, split_name
 from monitor_core.kernel.llvm_vectors import FOUR
 from monitor_core.kernel.tables import (
     COULOMB,
@@ -38,7 +38,7 @@ class _Piece(NamedTuple):
 
     slot: _Slot
     multiple: float
-    term: Term
+    term: MatrixTerm
     factors: tuple[tuple[int, int], ...]
 
 
@@ -61,7 +61,7 @@ class Assembly:
         self._varying = sorted((p for p in self._pieces if p.factors), key=lambda p: p.slot)
         self.tables = self._tables(slots)
 
-    def _split(self, term: Term) -> list[_Piece]:
+    def _split(self, term: MatrixTerm) -> list[_Piece]:
         """The term and its derivatives d/dtheta_i = e_i c theta_i^(e_i - 1) ..., which are terms of the same kind."""
         factors: dict[int, int] = {}
         for name, e in term.powers:

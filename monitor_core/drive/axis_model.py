@@ -13,7 +13,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import balance_of
 from monitor_core.drive.structure import INERTIA, Drive, Parameter, split_name, value_of, with_values
-from monitor_core.kernel.tables import COSINE, COULOMB, SINE
+from monitor_core.kernel.tables import COULOMB, OF_ANGLE
 
 
 class NominalValueError(ValueError):
@@ -61,7 +61,7 @@ class AxisModel:
 
     def _check_inputs(self) -> None:
         kinds, output = self.drive.inputs, self.drive.output
-        if output != "angle" and (COSINE in kinds or SINE in kinds):
+        if output != "angle" and not set(OF_ANGLE).isdisjoint(kinds):
             raise ValueError("gravity depends on the angle: measure the angle")
         if output != "speed" and COULOMB in kinds and self.drive.speed_state < 0:
             raise ValueError(

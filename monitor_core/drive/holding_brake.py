@@ -22,7 +22,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import balance_of
 from monitor_core.drive.friction_roles import friction_of, rigid_speeds
 from monitor_core.drive.structure import Drive
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE, WEIGHT
+from monitor_core.kernel.tables import ANGLE_FUNCTIONS, COULOMB, ONE, TORQUE, WEIGHT
 
 HOLD_S = 0.1
 _BORNE = 0.5
@@ -60,9 +60,9 @@ class HoldingBrake:
         self._constant = float(by_input[kinds == ONE].sum())
         ratio = model.drive.matrix("ratio", model.nominal)[:, 0]
         self._turning = [
-            (float(by_input[c]), float(ratio[c]), np.cos if kinds[c] == COSINE else np.sin)
-            for c in np.flatnonzero((kinds == COSINE) | (kinds == SINE)).tolist()
-            if by_input[c]
+            (float(by_input[c]), float(ratio[c]), ANGLE_FUNCTIONS[kind])
+            for c, kind in enumerate(model.drive.inputs)
+            if kind in ANGLE_FUNCTIONS and by_input[c]
         ]
         self._angle = model.drive.output == "angle"
         self._stand: _Stand | None = None

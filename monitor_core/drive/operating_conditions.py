@@ -42,13 +42,19 @@ _SAME = 1e-6
 
 
 class Follow(NamedTuple):
-    """A parameter that follows a term; its slope is valid between ``low`` and ``high`` of the term."""
+    """A nominal value that follows a term of signals:  theta_0(s) = theta_0 + slope (term(s) - reference).
+
+    The slope is valid between ``low`` and ``high`` of the term.
+    """
 
     name: str
     """The parameter that the slope belongs to: Ja or 1/Ja, no matter which is monitored"""
     term: Term
+    """A signal, or a function of signals: ``Term.read("temperature")``, ``Term.read("payload * cos(angle2)")``"""
     slope: float
+    """In the unit of the parameter per unit of the term"""
     reference: float
+    """The term at which the nominal value holds, in the unit of the term, as are ``low`` and ``high``"""
     low: float = -math.inf
     high: float = math.inf
     margin: float = MARGIN
@@ -65,7 +71,10 @@ class Follow(NamedTuple):
 
 
 class Gate(NamedTuple):
-    """A gate that is open while its signal is one of ``equals`` (if given) and between ``above`` and ``below``."""
+    """A gate that is open while its signal is one of ``equals`` (if given) and between ``above`` and ``below``.
+
+    Estimates and tests wait while it is closed.  All values have the unit of the signal.
+    """
 
     signal: str
     equals: tuple[float, ...] = ()
@@ -122,7 +131,7 @@ class _Taken(NamedTuple):
 
 
 class Operating:
-    """The operating conditions of one axis, from sample to sample.
+    """The operating conditions of one axis, from sample to sample: ``conditioned`` prepares blocks for ``update``.
 
     Raises:
         KeyError: a term or a gate needs a signal that does not exist.

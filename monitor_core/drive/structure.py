@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.kernel.tables import COSINE, OF_MOTION, ONE, SINE, TORQUE, WEIGHT
+from monitor_core.kernel.tables import OF_ANGLE, OF_MOTION, ONE, TORQUE, WEIGHT
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
 Output = Literal["speed", "angle", "mean speed"]
@@ -43,7 +43,7 @@ _OPERATORS = frozenset(" +*/^()")
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A physical parameter.
+    """A physical parameter: its name, its SI unit as text, and its meaning in words.
 
     ``positive``: the value must be above zero (inertias, springs).  ``nonnegative``: the value must not be negative
     (dampers, friction); this is implied by ``positive``.
@@ -62,7 +62,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Term:
+class MatrixTerm:
     """``coefficient * prod parameter^exponent``, added to one entry of a matrix."""
 
     matrix: Matrix
@@ -129,7 +129,7 @@ class Drive:
     states: tuple[Quantity, ...]
     inputs: tuple[int, ...]
     parameters: tuple[Parameter, ...]
-    terms: tuple[Term, ...]
+    terms: tuple[MatrixTerm, ...]
     speed_state: int
     definitions: tuple[Definition, ...] = ()
     drawn: tuple[Parameter, ...] = ()
@@ -224,7 +224,7 @@ class Drive:
 
     def weights(self) -> tuple[str, ...]:
         """Parameters that are factors of the weight, which turns with the pose, and of nothing else."""
-        return tuple(p.name for p in self.parameters if self._drives_only(p.name, (COSINE, SINE, WEIGHT)))
+        return tuple(p.name for p in self.parameters if self._drives_only(p.name, (*OF_ANGLE, WEIGHT)))
 
     def _drives_only(self, name: str, kinds: Sequence[int]) -> bool:
         found = [(term, power) for term in self.terms for factor, power in term.powers if factor == name]
@@ -284,7 +284,7 @@ class Drive:
             self,
             output="mean speed",
             states=(*self.states, Quantity(SINCE_SAMPLE, "rad")),
-            terms=(*others, *turned, Term("C", 0, n, 1.0, ())),
+            terms=(*others, *turned, MatrixTerm("C", 0, n, 1.0, ())),
         )
 
     @property
@@ -308,7 +308,7 @@ class Drive:
         n = len(self.states)
         torque = [t for t in self.terms if t.matrix == "B" and self.inputs[t.col] == TORQUE]
         acts = [replace(term, matrix="A", col=n) for term in torque]
-        decays = Term("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
+        decays = MatrixTerm("A", n, n, -1.0, ((DISTURBANCE_TIME, -1),))
         return replace(
             self,
             states=(*self.states, Quantity(DISTURBANCE, "N m")),

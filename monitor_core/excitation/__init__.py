@@ -7,8 +7,8 @@
 """
 
 from monitor_core.excitation.accuracy import Accuracy
-from monitor_core.excitation.design import Command, PlannedExperiment, Task, plan, warnings
-from monitor_core.excitation.motions import ExcitationError, Limits
+from monitor_core.excitation.design import Command, ExcitationTask, PlannedExperiment, plan, warnings
+from monitor_core.excitation.motions import ExcitationError, MotionLimits
 from monitor_core.excitation.multisine_signals import crest_factor, multisine
 from monitor_core.excitation.planned_drive import Plant
 from monitor_core.excitation.prediction import Estimation

@@ -14,7 +14,7 @@ from monitor_core.excitation.accuracy import FAIR, Accuracy
 from monitor_core.excitation.motions import (
     ExcitationError,
     FittedMotion,
-    Limits,
+    MotionLimits,
     PlannedMotion,
     Schedule,
     fitted,
@@ -42,7 +42,7 @@ _EVEN_SHARE = 0.2
 
 
 @dataclass(frozen=True)
-class Task:
+class ExcitationTask:
     """Requirements of an experiment.
 
     Args:
@@ -51,7 +51,7 @@ class Task:
         limits: limits of torque, speed and angle.
         period: number of samples in a period.
         periods: number of evaluated periods, after one for warming up.
-        band_hz: band of the lines; these are odd, so that the effect of friction has no mean.
+        band_hz: band of the lines [Hz]; these are odd, so that the effect of friction has no mean.
         command: commanded quantity: torque, or a reference for the controller of the axis.
         free: estimated parameters; default: all that can be distinguished.
         find: parameters for which the spectrum is optimised; default: a flat spectrum.
@@ -59,7 +59,7 @@ class Task:
 
     plant: Plant
     estimation: Estimation
-    limits: Limits
+    limits: MotionLimits
     period: int
     periods: int = 2
     band_hz: tuple[float, float] = (0.0, 30.0)
@@ -122,7 +122,7 @@ class PlannedExperiment:
         held: parameters that are not estimated because the record does not distinguish them from others.
     """
 
-    task: Task
+    task: ExcitationTask
     trial: Trial
     accuracy: Accuracy
     flat: Accuracy
@@ -151,8 +151,8 @@ class PlannedExperiment:
         return dict(zip(self.task.find, ratio.tolist(), strict=True))
 
 
-def plan(task: Task, rng: np.random.Generator) -> PlannedExperiment:
-    """Plan the experiment for a task.
+def plan(task: ExcitationTask, rng: np.random.Generator) -> PlannedExperiment:
+    """Plan the experiment for a task; ``rng`` draws the phases of its signal.
 
     Raises:
         ExcitationError: there is no such experiment; the text says what would be right.
@@ -187,7 +187,7 @@ def plan(task: Task, rng: np.random.Generator) -> PlannedExperiment:
     return replace(experiment, trial=best, accuracy=found)
 
 
-def _trial(task: Task, random: Multisine) -> Trial:
+def _trial(task: ExcitationTask, random: Multisine) -> Trial:
     """The signal with minimized peaks, as large as the limits allow."""
     weights = task.over_limits(task.frequency_hz)
     signal = flattened(random, list(weights.values()))
@@ -197,14 +197,14 @@ def _trial(task: Task, random: Multisine) -> Trial:
     return Trial(signal.times(found.size), found, motion.reference(found.size))
 
 
-def _best_amplitudes(task: Task, names: tuple[str, ...]) -> Floats:
+def _best_amplitudes(task: ExcitationTask, names: tuple[str, ...]) -> Floats:
     """Optimal amplitudes of the lines (L,) for the parameters to find."""
     best = _optimum(task, names, task.find, task.frequency_hz).powers
     even = np.full(len(best), 1 / task.costs(task.frequency_hz).sum(axis=1).max())
     return np.asarray(np.sqrt(2 * ((1 - _EVEN_SHARE) * best + _EVEN_SHARE * even)))
 
 
-def _optimum(task: Task, names: tuple[str, ...], find: tuple[str, ...], frequency_hz: Floats) -> Optimum:
+def _optimum(task: ExcitationTask, names: tuple[str, ...], find: tuple[str, ...], frequency_hz: Floats) -> Optimum:
     """Optimal powers of lines at these frequencies (L,) for some of the estimated parameters.
 
     Raises:
@@ -267,7 +267,7 @@ def _poor(experiment: PlannedExperiment) -> Iterator[str]:
             )
 
 
-def _remedy(task: Task, names: tuple[str, ...], name: str, sd: float) -> str:
+def _remedy(task: ExcitationTask, names: tuple[str, ...], name: str, sd: float) -> str:
     longer = f"{(sd / FAIR) ** 2:.2g} times as long a record would determine it to {percent(FAIR)}"
     if names.index(name) not in linear_part(task.estimation.responses(names, task.frequency_hz)):
         return longer
@@ -279,7 +279,7 @@ def _remedy(task: Task, names: tuple[str, ...], name: str, sd: float) -> str:
     return f"widen the limits ({longer})"
 
 
-def _better_band(task: Task, names: tuple[str, ...], name: str) -> float | None:
+def _better_band(task: ExcitationTask, names: tuple[str, ...], name: str) -> float | None:
     """Upper frequency of a spectrum optimised for this parameter, if that helps much."""
     low, high = task.band_hz
     nyquist = 0.5 / task.plant.interval_s

@@ -145,7 +145,7 @@ _FULL = 0.99
 
 
 @dataclass(frozen=True)
-class Limits:
+class MotionLimits:
     """Largest absolute values: motor torque [N m], speed [rad/s], angle from where the motion starts [rad].
 
     Raises:
@@ -164,7 +164,7 @@ class Limits:
             raise ValueError("no limit is given: torque, speed or angle must have one")
 
     def by_name(self) -> dict[str, float]:
-        """Limits by quantity."""
+        """The limits by quantity."""
         return {"torque": self.torque, "speed": self.speed, "angle": self.angle}
 
     def used(self, motion: Motion) -> dict[str, float]:
@@ -181,7 +181,7 @@ class FittedMotion(NamedTuple):
     binding: str
 
 
-def fitted(move: Callable[[float], Motion], limits: Limits, size: float) -> FittedMotion:
+def fitted(move: Callable[[float], Motion], limits: MotionLimits, size: float) -> FittedMotion:
     """The largest amplitude within the limits, from a first guess, with its motion (samples,).
 
     Peaks grow with the amplitude, but not quite in proportion: friction reduces a small amplitude more.

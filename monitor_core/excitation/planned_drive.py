@@ -13,7 +13,7 @@ from monitor_core.drive.discretization import balance_of, zero_order_hold
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation.multisine_signals import Complex
 from monitor_core.kernel.compile import entry
-from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, SINE, TORQUE
+from monitor_core.kernel.tables import ANGLE_FUNCTIONS, COSINE, COULOMB, OF_ANGLE, OF_MOTION, SINE, TORQUE
 
 _SUBSTEP_S = 1e-3
 """Coulomb friction and gravity are held no longer than this while the drive is simulated."""
@@ -34,9 +34,14 @@ class Motion(NamedTuple):
 
 @dataclass(frozen=True)
 class Plant:
-    """A drive whose output is the angle, sampled with an interval.
+    """The drive that a planned motion moves.
 
-    ``speed_scale`` is that of Coulomb friction, rad/s; ``coulomb`` multiplies that friction.
+    Args:
+        drive: the drive, with the angle as output.
+        values: of all its parameters.
+        interval_s: sample interval [s].
+        speed_scale: that of Coulomb friction [rad/s].
+        coulomb: factor of that friction.
 
     Raises:
         KeyError: a value is missing.
@@ -68,7 +73,7 @@ class Plant:
     @cached_property
     def bears_weight(self) -> bool:
         """Whether gravity acts on the drive."""
-        return self.drive.acts((COSINE, SINE), self.values)
+        return self.drive.acts(OF_ANGLE, self.values)
 
     def response(self, frequency_hz: Floats) -> Complex:
         """Frequency response from the held torque to the samples of angle and speed (2, L)."""
@@ -105,8 +110,8 @@ class Plant:
                 out[i] = torque
             elif kind == COULOMB:
                 out[i] = np.tanh(ratio * speed / self.speed_scale)
-            elif kind in (COSINE, SINE):
-                out[i] = (np.cos if kind == COSINE else np.sin)(ratio * angle)
+            elif kind in ANGLE_FUNCTIONS:
+                out[i] = ANGLE_FUNCTIONS[kind](ratio * angle)
         return out
 
     @cached_property

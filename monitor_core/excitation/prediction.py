@@ -27,15 +27,18 @@ _UNSEEN = 1e-9
 
 @dataclass(frozen=True)
 class Estimation:
-    """How the parameters will be estimated.
+    """How the parameters will be estimated from a planned motion.
 
     Args:
         drive: the drive, with the measured quantity as output.
         values: of its parameters.
-        interval_s: between samples.
-        lam0: variance of the innovations, or of the output noise for output error.
+        interval_s: sample interval [s].
+        lam0: variance of the innovations, or of the output noise for output error, in the unit of the output squared.
         K: filter gain (n,) in the drive's states, None for output error.
         scales: sizes of parameters that are zero.
+
+    Raises:
+        KeyError: a value is missing.
     """
 
     drive: Drive

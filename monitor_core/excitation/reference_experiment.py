@@ -47,9 +47,13 @@ def experiment(
     fault_at: int = FAULT_AT,
     noise: float | None = None,
 ) -> Experiment:
-    """One record from rest.  ``fault`` (factors, see ``faulty``) acts from sample ``fault_at`` on.
+    """One record of the three-mass drive from rest: t_us, u, y (samples,), every 5 ms, under a multisine torque.
 
-    ``noise`` is the standard deviation of the white noise on the output, default NOISE.
+    ``fault``: factors of parameters from sample ``fault_at`` on: {"kT": 1.2}; {"1/Ja": 1.2} divides Ja by 1.2.
+    ``noise``: standard deviation of the white noise on the output, in its unit (rad/s or rad); default NOISE.
+
+    Raises:
+        KeyError: the drive has no parameter of that name.
     """
     t_us, u, y = experiments([seed], fault, output=output, samples=samples, fault_at=fault_at, noise=noise)
     return Experiment(t_us, u[:, 0], y[:, 0])

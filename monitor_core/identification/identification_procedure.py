@@ -45,7 +45,7 @@ from monitor_core.identification.thermal.warm_up import (
 )
 from monitor_core.identification.torque_balance.standstill import find_standstill
 from monitor_core.identification.torque_balance.torque_windows import moves_one_way
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
+from monitor_core.kernel.tables import COULOMB, OF_ANGLE, ONE
 
 MOST_ITERATIONS = 100
 MOST_MASSES, USUAL_MASSES = 9, 5
@@ -325,7 +325,7 @@ def _growth(
 ) -> Growth:
     """Chains of one, two, .. masses, with the friction of the drive."""
     drive, values, free = problem.drive, problem.nominal, problem.free
-    if drive.acts((COSINE, SINE), values, free):
+    if drive.acts(OF_ANGLE, values, free):
         raise IdentificationError("--masses compares chains of masses without gravity, which acts on this drive")
     kinds = {"fc": COULOMB, "tau0": ONE}
     friction = ["fm", *(name for name, kind in kinds.items() if drive.acts((kind,), values, free))]

@@ -5,14 +5,22 @@ derivatives, are *slots* of one vector V.  V is a sum of Laurent terms c * theta
 monitored parameter are added to ``V0`` once, the others are evaluated at every sample (propagate.py).
 """
 
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
+
+import numpy as np
 
 from monitor_core.arrays import Floats, Indices, Ints
 
 TORQUE, COULOMB, ONE, COSINE, SINE, WEIGHT = 0, 1, 2, 3, 4, 5
 """Kinds of input: the motor torque; tanh of the speed at a flange (Coulomb friction); the constant 1; cos and sin of
 the angle at a flange (gravity); a torque that is given with each sample, that of the weight in the present pose."""
-OF_MOTION = (COULOMB, COSINE, SINE)
+ANGLE_FUNCTIONS: Mapping[int, Callable[[Floats], Floats]] = MappingProxyType({COSINE: np.cos, SINE: np.sin})
+"""Values (N,) of the inputs that depend on the angle, at angles of the flange (N,) [rad]; for use outside the kernel"""
+OF_ANGLE = tuple(ANGLE_FUNCTIONS)
+"""Inputs that depend on the angle."""
+OF_MOTION = (COULOMB, *OF_ANGLE)
 """Inputs that depend on the motion."""
 
 GAINS = 12

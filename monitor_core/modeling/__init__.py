@@ -9,6 +9,7 @@ Structural identifiability of the parameters: identifiability/.  Drives of the l
 Simulation: simulated_axis.
 """
 
+from monitor_core.modeling.components import COMPONENT_KINDS
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.flat import FlatComponent, FlatModel, ModelError, Origin
 from monitor_core.modeling.identifiability import structural

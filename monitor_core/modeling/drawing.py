@@ -15,7 +15,7 @@ The drives of the library are drawn so.  A user draws in Modelica, where every m
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from monitor_core.modeling.components import KINDS, join
+from monitor_core.modeling.components import COMPONENT_KINDS, join
 from monitor_core.modeling.components.fragments import End, Fragment, Joint, connect
 from monitor_core.modeling.components.uses import Part, Use, first_use, infer, sign_of
 from monitor_core.modeling.flat import FlatComponent, FlatModel, FlatParameter, Origin
@@ -30,7 +30,7 @@ def part(kind: str, name: str, *nodes: str, **parameters: str | Laurent) -> Part
     Raises:
         KeyError: there is no such kind.
     """
-    known = KINDS[kind]
+    known = COMPONENT_KINDS[kind]
     given = {role.name: parameters.get(role.name, f"{name}.{role.name}") for role in known.roles}
     values = {role: Laurent.symbol(value) if isinstance(value, str) else value for role, value in given.items()}
     origin = Origin(name)

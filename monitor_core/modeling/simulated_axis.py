@@ -5,7 +5,7 @@
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.linalg import toeplitz
@@ -14,7 +14,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import Drive
-from monitor_core.kernel.tables import COSINE, COULOMB, OF_MOTION, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import COSINE, COULOMB, OF_ANGLE, OF_MOTION, ONE, SINE, TORQUE
 from monitor_core.modeling.standard_drives import three_mass
 
 
@@ -81,10 +81,8 @@ class SimulatedAxis:
         kinds, ratio = self._drive.inputs, self._drive.matrix("ratio", model.nominal)[:, 0].tolist()
         self._constant = np.array([float(kind == ONE) for kind in kinds])
         self._of_torque = [i for i, kind in enumerate(kinds) if kind == TORQUE]
-        self._friction, self._weight = (
-            [(i, kind, ratio[i]) for i, kind in enumerate(kinds) if kind in wanted]
-            for wanted in ((COULOMB,), (COSINE, SINE))
-        )
+        self._friction = [(i, ratio[i]) for i, kind in enumerate(kinds) if kind == COULOMB]
+        self._weight = [(i, _OF_ANGLE[kind], ratio[i]) for i, kind in enumerate(kinds) if kind in OF_ANGLE]
         self._parts = self._substeps if self._drive.acts(OF_MOTION, model.nominal) else 1
         self._held: dict[float, tuple[Floats, Floats]] = {}
 
@@ -113,12 +111,16 @@ class SimulatedAxis:
         """Write friction and gravity of the present motion to u (m,)."""
         if self._friction:
             speed = self.speed / self._speed_scale  # in units of that of Coulomb friction
-            for i, _, ratio in self._friction:
+            for i, ratio in self._friction:
                 u[i] = math.tanh(ratio * speed)
         if self._weight:
             angle = self.angle
-            for i, kind, ratio in self._weight:
-                u[i] = math.cos(ratio * angle) if kind == COSINE else math.sin(ratio * angle)
+            for i, function, ratio in self._weight:
+                u[i] = function(ratio * angle)
+
+
+_OF_ANGLE: Mapping[int, Callable[[float], float]] = {COSINE: math.cos, SINE: math.sin}
+"""Inputs that depend on the angle, of one number: much faster than as of arrays."""
 
 
 BLOCK = 64

@@ -8,7 +8,7 @@ arm's side, as in the paper: r phi_m - phi_g, phi_g - phi_a.
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, Output
@@ -16,6 +16,7 @@ from monitor_core.modeling.drawing import Drawing, Part, part
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import drive_of
+from monitor_core.wording import listed
 
 _MOTOR = {
     "fm": "viscous friction of the motor",
@@ -106,24 +107,38 @@ DRAWINGS: Mapping[str, Drawing] = MappingProxyType({drive.name: drive for drive 
 
 @cache
 def _drive(name: str, output: Output) -> Drive:
+    if output not in get_args(Output):
+        raise ValueError(f"output {output!r}: must be {listed([repr(known) for known in get_args(Output)], 'or')}")
+    if output == "mean speed":  # a drawing has no such sensor
+        return _drive(name, "speed").with_mean_speed()
     return drive_of(eliminate(DRAWINGS[name].flat(), output))
 
 
 def two_mass(output: Output) -> Drive:
-    """Motor and arm: three states with the motor speed as output, four with the motor angle."""
+    """Motor and arm: three states with the motor speed as output, four with the motor angle or the mean speed.
+
+    ``output``: the measured quantity: "speed" [rad/s], "angle" [rad], or "mean speed" over each interval [rad/s].
+
+    Raises:
+        ValueError: another output.
+    """
     return _drive("two-mass", output)
 
 
 def three_mass(output: Output) -> Drive:
     """The three-mass drive of the paper (eq. 1-2), with Coulomb friction and torque offset as inputs.
 
-    Output speed: five states, y = phi_m'.  Output angle: an integrator is added, six states, y = phi_m.
+    Output speed: five states, y = phi_m'.  Output angle: an integrator is added, six states, y = phi_m; so it is for
+    the mean speed.  ``output`` and errors as of ``two_mass``.
     """
     return _drive("three-mass", output)
 
 
 def five_mass(output: Output) -> Drive:
-    """Motor and four masses in a row: nine states with the motor speed as output, ten with the motor angle."""
+    """Motor and four masses in a row: nine states with the motor speed as output, ten with the angle or the mean speed.
+
+    ``output`` and errors as of ``two_mass``.
+    """
     return _drive("five-mass", output)
 
 
@@ -177,5 +192,8 @@ INTERVAL_S = 0.005
 
 
 def reference_model(output: Output = "speed", monitored: Sequence[str] = MONITORED) -> AxisModel:
-    """The embedded default drive, with the parameters that the paper monitors."""
+    """The axis of the reference experiment: the three-mass drive with ``REFERENCE_VALUES``.
+
+    ``monitored``: names of parameters; by default those that the paper monitors.  Errors as of ``AxisModel``.
+    """
     return AxisModel(three_mass(output), REFERENCE_VALUES, tuple(monitored))

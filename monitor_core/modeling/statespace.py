@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from monitor_core.drive import structure
-from monitor_core.drive.structure import Drive, Matrix, Parameter, Quantity, Term
+from monitor_core.drive.structure import Drive, Matrix, MatrixTerm, Parameter, Quantity
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor, ModelError
 from monitor_core.modeling.laurent import Laurent
@@ -129,10 +129,10 @@ def _parameter(p: FlatParameter) -> Parameter:
     return Parameter(p.name, p.unit or "1", p.meaning or p.name, p.positive, p.nonnegative)
 
 
-def _terms(matrix: Matrix, entries: Entries) -> Iterator[Term]:
+def _terms(matrix: Matrix, entries: Entries) -> Iterator[MatrixTerm]:
     for (row, col), entry in sorted(entries.items()):
         for coefficient, powers in _numbers(entry):
-            yield Term(matrix, row, col, coefficient, powers)
+            yield MatrixTerm(matrix, row, col, coefficient, powers)
 
 
 def _numbers(value: Laurent) -> tuple[tuple[float, tuple[tuple[str, int], ...]], ...]:

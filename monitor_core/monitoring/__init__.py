@@ -68,5 +68,5 @@ from monitor_core.monitoring.recommended_settings import (
     recommended_settings,
     short_memory,
 )
-from monitor_core.monitoring.trend_monitor import Limit, ParameterTrend, TrendMonitor
+from monitor_core.monitoring.trend_monitor import ParameterLimit, ParameterTrend, TrendMonitor
 from monitor_core.monitoring.unrecorded_heat import UnrecordedHeat

@@ -26,7 +26,7 @@ look like its end."""
 
 
 class AlarmChange(NamedTuple):
-    """The change of an alarm in one update, and the alarm after it."""
+    """The change of an alarm in one update (``kind``), and the alarm after it."""
 
     kind: Literal["raised", "renamed", "updated", "ended", "reopened"]
     alarm: Alarm

@@ -308,9 +308,18 @@ def _model_key(model: AxisModel) -> str:
 
 
 def _fingerprint(drive: Drive) -> int:
-    """Hash of the structure of a drive as the kernel uses it; the same in every process."""
-    structure = ([state.name for state in drive.states], drive.inputs, drive.terms, drive.speed_state)
-    return int.from_bytes(repr(structure).encode(), "big") % _PRIME
+    """Hash of the structure of a drive as the kernel uses it; the same in every process and version.
+
+    Its text is that of the first version, in which a term was called Term: with another one, an upgrade would lose the
+    checkpoints and histories.
+    """
+    terms = [
+        f"Term(matrix={t.matrix!r}, row={t.row}, col={t.col}, coefficient={t.coefficient!r}, powers={t.powers!r})"
+        for t in drive.terms
+    ]
+    states = [state.name for state in drive.states]
+    structure = f"({states!r}, {drive.inputs!r}, ({', '.join(terms)}{',' * (len(terms) == 1)}), {drive.speed_state!r})"
+    return int.from_bytes(structure.encode(), "big") % _PRIME
 
 
 def _columns(samples: SampleBlock) -> dict[str, Any]:

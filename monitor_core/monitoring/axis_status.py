@@ -37,32 +37,41 @@ class Observation(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class ParameterStatus:
-    """One monitored parameter, in its own unit."""
+    """One monitored parameter; values in its ``unit``.
+
+    Attributes:
+        name: "fm", "1/Ja".
+        unit: SI, in text: "N m s/rad".
+        meaning: in words.
+        nominal: theta_0, which may depend on measured conditions.
+        estimate: theta; NaN if it is invalid.
+        standard_deviation: sqrt(lambda_0 P_ii / (1 + lambda)).
+        p_diagonal: P_ii of eq. 13.
+        g_up: CUSUM for an increase, in the unit times samples.
+        g_down: CUSUM for a decrease.
+        h: threshold of g_up and g_down.
+        nu: deviation that each sample tolerates.
+        status: state of the estimate.
+        observation: whether the motion shows the parameter.
+        not_tested: reason why a change of the parameter would not be detected now; None: the parameter is tested.
+        tested_s: time for which the parameter has been tested [s]; a restored state counts on.
+    """
 
     name: str
     unit: str
     meaning: str
     nominal: float
-    """theta_0, which may depend on measured conditions"""
     estimate: float
-    """NaN if it is invalid"""
     standard_deviation: float
-    """sqrt(lambda_0 P_ii / (1 + lambda))"""
     p_diagonal: float
-    """P_ii of eq. 13"""
     g_up: float
-    """CUSUM for an increase; in the parameter's unit times samples"""
     g_down: float
     h: float
-    """Threshold of g_up and g_down"""
     nu: float
-    """Deviation that each sample tolerates"""
     status: Status
     observation: Observation
     not_tested: NotTested | None = None
-    """Reason why a change of the parameter would not be detected now; None: the parameter is tested"""
     tested_s: float = 0.0
-    """Time for which the parameter has been tested [s]; a restored state counts on"""
 
     @property
     def tested(self) -> bool:

@@ -21,11 +21,11 @@ HYSTERESIS = 1.5
 """An alarm ends when the time until the limit is longer than the lead time by this factor."""
 
 
-class Limit(NamedTuple):
+class ParameterLimit(NamedTuple):
     """A limit of a monitored parameter, and as the user gave it: an upper limit of Ja is a lower limit of 1/Ja."""
 
     value: float
-    """Limit of the monitored parameter, in its unit"""
+    """The limit of the monitored parameter, in its unit"""
     upper: bool
     """True: the monitored parameter must stay below the limit"""
     name: str
@@ -68,7 +68,7 @@ class TrendMonitor:
     def __init__(
         self,
         model: AxisModel,
-        limits: Mapping[str, Sequence[Limit]],
+        limits: Mapping[str, Sequence[ParameterLimit]],
         hour_s: float = HOUR_S,
         lead_time_us: int = 0,
     ) -> None:
@@ -119,7 +119,9 @@ class TrendMonitor:
         self.trends[i] = replace(last, entries=entries, trend=trend, reaches=tuple(reaches))
         return changed
 
-    def _alarm(self, last: ParameterTrend, limit: Limit, trend: Trend, f: Forecast, reach: Reach) -> Alarm | None:
+    def _alarm(
+        self, last: ParameterTrend, limit: ParameterLimit, trend: Trend, f: Forecast, reach: Reach
+    ) -> Alarm | None:
         """The new, updated or ended alarm about a limit after this forecast; None: there is no alarm."""
         alarm, size = self._open.pop((last.name, limit.direction), None), trend.level - last.nominal
         if alarm is not None:

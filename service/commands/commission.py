@@ -126,7 +126,8 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
 
 def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
     """Review the signals of each axis, and apply the corrections to which the user agrees."""
-    from service.commands.commissioning.signal_proposals import exchanged, review
+    from service.commands.commissioning.exchanged_torques import exchanged
+    from service.commands.commissioning.signal_proposals import review
 
     text, folder = orders[0].text, orders[0].folder
     records = {order.axis_id: order.records for order in orders}

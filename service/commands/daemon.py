@@ -115,8 +115,9 @@ def _app_state(parts: DaemonParts, access: Access, stop: threading.Event, reload
     return AppState(
         lambda: worker.snapshot,
         journal,
+        RobotSetup(lambda: reloading.config, file, look, parts.problems),
+        ReportPages(file.parent, [axis.id for axis in parts.config.axes]),
         access,
-        reports=ReportPages(file.parent, [axis.id for axis in parts.config.axes]),
         extracts=extracts,
         history=parts.state.history,
         links=parts.links.snapshots,
@@ -124,7 +125,6 @@ def _app_state(parts: DaemonParts, access: Access, stop: threading.Event, reload
         baselines=baselines,
         stopping=stop.is_set,
         live=parts.pipeline.live,
-        setup=RobotSetup(lambda: reloading.config, file, look, parts.problems),
         replays=replays,
     )
 

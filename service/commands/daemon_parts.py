@@ -24,12 +24,12 @@ from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.epochs_at_start import EpochsInForce, epochs_in_force, resume_monitors
 from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.kernel_cache import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
 from service.pipeline.reloading import Part, ReloadError, Reloading
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.pipeline.wall_clock import WallClock
-from service.pipeline.warming import EARLY, CacheFiller, Shape, batch_shape
 from service.pipeline.worker import Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.database import StoreError

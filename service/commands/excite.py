@@ -13,10 +13,10 @@ from monitor_core.excitation import (
     Command,
     Estimation,
     ExcitationError,
-    Limits,
+    ExcitationTask,
+    MotionLimits,
     PlannedExperiment,
     Plant,
-    Task,
     plan,
 )
 from monitor_core.wording import did_you_mean
@@ -154,10 +154,10 @@ def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -
     h = axis.config.sample_interval_s
     plant, estimation = _plant_and_estimation(axis)
     limits = (math.inf if limit is None else limit for limit in (request.torque, request.speed, request.angle))
-    task = Task(
+    task = ExcitationTask(
         plant,
         estimation,
-        Limits(*limits),
+        MotionLimits(*limits),
         period=_samples(request.seconds, request.periods, h),
         periods=request.periods,
         band_hz=_checked_band(request.band_hz, h),

@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import EPILOG, GROUP
-from service.pipeline.warming import EARLY, Shape, choose
+from service.pipeline.kernel_cache import EARLY, Shape, choose
 
 PANELS = {
     "A first robot": ("demo", "init", "commission", "run"),

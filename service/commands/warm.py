@@ -5,7 +5,7 @@ from __future__ import annotations
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from service.pipeline.warming import compile_all
+from service.pipeline.kernel_cache import compile_all
 
 if TYPE_CHECKING:
     from monitor_core.arrays import Floats
@@ -31,14 +31,14 @@ def compile_offline() -> None:
     """Compile the code of ``excite`` and ``identify``: a small experiment is planned, simulated and identified."""
     import numpy as np
 
-    from monitor_core.excitation import Estimation, Limits, Plant, Task, plan
+    from monitor_core.excitation import Estimation, ExcitationTask, MotionLimits, Plant, plan
     from monitor_core.identification import Disturbance, Problem, Record, fit, fit_arx
     from monitor_core.modeling import EXAMPLE_VALUES, two_mass
 
     drive, values = two_mass("angle"), EXAMPLE_VALUES["two-mass"]
     plant = Plant(drive, values, _INTERVAL_S)
     estimation = Estimation(drive, values, _INTERVAL_S, lam0=1e-6)
-    task = Task(plant, estimation, Limits(torque=2.0), period=200, periods=1, command="angle")
+    task = ExcitationTask(plant, estimation, MotionLimits(torque=2.0), period=200, periods=1, command="angle")
     rng = np.random.default_rng(0)
     motion = plan(task, rng).motion
     t = _INTERVAL_S * np.arange(len(motion.torque), dtype=np.float64)

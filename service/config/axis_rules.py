@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from monitor_core.detection import INERTIA as PAYLOAD_INERTIA
-from monitor_core.drive import COSINE, DELAY, LOAD, SINE
+from monitor_core.drive import DELAY, LOAD, OF_ANGLE
 from monitor_core.monitoring import MIN_MEMORY_SAMPLES, REOPEN_MEMORIES
 from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
@@ -83,7 +83,7 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
     period = abs(axis.angle.factor) * axis.angle.wrap_period
     for r, kind in zip(ratio, drive.inputs, strict=True):
         turns = period * abs(r) / (2 * math.pi)
-        if kind in (COSINE, SINE) and (round(turns) == 0 or abs(turns - round(turns)) > _NEARLY):
+        if kind in OF_ANGLE and (round(turns) == 0 or abs(turns - round(turns)) > _NEARLY):
             message = (
                 f"gravity depends on the position of the arm, and the angle wraps after {turns:.3g} of its turns:"
                 " send an angle that does not wrap"

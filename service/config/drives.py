@@ -7,7 +7,7 @@ it, and its nominal value is ``torque_delay_s`` of the axis.  Functions raise Mo
 from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, Output
-from monitor_core.monitoring import Limit
+from monitor_core.monitoring import ParameterLimit
 from service.config.base_table import SUFFIX
 from service.config.conditions import weight_of
 from service.config.drive_sources import model_of_axis
@@ -161,7 +161,7 @@ def monitored_as(name: str, monitor: Sequence[str]) -> str | None:
     return next((own for own in (name, reciprocal) if own in monitor), None)
 
 
-def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[Limit, ...]]:
+def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[ParameterLimit, ...]]:
     """The limits of the monitored parameters that have limits."""
     found = {}
     for name, values in axis.model.limits.items():
@@ -170,6 +170,7 @@ def limits_of(axis: AxisConfig, model: AxisModel) -> Mapping[str, tuple[Limit, .
         nominal, inverse = float(model.theta0[model.monitored.index(own)]), own != name
         nominal, unit = 1 / nominal if inverse else nominal, model.drive.parameter(name).unit
         found[own] = tuple(
-            Limit(1 / v if inverse else v, (v > nominal) != inverse, name, unit, v, v > nominal) for v in values
+            ParameterLimit(1 / v if inverse else v, (v > nominal) != inverse, name, unit, v, v > nominal)
+            for v in values
         )
     return found

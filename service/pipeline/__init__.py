@@ -7,5 +7,5 @@
   readers share.
 * ``epoch_progress``, ``epochs_at_start``, ``baselines``, ``reloading``: other nominal values, or another configuration,
   while it runs.
-* ``warming`` (compiled code), ``giving_way`` (the interpreter lock), ``wall_clock``, ``replay_reports``: helpers.
+* ``kernel_cache`` (compiled code), ``pauses`` (the interpreter lock), ``wall_clock``, ``replay_reports``: helpers.
 """

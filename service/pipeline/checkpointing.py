@@ -16,7 +16,7 @@ from monitor_core.wording import joined, sentence
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.axis_pipeline import AxisPipeline
-from service.pipeline.giving_way import giving_way
+from service.pipeline.pauses import with_pauses
 from service.pipeline.trends import Trends, completed_id, gathered_id
 from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.database import StoreError
@@ -120,7 +120,7 @@ class Checkpointer:
         """Save now; a failure is reported to the operator and retried after the interval."""
         self._due = monotonic() + self._interval_s
         now_us = self._now_us()
-        states = [*giving_way(self._states()), *giving_way(self._monitors.trends.to_save())]
+        states = [*with_pauses(self._states()), *with_pauses(self._monitors.trends.to_save())]
         try:
             self.checkpoints.save(states, now_us)
         except StoreError as error:

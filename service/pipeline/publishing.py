@@ -15,8 +15,8 @@ from service.config import NamedAxis
 from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.giving_way import giving_way
 from service.pipeline.history_recording import HistoryRecording, HistoryState
+from service.pipeline.pauses import with_pauses
 from service.pipeline.recording import Recording
 from service.pipeline.silence import SilenceWatch
 from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
@@ -118,7 +118,7 @@ class Publisher:
 
     def take_points(self) -> None:
         """Give the history a point of each axis that is due for one."""
-        for view in giving_way(self._views.values()):
+        for view in with_pauses(self._views.values()):
             view.take_point()
 
     def publish(self, buses: Iterable[BusSnapshot], compiling: Iterable[str], at_once: bool, takes: bool) -> None:
@@ -154,7 +154,7 @@ class Publisher:
 
     def _snapshot(self, news: _Surroundings) -> Snapshot:
         since = partial(self._silence.since, now_us=news.now_us)
-        axes = tuple(view.snapshot(since) for view in giving_way(self._views.values()))
+        axes = tuple(view.snapshot(since) for view in with_pauses(self._views.values()))
         return Snapshot(
             taken_us=news.now_us,
             started_us=self._started_us,

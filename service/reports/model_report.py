@@ -155,19 +155,21 @@ def _grid(
 def _signals(space: StateSpace) -> Table:
     rows = [(f"x{i}", f"{s.name}, {s.unit}") for i, s in enumerate(space.states, 1)]
     for i, u in enumerate(space.inputs, 1):
-        rows.append((f"u{i}", _INPUTS[u.kind] if u.kind == ONE else f"{u.name}: {_INPUTS[u.kind]}"))
+        _, words = _INPUTS[u.kind]
+        rows.append((f"u{i}", words if u.kind == ONE else f"{u.name}: {words}"))
     for i, s in enumerate(space.sensors, 1):
         rows.append((f"y{i}", f"{s.name}: {s.quantity}, {UNITS[s.quantity]}"))
     return _grid(rows, key="cyan")
 
 
 _INPUTS = {
-    TORQUE: "motor torque, N m",
-    COULOMB: "direction of motion, tanh(speed/scale)",
-    ONE: "constant 1",
-    COSINE: "cosine of the angle",
-    SINE: "sine of the angle",
+    TORQUE: ("torque", "motor torque, N m"),
+    COULOMB: ("direction", "direction of motion, tanh(speed/scale)"),
+    ONE: ("one", "constant 1"),
+    COSINE: ("cosine", "cosine of the angle"),
+    SINE: ("sine", "sine of the angle"),
 }
+"""Kinds of inputs in JSON, and in words"""
 
 
 def _parameters(facts: Facts) -> Table:
@@ -254,9 +256,6 @@ def matrix(letter: str, cells: list[list[str]], ascii_only: bool = False) -> lis
 # --- JSON -------------------------------------------------------------------------------------------------------------
 
 
-_KINDS = {TORQUE: "torque", COULOMB: "direction", ONE: "one", COSINE: "cosine", SINE: "sine"}
-
-
 def as_json(facts: Facts) -> str:
     """All facts for JSON: entries of A, B, C as expressions, and numbers where they are known.
 
@@ -267,7 +266,7 @@ def as_json(facts: Facts) -> str:
         {
             "name": space.name,
             "states": space.states,
-            "inputs": [{"name": u.name, "kind": _KINDS[u.kind]} for u in space.inputs],
+            "inputs": [{"name": u.name, "kind": _INPUTS[u.kind][0]} for u in space.inputs],
             "outputs": [{"name": s.name, "quantity": s.quantity, "unit": UNITS[s.quantity]} for s in space.sensors],
             "parameters": [
                 {"name": p.name, "unit": p.unit, "meaning": p.meaning, "nominal": facts.nominal.get(p.name)}

@@ -1,6 +1,6 @@
 """Quality of the fit of an identification, what the drive model lacks, and what can be monitored with it, in words."""
 
-from monitor_core.drive import COSINE, COULOMB, DELAY, LOAD, ONE, SINE, Drive, split_name
+from monitor_core.drive import COULOMB, DELAY, LOAD, OF_ANGLE, ONE, Drive, split_name
 from monitor_core.identification import (
     Basis,
     Effect,
@@ -138,7 +138,7 @@ def _motion(name: str, result: IdentificationResult) -> str:
     if base == LOAD:
         return "motion of the whole arm at several speeds, slow and fast, in both directions"
     acts = _acts_by(drive, base)
-    if acts & {ONE, COSINE, SINE}:
+    if acts & {ONE, *OF_ANGLE}:
         return "motion over more of the angle range, in both directions"
     if COULOMB in acts or (name != DELAY and drive.parameter(name).nonnegative):
         return "motion at several speeds, slow and fast, in both directions"
@@ -157,4 +157,4 @@ def shaped_for(name: str, result: IdentificationResult) -> bool:
     """Whether the spectrum of a motion can be optimised for a parameter: it is estimated, no friction, no weight."""
     base, drive = split_name(name)[0], result.estimate.drive
     free = {split_name(free)[0] for free in result.estimate.names}
-    return base in free and not _acts_by(drive, base) & {ONE, COSINE, SINE, COULOMB}
+    return base in free and not _acts_by(drive, base) & {ONE, COULOMB, *OF_ANGLE}

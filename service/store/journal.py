@@ -232,6 +232,7 @@ class Journal(Store):
         self,
         axis: str | None = None,
         parameter: str | None = None,
+        *,
         active: bool | None = None,
         since_us: int | None = None,
         until_us: int | None = None,

@@ -120,7 +120,15 @@ def router(state: AppState) -> APIRouter:
         wanted = limit - len(first) + 1  # one more, to see whether there is another page
         try:
             recorded, total = state.journal.query(
-                f.axis, f.parameter, f.active, f.since_us, f.until_us, wanted, after, f.state, now_us
+                f.axis,
+                f.parameter,
+                active=f.active,
+                state=f.state,
+                since_us=f.since_us,
+                until_us=f.until_us,
+                limit=wanted,
+                after=after,
+                now_us=now_us,
             )
         except StoreError:
             if after is not None or not (f.active or f.state in _ACTIVE_STATES):

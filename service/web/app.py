@@ -13,7 +13,7 @@ from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
 from service.pipeline.baselines import BaselineConflictError, BaselineError, BaselineUnavailableError
-from service.pipeline.giving_way import giving_way
+from service.pipeline.pauses import with_pauses
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.web import metrics, models, views
@@ -62,8 +62,7 @@ def create_app(state: AppState) -> FastAPI:
     app.include_router(_api(state), dependencies=[Depends(needs(Scope.READ))], responses=PROTECTED)
     app.include_router(_probes(state))
     app.include_router(_pages())
-    if state.reports is not None:
-        app.include_router(report_router(state.reports))
+    app.include_router(report_router(state.reports))
     app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))  # after the route of the icons
     app.add_middleware(EntityTags)
     app.add_middleware(Gate, access=state.access)
@@ -91,7 +90,7 @@ def _api(state: AppState) -> APIRouter:
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
         """Version, readiness with reasons, buses, links, messages for the operator."""
-        report = None if state.reports is None else state.reports.address
+        report = state.reports.address
         return views.service(state.snapshot(), state.now_us(), report, state.access.danger, state.links())
 
     return api
@@ -101,7 +100,7 @@ def _axes(state: AppState) -> APIRouter:
     api = APIRouter()
 
     def written(taken: Snapshot, now_us: int) -> bytes:
-        return views.axes_json(taken, [views.axis_json(a, now_us) for a in giving_way(taken.axes)])
+        return views.axes_json(taken, [views.axis_json(a, now_us) for a in with_pauses(taken.axes)])
 
     every = Latest(written, _LONGEST_S)
     state.prepared.append(every)

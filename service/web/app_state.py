@@ -8,8 +8,6 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
-from starlette.exceptions import HTTPException
-
 from service.pipeline.baselines import Baselines
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals
@@ -38,12 +36,14 @@ class AppState:
     """Returns the newest snapshot"""
     journal: Journal
     """The alarm journal"""
+    setup: RobotSetup
+    """The configuration"""
+    reports: ReportPages
+    """Reports of the commissioning"""
     access: Access = field(default_factory=Access)
     """Access control; by default everyone on this machine has access"""
     now_us: Callable[[], int] = now_us
     """Wall clock, for ages"""
-    reports: ReportPages | None = None
-    """Reports of the commissioning"""
     extracts: Extracts | None = None
     """Recordings of the frames around alarms"""
     history: HistoryRecording | None = None
@@ -58,8 +58,6 @@ class AppState:
     """Whether the daemon is stopping, so that streams must end"""
     live: LiveSignals = field(default_factory=LiveSignals)
     """Signals of the last seconds"""
-    setup: RobotSetup | None = None
-    """The configuration; None: it is not shown"""
     replays: ReplayReports | None = None
     """Replay reports; None: none are made"""
     prepared: "list[Latest]" = field(default_factory=list)
@@ -92,16 +90,6 @@ class AppState:
         ``files``: those to search; None: all.
         """
         return None if self.extracts is None else self.extracts.folder.holding(t_us, files)
-
-    def configured(self) -> RobotSetup:
-        """The configuration.
-
-        Raises:
-            HTTPException: it is not shown.
-        """
-        if self.setup is None:
-            raise HTTPException(503, "the configuration of this daemon is not known")
-        return self.setup
 
 
 _Held = tuple[Snapshot, int, bytes]

@@ -20,7 +20,6 @@ from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck
 
 _NOT_FOUND = described(404, "The axis does not exist")
-_NO_SETUP = described(503, "The daemon does not know its configuration")
 _NO_LOOK = described(503, "No frames are kept, or others look at signals for too long")
 
 StepName = Literal["configure", "signals", "record", "identify", "calibrate", "run"]
@@ -60,10 +59,10 @@ def router(state: AppState) -> APIRouter:
     """The routes below /api/v1/commissioning."""
     api = APIRouter(prefix="/commissioning")
 
-    @api.get("", summary="Steps of the commissioning", responses=_NO_SETUP)
+    @api.get("", summary="Steps of the commissioning")
     def commissioning() -> Commissioning:
         """The steps of `axiswatch commission` with their state, their reports and their commands."""
-        setup = state.configured()
+        setup = state.setup
         axes = setup.config().axes
         folder = setup.file.absolute().parent
         steps = _steps(state, setup, axes, folder)
@@ -71,7 +70,7 @@ def router(state: AppState) -> APIRouter:
             folder=str(folder),
             steps=steps,
             next=next((step.name for step in steps if step.done < (step.total or 0)), None),
-            report=None if state.reports is None else state.reports.address,
+            report=state.reports.address,
             axes=[_axis(axis, folder, state.reports) for axis in axes],
         )
 
@@ -79,7 +78,7 @@ def router(state: AppState) -> APIRouter:
     def signals(axis: str) -> SignalCheck:
         """Rate, jitter, losses and ranges of the last ten seconds, and their problems in words."""
         found = state.axis(axis)
-        return state.configured().look(found.id)
+        return state.setup.look(found.id)
 
     return api
 

@@ -11,6 +11,8 @@ from starlette.exceptions import HTTPException
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, split_name
+from monitor_core.modeling import COMPONENT_KINDS
+from monitor_core.wording import listed
 from service.pipeline.snapshot import AxisSnapshot, MonitoredDrive
 from service.web import models
 from service.web.app_state import AppState
@@ -35,10 +37,7 @@ class Component(models.Body):
     """A component of the drive."""
 
     name: str
-    kind: str = Field(
-        description="inertia, fixed, spring, damper, spring-damper, ideal-gear, viscous-friction, coulomb-friction, "
-        "gravity, torque-offset, torque, speed-sensor, angle-sensor, gain (of the torque signal)"
-    )
+    kind: str = Field(description=f"{listed(tuple(COMPONENT_KINDS), 'or')}; a gain is one of the torque signal")
     nodes: list[str] = Field(description="where it is connected; components at one node turn together there")
     parameters: list[ComponentParameter]
 

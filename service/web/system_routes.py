@@ -25,7 +25,7 @@ from service.web.models import Body, TextOrNull, Time
 from service.web.problem_details import described
 from service.web.robot_setup import RobotSetup
 
-_NO_SETUP = described(503, "The daemon does not know its configuration, or a file cannot be read")
+_NO_FILE = described(503, "A file of the daemon cannot be read")
 _NO_CURSOR = described(400, "No page has given this cursor")
 _SUBJECTS: tuple[Subject, ...] = get_args(Subject)
 _LIBRARIES = ("numpy", "scipy", "numba", "python-can", "cantools", "fastapi")
@@ -89,10 +89,10 @@ def router(state: AppState) -> APIRouter:
     api = APIRouter(prefix="/system")
     began = time.monotonic()
 
-    @api.get("", summary="Process and files", responses=_NO_SETUP)
+    @api.get("", summary="Process and files", responses=_NO_FILE)
     def system() -> System:
         """Processor time, memory, versions, and the databases with their sizes, last writes and problems."""
-        setup = state.configured()
+        setup = state.setup
         folder = setup.config().service.state_dir
         return System(
             cpu_s=time.process_time(),
@@ -105,14 +105,14 @@ def router(state: AppState) -> APIRouter:
             free_bytes=_free_bytes(folder),
         )
 
-    @api.get("/configuration", summary="Configuration without secrets", responses=_NO_SETUP)
+    @api.get("/configuration", summary="Configuration without secrets", responses=_NO_FILE)
     def configuration(_who: Admin) -> PublicConfiguration:
         """The configuration in force, also after a reload by SIGHUP, without secrets."""
-        setup = state.configured()
+        setup = state.setup
         text = public_text(setup.config(), setup.file.absolute().parent)
         return PublicConfiguration(file=str(setup.file), text=text)
 
-    @api.get("/audit", summary="Who has changed what", responses=_NO_SETUP | _NO_CURSOR)
+    @api.get("/audit", summary="Who has changed what", responses=_NO_FILE | _NO_CURSOR)
     def audit(
         _who: Admin,
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 50,

@@ -18,7 +18,7 @@ from monitor_core.monitoring import FEWEST_LANES, AxisBatch, Fleet
 from monitor_core.monitoring import axis_batch as batch_module
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from service.pipeline.warming import Shape
+from service.pipeline.kernel_cache import Shape
 from tests.bench.measure import Say, in_turns, memory_mb
 from tests.conftest import ROOT
 from tests.core.figures import settings_of
@@ -140,7 +140,7 @@ def test_few_axes_one_by_one_or_in_lanes(samples: int, rounds: int, seed: int, s
 _COMPILE = """
 import os, sys
 from time import perf_counter
-from service.pipeline.warming import Shape, compile_kernel
+from service.pipeline.kernel_cache import Shape, compile_kernel
 from tests.bench.measure import memory_mb
 start = perf_counter()
 compile_kernel(Shape(sys.argv[1]))

@@ -71,7 +71,7 @@ def delayed(output: Output) -> Drive:
 
 def averaged(output: Output) -> Drive:
     """Of the speed, where that is asked for."""
-    return three_mass("speed").with_mean_speed() if output == "mean speed" else three_mass(output)
+    return three_mass(output)
 
 
 PAPER = ("kT", "1/Ja", "fm")

@@ -11,7 +11,7 @@ import pytest
 from monitor_core.detection import Alarm
 from monitor_core.detection.alarm import alarms_to_array
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import Term
+from monitor_core.drive.structure import MatrixTerm, Output
 from monitor_core.excitation.reference_experiment import experiment
 from monitor_core.kernel.tables import COULOMB, TORQUE
 from monitor_core.modeling.standard_drives import MONITORED, REFERENCE_VALUES, reference_model, three_mass
@@ -173,9 +173,20 @@ def test_key_tells_which_states_are_interchangeable() -> None:
         key(replace(MODEL, nominal=nominal(fm=0.061))),
         key(reference_model(monitored=("kT", "fm", "1/Ja"))),
         key(reference_model("angle")),
-        key(replace(MODEL, drive=replace(DRIVE, terms=(*DRIVE.terms, Term("ratio", 1, 0, 0.5, ()))))),
+        key(replace(MODEL, drive=replace(DRIVE, terms=(*DRIVE.terms, MatrixTerm("ratio", 1, 0, 0.5, ()))))),
         key(replace(MODEL, drive=replace(DRIVE, inputs=(TORQUE, COULOMB, TORQUE)))),
         key(speed_scale=0.5),
     ]
     assert key(reference_model()) == key()
     assert len({key(), *others}) == 1 + len(others)
+
+
+@pytest.mark.parametrize(
+    ("output", "structure"),
+    [("speed", "2044ef368d11ce6cfb02a8a5accda32d"), ("angle", "427eda5977731bdcd8cb59508945a13b")],
+)
+def test_the_keys_of_a_drive_are_the_same_in_each_version(output: Output, structure: str) -> None:
+    """Of the version of 2026-11-27.  With other ones, an upgrade would lose all checkpoints and histories."""
+    monitor = AxisMonitor(reference_model(output), replace(SETTINGS, K=(0.0,) * (5 if output == "speed" else 6)))
+    for key in (monitor.key, monitor.history_key):
+        assert f"drive=three-mass/{output}/{structure} [('Ja', 95." in key

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import Definition, Drive, Output, Parameter, Quantity, Term, split_name
+from monitor_core.drive.friction_roles import friction_of
+from monitor_core.drive.structure import Definition, Drive, MatrixTerm, Output, Parameter, Quantity, split_name
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model, three_mass
@@ -40,10 +41,10 @@ SPRUNG = Drive(
         Parameter("kT", "1", "torque constant"),
     ),
     terms=(
-        Term("A", 0, 1, 1.0, ()),
-        Term("A", 1, 0, -1.0, ((IN_SERIES, -1), (JOINED, -1))),
-        Term("B", 1, 0, 1.0, (("kT", 1), (JOINED, -1))),
-        Term("C", 0, 1, 1.0, ()),
+        MatrixTerm("A", 0, 1, 1.0, ()),
+        MatrixTerm("A", 1, 0, -1.0, ((IN_SERIES, -1), (JOINED, -1))),
+        MatrixTerm("B", 1, 0, 1.0, (("kT", 1), (JOINED, -1))),
+        MatrixTerm("C", 0, 1, 1.0, ()),
     ),
     speed_state=1,
     definitions=(
@@ -162,9 +163,9 @@ def test_ratios_are_one_at_the_sensor_and_nothing_without_motion() -> None:
         inputs=(TORQUE, COULOMB, ONE, COSINE, SINE, COULOMB),
         terms=(
             *drive.terms,
-            Term("ratio", 3, 0, 2.0, (("r", 1),)),
-            Term("ratio", 3, 0, 1.0, ()),
-            Term("ratio", 5, 0, 0.0, ()),
+            MatrixTerm("ratio", 3, 0, 2.0, (("r", 1),)),
+            MatrixTerm("ratio", 3, 0, 1.0, ()),
+            MatrixTerm("ratio", 5, 0, 0.0, ()),
         ),
     )
     ratio = geared.matrix("ratio", {**REFERENCE_VALUES, "r": 0.25})
@@ -222,13 +223,15 @@ def test_a_linear_simulation_takes_drawn_parameters(seed: int) -> None:
 
 
 NAMES = ("Jm", "Jg", "Ja", "kg", "ka", "dg", "da", "fm", "fc", "tau0", "kT")
-V = dict(zip(NAMES, (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0), strict=True)) | {"r": 0.5}
+PRIMES = (2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0)
+V = {**REFERENCE_VALUES, **dict(zip(NAMES, PRIMES, strict=True)), "r": 0.5}
 
 
 def test_rest_moves_rigidly() -> None:
     """Without torque and friction nothing accelerates and no spring is tensioned."""
     for output in ("speed", "angle"):
-        model = AxisModel(three_mass(output), {**V, "fm": 0.0}, ("kT",))
+        drive = three_mass(output)
+        model = AxisModel(drive, {**V, **dict.fromkeys(friction_of(drive).viscous, 0.0)}, ("kT",))
         A, _, C = model.matrices()
         rest = model.drive.matrix("rest", model.nominal)
         assert (C @ rest == 1).all()

@@ -16,8 +16,8 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation import multisine
-from monitor_core.excitation.design import Command, PlannedExperiment, Task, plan, warnings
-from monitor_core.excitation.motions import ExcitationError, Limits, Schedule, fitted
+from monitor_core.excitation.design import Command, ExcitationTask, PlannedExperiment, plan, warnings
+from monitor_core.excitation.motions import ExcitationError, MotionLimits, Schedule, fitted
 from monitor_core.excitation.multisine_signals import (
     Complex,
     Lines,
@@ -128,14 +128,14 @@ def two_masses(**changed: float) -> dict[str, float]:
     return {**TWO, **changed}
 
 
-def task(limits: Limits, given_values: dict[str, float] | None = None, **changes: object) -> Task:
+def task(limits: MotionLimits, given_values: dict[str, float] | None = None, **changes: object) -> ExcitationTask:
     nominal = given_values or two_masses()
     plant = Plant(two_mass("angle"), nominal, H)
     estimation = Estimation(two_mass("speed"), nominal, H, lam0=0.01)
-    return replace(Task(plant, estimation, limits, period=400), **changes)  # type: ignore[arg-type]
+    return replace(ExcitationTask(plant, estimation, limits, period=400), **changes)  # type: ignore[arg-type]
 
 
-def planned(seed: int, asked: Task) -> PlannedExperiment:
+def planned(seed: int, asked: ExcitationTask) -> PlannedExperiment:
     return plan(asked, np.random.default_rng(seed))
 
 
@@ -160,15 +160,15 @@ def test_torques_and_motions_keep_within_all_limits(
     """A weight is moved by a controller."""
     plant = Plant(*drive, H)
     if drive in OPEN:
-        asked = task(Limits(torque, speed, angle), drive[1], plant=plant, period=200)
+        asked = task(MotionLimits(torque, speed, angle), drive[1], plant=plant, period=200)
     else:
         estimation = Estimation(plant.drive, plant.values, H, 1e-6)
-        limits = Limits(torque + 2.5, speed, angle)
+        limits = MotionLimits(torque + 2.5, speed, angle)
         asked = task(limits, plant=plant, estimation=estimation, command="angle", period=200)
     check_limits(planned_or_none(seed, asked), plant)
 
 
-def planned_or_none(seed: int, asked: Task) -> PlannedExperiment | None:
+def planned_or_none(seed: int, asked: ExcitationTask) -> PlannedExperiment | None:
     """None where the text says that there is none, which a linear drive without offset always has."""
     try:
         return planned(seed, asked)
@@ -191,19 +191,19 @@ def check_limits(x: PlannedExperiment | None, plant: Plant) -> None:
 
 
 COMMANDS: tuple[Command, ...] = ("torque", "speed", "angle")
-LIMITS = (Limits(torque=2), Limits(speed=8), Limits(angle=1), Limits(2, 8, 1))
+LIMITS = (MotionLimits(torque=2), MotionLimits(speed=8), MotionLimits(angle=1), MotionLimits(2, 8, 1))
 
 
 @pytest.mark.parametrize(
     ("command", "limits"), soaked(product(COMMANDS, LIMITS), *zip((*COMMANDS, "torque"), LIMITS, strict=True))
 )
-def test_the_binding_limit_is_used_fully(command: Command, limits: Limits, seed: int) -> None:
+def test_the_binding_limit_is_used_fully(command: Command, limits: MotionLimits, seed: int) -> None:
     x = planned(seed, task(limits, command=command))
     assert 0.98 < x.used[x.trial.fitted.binding] <= 1
 
 
 def test_a_linear_drive_starts_and_ends_at_rest_and_repeats_its_periods(seed: int) -> None:
-    x = planned(seed, task(Limits(2, 20), periods=3))
+    x = planned(seed, task(MotionLimits(2, 20), periods=3))
     s, motion = x.task.schedule, x.motion
     assert len(motion.torque) == s.samples == 400 * 4 + 200
     assert abs(motion.angle[-1]) < 2e-3 * np.abs(motion.angle).max()
@@ -219,15 +219,15 @@ def test_a_linear_drive_starts_and_ends_at_rest_and_repeats_its_periods(seed: in
 
 
 def test_an_offset_is_borne_so_that_nothing_drifts(seed: int) -> None:
-    x = planned(seed, task(Limits(2, 20), two_masses(tau0=0.3), periods=4))
+    x = planned(seed, task(MotionLimits(2, 20), two_masses(tau0=0.3), periods=4))
     evaluated = x.task.schedule.evaluated
     means = x.motion.angle[evaluated].reshape(4, -1).mean(axis=1)
     assert means == pytest.approx(means[0], abs=0.01 * np.abs(x.motion.angle).max())
     assert x.motion.torque[evaluated].mean() == pytest.approx(-0.3, abs=1e-9)
 
 
-@pytest.mark.parametrize("limits", [Limits(2, 20), Limits(angle=0.5)])
-def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: Limits, seed: int) -> None:
+@pytest.mark.parametrize("limits", [MotionLimits(2, 20), MotionLimits(angle=0.5)])
+def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: MotionLimits, seed: int) -> None:
     """Against another simulation, with 20 % more and less of it; a controller, or a linear drive, needs no words."""
     x = planned(seed, task(limits, two_masses(fc=0.3)))
     messages = [words for words in warnings(x) if "Coulomb friction" in words]
@@ -244,7 +244,7 @@ def test_how_far_it_ends_from_rest_with_other_friction_is_said(limits: Limits, s
 
 def test_what_has_the_limit_gets_the_low_peaks(seed: int) -> None:
     """The angle, where that is limited: a peak of 1.2 rms values, which phases made for the torque do not give it."""
-    x = planned(seed, task(Limits(angle=1.0)))
+    x = planned(seed, task(MotionLimits(angle=1.0)))
     to_angle = x.task.plant.response(x.task.frequency_hz)[0]
     assert crest_factor(x.trial.signal.through(to_angle).samples()) < 1.3
     assert crest_factor(x.trial.signal.samples()) > 1.6
@@ -252,7 +252,9 @@ def test_what_has_the_limit_gets_the_low_peaks(seed: int) -> None:
 
 def test_a_torque_and_a_reference_are_of_one_motion(seed: int) -> None:
     """With friction, too: the drive under the torque alone goes where a good controller would have led it."""
-    given, followed = (planned(seed, task(Limits(2, 20), two_masses(fc=0.3), command=c)) for c in ("torque", "angle"))
+    given, followed = (
+        planned(seed, task(MotionLimits(2, 20), two_masses(fc=0.3), command=c)) for c in ("torque", "angle")
+    )
     np.testing.assert_array_equal(given.motion.torque, followed.motion.torque)
     angle, _ = replayed(given.task.plant, given.motion.torque)
     reference = followed.trial.reference[0]
@@ -263,13 +265,13 @@ def test_a_weight_cannot_be_moved_by_torque_alone(seed: int) -> None:
     plant = Plant(chain(2, "angle"), {**values(2), "gc": 0.0, "gs": -30.0}, H)  # upside down
     estimation = Estimation(plant.drive, plant.values, H, 1e-6)
     with pytest.raises(ExcitationError, match="weight moves it away"):
-        planned(seed, task(Limits(torque=5, angle=3), plant=plant, estimation=estimation))
+        planned(seed, task(MotionLimits(torque=5, angle=3), plant=plant, estimation=estimation))
 
 
 def test_limits_that_hold_for_no_amplitude() -> None:
     borne = np.full(3, 2.0)
     with pytest.raises(ExcitationError, match="the torque limit does not hold, however small the signal"):
-        fitted(lambda size: Motion(borne + size, borne * 0, borne * 0, borne), Limits(torque=1.0), 1.0)
+        fitted(lambda size: Motion(borne + size, borne * 0, borne * 0, borne), MotionLimits(torque=1.0), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -278,7 +280,7 @@ def test_limits_that_hold_for_no_amplitude() -> None:
 )
 def test_limits_that_make_no_sense(limits: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        Limits(**limits)
+        MotionLimits(**limits)
 
 
 # --- what it tells ----------------------------------------------------------------------------------------
@@ -311,7 +313,7 @@ def test_predicted_deviations_are_those_of_many_estimates(torque_noise: float, s
     K, lam0 = np.zeros(3), noise**2
     if torque_noise:
         K, lam0 = filter_gain(AxisModel(two_mass("speed"), two_masses(), ()), H, torque_noise, noise)
-    asked = task(Limits(1.0), free=names)
+    asked = task(MotionLimits(1.0), free=names)
     x = planned(seed, replace(asked, estimation=replace(asked.estimation, lam0=lam0, K=K)))
     u = x.motion.torque
     w, v = torque_noise * rng.standard_normal((len(u), runs)), noise * rng.standard_normal((len(u), runs))
@@ -349,7 +351,7 @@ def filtered(at: dict[str, float], u: Floats, y: Floats | None, K: Floats) -> tu
 
 
 def test_what_cannot_be_told_apart_is_held_pure_numbers_first(seed: int) -> None:
-    x = planned(seed, task(Limits(1.0)))
+    x = planned(seed, task(MotionLimits(1.0)))
     assert "kT" in x.held
     assert set(x.held) <= {"kT", "r"}
     assert np.isfinite(x.accuracy.standard_deviations).all()
@@ -386,19 +388,19 @@ def test_optimal_powers_are_the_best_there_are(seed: int, limits: int, parameter
 
 
 def test_a_spectrum_for_a_parameter_tells_more_of_it_than_a_flat_one(seed: int) -> None:
-    x = planned(seed, task(Limits(1.0), find=("fm", "1/Ja"), period=800))
+    x = planned(seed, task(MotionLimits(1.0), find=("fm", "1/Ja"), period=800))
     assert x.gains["fm"] > 1.3
     assert set(x.task.find) <= set(x.accuracy.names)
     assert (x.trial.signal.amplitudes > 0).all()
 
 
 def test_words_on_what_is_poorly_told(seed: int) -> None:
-    asked = task(Limits(0.05), band_hz=(0.5, 3.0))
+    asked = task(MotionLimits(0.05), band_hz=(0.5, 3.0))
     messages = warnings(planned(seed, asked))
     (of_k,) = [words for words in messages if words.startswith(("k ", "Ja and k", "k and"))][:1]
     assert "cannot" in of_k
     assert any("excite up to" in words and "times as long" in words for words in messages)
-    assert warnings(planned(seed, task(Limits(20.0)))) == ()
+    assert warnings(planned(seed, task(MotionLimits(20.0)))) == ()
 
 
 # --- mistakes ---------------------------------------------------------------------------------------------
@@ -414,8 +416,8 @@ def test_schedule() -> None:
 
 def test_what_cannot_be_planned(seed: int) -> None:
     with pytest.raises(ExcitationError, match="widen the band or lengthen the period"):
-        planned(seed, task(Limits(1.0), band_hz=(0.6, 0.9)))
+        planned(seed, task(MotionLimits(1.0), band_hz=(0.6, 0.9)))
     with pytest.raises(ExcitationError, match="must be among the free parameters"):
-        planned(seed, task(Limits(1.0), free=("Ja",), find=("fm",)))
+        planned(seed, task(MotionLimits(1.0), free=("Ja",), find=("fm",)))
     with pytest.raises(ExcitationError, match=r"do not determine .* parameters"):
-        planned(seed, task(Limits(1.0), free=NAMES, find=("fm",), band_hz=(1.4, 1.6)))
+        planned(seed, task(MotionLimits(1.0), free=NAMES, find=("fm",), band_hz=(1.4, 1.6)))

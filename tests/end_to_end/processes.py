@@ -174,14 +174,18 @@ def daemon(config: Path, *arguments: str | Path, program: Sequence[str] = PROGRA
             raise
 
 
-def wait_for(look: Callable[[], T | None], patience_s: float = PATIENCE_S) -> T:
-    """What ``look`` finds, as soon as it finds something."""
+def wait_for(
+    look: Callable[[], T | None], state: Callable[[], object] | None = None, *, patience_s: float = PATIENCE_S
+) -> T:
+    """What ``look`` finds, as soon as it finds something; ``state``: what to report if it finds nothing."""
     end = time.monotonic() + patience_s
     while True:
         found = look()
         if found:
             return found
-        assert time.monotonic() < end, f"waited {patience_s:.0f} s in vain for {look.__qualname__}"
+        assert time.monotonic() < end, (
+            f"waited {patience_s:.0f} s in vain for {look.__qualname__}{f': {state()}' if state else ''}"
+        )
         time.sleep(0.05)
 
 

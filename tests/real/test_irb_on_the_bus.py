@@ -96,7 +96,7 @@ def when_all_is_in(running: Daemon) -> Any:
         time.sleep(1)  # the worker publishes about every second
         return None
 
-    return wait_for(look, PATIENCE_S)
+    return wait_for(look, patience_s=PATIENCE_S)
 
 
 def replayed(played: Played, record: Path) -> Any:

@@ -15,7 +15,7 @@ from monitor_core.samples import SampleBlock
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
 from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
-from tests.service.by_commands import RefusedError, restarted, write_thresholds
+from tests.service.by_commands import CommandRefusedError, restarted, write_thresholds
 from tests.service.command_line import axiswatch
 
 MEMORY_S = 10.0
@@ -80,7 +80,7 @@ def identified(folder: Path, records: Sequence[Path]) -> Path:
         )  # fmt: skip
         print(result.output)
         if result.exit_code:
-            raise RefusedError(result.output[-1000:])
+            raise CommandRefusedError(result.output[-1000:])
     return configured(folder, "found.toml", {axis: f'nominal_file = "{axis}.toml"' for axis in AXES})
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from monitor_core.calibration import CalibrationError
 from tests.service.arm_cell import ArmAlarm
-from tests.service.by_commands import RefusedError
+from tests.service.by_commands import CommandRefusedError
 
 
 class Case(NamedTuple):
@@ -78,7 +78,7 @@ def try_arms(
         own.mkdir()
         try:
             quiet, found = try_arm(number, own)
-        except (RefusedError, CalibrationError) as error:
+        except (CommandRefusedError, CalibrationError) as error:
             refused.append(number)
             print(f"arm {number}: {error}", flush=True)
             continue

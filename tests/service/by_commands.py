@@ -17,7 +17,7 @@ from service.store.checkpoints import Checkpoints
 from service.store.journal import Journal
 
 
-class RefusedError(Exception):
+class CommandRefusedError(Exception):
     """A command found nothing that it could stand for; the text is the end of what it says."""
 
 

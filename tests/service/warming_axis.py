@@ -18,7 +18,7 @@ from service.pipeline.axis_pipeline import Heat
 from service.texts.not_tested_words import not_tested_sentences
 from tests.core.mismatch import INTERVAL_S, MOVING, STEP, Block, FaultAlarm, alarm_of
 from tests.core.warming import WarmingPlant
-from tests.service.by_commands import RefusedError, restarted, write_thresholds
+from tests.service.by_commands import CommandRefusedError, restarted, write_thresholds
 from tests.service.command_line import axiswatch
 
 PARAMETERS = ("kT", "fc", "fm")
@@ -87,7 +87,7 @@ def identified(
     found, page = folder / "nominal.toml", folder / "identify.html"
     result = axiswatch("identify", *records, "--config", config, "--force", "-o", found, "--report", page, *words)
     if result.exit_code:
-        raise RefusedError(result.output[-1000:])
+        raise CommandRefusedError(result.output[-1000:])
     return configured(folder, "axis.toml", 'nominal_file = "nominal.toml"\n'), result.output
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from service.pipeline.warming import VARIABLE, CacheFiller, Shape
+from service.pipeline.kernel_cache import VARIABLE, CacheFiller, Shape
 from tests.bench.measure import memory_mb
 from tests.end_to_end.killed_daemons import killed
 from tests.end_to_end.played_robot import played_robot

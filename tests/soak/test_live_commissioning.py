@@ -76,6 +76,6 @@ def test_from_a_device_to_a_running_daemon(tmp_path: Path, seed: int, monkeypatc
     assert nominal.values["J"] == pytest.approx(VALUES[DRIVE]["J"], rel=0.1)
     assert nominal.values["fc"] == pytest.approx(VALUES[DRIVE]["fc"], rel=0.2)
     with moving(rows, robot), timed("run"), daemon(made) as d:
-        wait_for(lambda: d.get(f"api/v1/axes/{axis.id}")["counters"]["used"] > 200, SLOW_S)
+        wait_for(lambda: d.get(f"api/v1/axes/{axis.id}")["counters"]["used"] > 200, patience_s=SLOW_S)
         assert d.get("api/v1/alarms")["alarms"] == []
         assert d.stop() == 0

@@ -42,7 +42,7 @@ from tests.core.mismatch import (
     right,
     true_size,
 )
-from tests.service.by_commands import RefusedError
+from tests.service.by_commands import CommandRefusedError
 from tests.service.command_line import axiswatch
 from tests.service.warming_axis import write
 
@@ -77,7 +77,7 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     """The configuration with nominal values and thresholds of an axis, from records of it.
 
     Raises:
-        RefusedError: a command does.
+        CommandRefusedError: a command does.
     """
     signal = multisine(np.random.default_rng(seed), round(EXCITE_S / INTERVAL_S), INTERVAL_S, EXCITE_HZ, EXCITE_RMS)
     excited = _written(folder / "excite.csv", plant.take(EXCITE_S, test=signal))
@@ -92,13 +92,13 @@ def commissioned(plant: MismatchPlant, folder: Path, seed: int) -> Path:
     values = _identified(folder, values, [excited, *operation], *warming, *start)
     free = ("--start", "values", "--free", "kT,fc,fm,tau0")
     if "Jm" not in values or _identified(folder, values, operation, *warming, *free) is values:
-        raise RefusedError("no nominal values")
+        raise CommandRefusedError("no nominal values")
     axis, found, page = folder / "axis.toml", folder / "thresholds.toml", folder / "calibrate.html"
     axis.write_text(AXIS % 'nominal_file = "nominal.toml"', encoding="utf-8")
     wishes = ("--budget", BUDGET, "--within", WITHIN_S, "--sizes", 30, "--onsets", 1)
     result = axiswatch("calibrate", *operation, "--config", axis, "-o", found, "--report", page, *wishes)
     if result.exit_code:
-        raise RefusedError(f"no thresholds: {result.output[-1000:]}")
+        raise CommandRefusedError(f"no thresholds: {result.output[-1000:]}")
     both = 'nominal_file = "nominal.toml", thresholds_file = "thresholds.toml"'
     axis.write_text(AXIS % both, encoding="utf-8")
     return axis
@@ -192,7 +192,7 @@ def test_twenty_plants(seed: int, tmp_path: Path) -> None:
         (tmp_path / str(number)).mkdir()
         try:
             plants.append(watched(number, seed, tmp_path / str(number)))
-        except RefusedError as error:
+        except CommandRefusedError as error:
             refused.append(number)
             print(f"\nplant {number}: {error}", flush=True)
         else:

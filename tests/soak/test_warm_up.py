@@ -19,7 +19,7 @@ from monitor_core.excitation import multisine
 from tests.core.mismatch import INTERVAL_S, FaultAlarm
 from tests.core.mismatch_monitor import FOUND
 from tests.core.warming import WarmingPlant, redrawn_warming
-from tests.service.by_commands import RefusedError
+from tests.service.by_commands import CommandRefusedError
 from tests.service.warming_axis import Watcher, after_fault, calibrated, identified, write
 
 pytestmark = pytest.mark.soak
@@ -115,7 +115,7 @@ def test_ten_days_with_a_cold_start_each(seed: int, tmp_path: Path) -> None:
         folder.mkdir()
         try:
             runs.append(watched(number, seed, folder))
-        except (RefusedError, CalibrationError) as error:
+        except (CommandRefusedError, CalibrationError) as error:
             refused.append(number)
             print(f"plant {number}: {error}", flush=True)
             continue

@@ -21,7 +21,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import Balance, unexplained
 from monitor_core.identification.torque_balance.torque_windows import SIGNAL, TorqueTerm
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
+from monitor_core.kernel.tables import ANGLE_FUNCTIONS, COULOMB, OF_ANGLE, ONE, TORQUE
 
 _MIN_FRICTION_SHARE = 0.5
 """Coulomb friction takes most of the torque above this share of the mean square of the torque."""
@@ -46,7 +46,7 @@ def explained_torque(problems: Iterable[tuple[Problem, Sequence[Record]]]) -> fl
 
 def holds_weight(problem: Problem) -> bool:
     """Whether a weight acts on the drive: gravity at its own angle, or a constant torque that follows the pose."""
-    return problem.drive.acts((COSINE, SINE), problem.nominal) or follows_pose(problem)
+    return problem.drive.acts(OF_ANGLE, problem.nominal) or follows_pose(problem)
 
 
 def offset_exceeds_friction(problem: Problem) -> bool:
@@ -99,9 +99,9 @@ def _balanced(problem: Problem, records: Sequence[Record]) -> tuple[list[Record]
         for name, signal in problem.followed_torques:
             slope = problem.slopes.get(slope_name(name, signal), 0.0)
             pose = pose + rigid.takes_per(name) * slope * record.signals[signal]
-        for k in np.flatnonzero((kinds == COSINE) | (kinds == SINE)).tolist():
-            turned = ratio[k] * record.y
-            pose = pose + takes[k] * (np.cos(turned) if kinds[k] == COSINE else np.sin(turned))
+        for k, kind in enumerate(drive.inputs):
+            if kind in ANGLE_FUNCTIONS:
+                pose = pose + takes[k] * ANGLE_FUNCTIONS[kind](ratio[k] * record.y)
         known = np.isfinite(pose)
         filled = np.interp(record.t, record.t[known], pose[known]) if known.any() else np.zeros(len(record))
         posed.append(replace(record, signals={SIGNAL: filled}))

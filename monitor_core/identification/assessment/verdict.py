@@ -34,7 +34,7 @@ from monitor_core.identification.records.measured_record import Record, between
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.standstill import slow_motion
 from monitor_core.identification.torque_balance.torque_windows import TorqueTerm, moves_one_way
-from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
+from monitor_core.kernel.tables import COULOMB, OF_ANGLE, ONE
 
 GOOD, FAIR = 80.0, 50.0
 """Per cent of the motion, 100 (1 - |errors| / |speed - mean|), from which on a fit is good, or fair.  Real axes with
@@ -270,7 +270,7 @@ def missing_effects(problem: Problem, records: Sequence[Record]) -> tuple[Effect
 
 def _present(drive: Drive) -> tuple[Effect, ...]:
     kinds = {
-        Effect.POSE: {COSINE, SINE},
+        Effect.POSE: set(OF_ANGLE),
         Effect.COULOMB: {COULOMB},
         Effect.OFFSET: {ONE},
     }

@@ -14,7 +14,7 @@ from scipy.linalg import hessenberg
 from scipy.optimize import nnls
 
 from monitor_core.arrays import Complexes, Floats
-from monitor_core.drive.structure import DAMPING, Drive, Output, Parameter, Quantity, Term, split_name
+from monitor_core.drive.structure import DAMPING, Drive, MatrixTerm, Output, Parameter, Quantity, split_name
 from monitor_core.identification.problem import Problem
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 
@@ -31,11 +31,11 @@ def chain(masses: int, output: Output) -> Drive:
     terms = [*_springs(n), *_motor(n - 1)]
     if output == "angle":
         states.append(Quantity("shaft1.phi", "rad"))
-        terms += [Term("A", 2 * n - 1, n - 1, 1.0, ()), Term("C", 0, 2 * n - 1, 1.0, ())]
-        terms.append(Term("rest", 2 * n - 1, 0, 1.0, ()))
+        terms += [MatrixTerm("A", 2 * n - 1, n - 1, 1.0, ()), MatrixTerm("C", 0, 2 * n - 1, 1.0, ())]
+        terms.append(MatrixTerm("rest", 2 * n - 1, 0, 1.0, ()))
     else:
-        terms.append(Term("C", 0, n - 1, 1.0, ()))
-        terms += [Term("rest", n - 1 + i, 0, 1.0, ()) for i in range(n)]
+        terms.append(MatrixTerm("C", 0, n - 1, 1.0, ()))
+        terms += [MatrixTerm("rest", n - 1 + i, 0, 1.0, ()) for i in range(n)]
     inputs = (TORQUE, COULOMB, ONE)
     return Drive(f"{n} masses", output, tuple(states), inputs, _parameters(n), tuple(terms), n - 1)
 
@@ -69,28 +69,28 @@ def _parameters(n: int) -> tuple[Parameter, ...]:
     return (*J, *k, *d, fm, fc, Parameter("tau0", "N m", "torque offset", positive=False))
 
 
-def _springs(n: int) -> list[Term]:
+def _springs(n: int) -> list[MatrixTerm]:
     """Each stretches with the speeds of the two masses that it joins, brakes one and drives the other."""
-    out = list[Term]()
+    out = list[MatrixTerm]()
     for i in range(n - 1):
         left, right = n - 1 + i, n + i
-        out += [Term("A", i, left, 1.0, ()), Term("A", i, right, -1.0, ())]
+        out += [MatrixTerm("A", i, left, 1.0, ()), MatrixTerm("A", i, right, -1.0, ())]
         for row, mass, sign in ((left, i + 1, -1.0), (right, i + 2, 1.0)):
             J = (f"J{mass}", -1)
-            out.append(Term("A", row, i, sign, (J, (f"k{i + 1}", 1))))
-            out.append(Term("A", row, left, sign, (J, (f"d{i + 1}", 1))))
-            out.append(Term("A", row, right, -sign, (J, (f"d{i + 1}", 1))))
+            out.append(MatrixTerm("A", row, i, sign, (J, (f"k{i + 1}", 1))))
+            out.append(MatrixTerm("A", row, left, sign, (J, (f"d{i + 1}", 1))))
+            out.append(MatrixTerm("A", row, right, -sign, (J, (f"d{i + 1}", 1))))
     return out
 
 
-def _motor(row: int) -> list[Term]:
+def _motor(row: int) -> list[MatrixTerm]:
     J = ("J1", -1)
     return [
-        Term("A", row, row, -1.0, (J, ("fm", 1))),
-        Term("B", row, 0, 1.0, (J,)),
-        Term("B", row, 1, -1.0, (J, ("fc", 1))),
-        Term("B", row, 2, 1.0, (J, ("tau0", 1))),
-        Term("ratio", 1, 0, 1.0, ()),
+        MatrixTerm("A", row, row, -1.0, (J, ("fm", 1))),
+        MatrixTerm("B", row, 0, 1.0, (J,)),
+        MatrixTerm("B", row, 1, -1.0, (J, ("fc", 1))),
+        MatrixTerm("B", row, 2, 1.0, (J, ("tau0", 1))),
+        MatrixTerm("ratio", 1, 0, 1.0, ()),
     ]
 
 

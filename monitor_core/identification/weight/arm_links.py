@@ -29,11 +29,15 @@ from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart
-from monitor_core.identification.weight.link_energies import EnergyBalance, MotionSignals, link_energies
-from monitor_core.identification.weight.weight_balance import WeightBalance, moving_parts, slow_parts
+from monitor_core.identification.weight.link_energies import EnergyBalance, MotionSignals, Sum, link_energies
+from monitor_core.identification.weight.weight_balance import (
+    MIN_INCREASE,
+    MOST_OTHERS,
+    WeightBalance,
+    moving_parts,
+    slow_parts,
+)
 
-_MOST_OTHERS = 2
-"""Other angles in a sum: shoulder, elbow and a wrist that bends in the same plane."""
 _MOST_SUMS = 8
 _MAX_REMAINING = 0.6
 """A further sum must reduce the squared errors to at most this share, .."""
@@ -42,16 +46,30 @@ _MIN_GAIN = 0.01
 axis of a wrist a weight is the sum of many terms."""
 _CLEARLY_LESS = 0.9
 """An alternative, as a sum of more angles, is used if it leaves at most this share of the squared errors."""
-_MIN_INCREASE = 1.02
-"""A single cosine or sine is kept if the squared errors grow by at least this factor without it."""
 _MIN_EXPLAINED = 0.5
 """Least share of the torque that must be explained; otherwise no weights are reported."""
 
 _MIN_VARIANCE = 0.003
 """Least share of the variance of the torque that the weights explain; less may be an error of the friction model."""
 
-Sum = tuple[tuple[int, str], ...]
-"""A sum of angles, by the names of their signals, each with its sign"""
+
+class ArmSignals(NamedTuple):
+    """Names of the signals in the records of an axis, by what they may be for the arm that it belongs to."""
+
+    own: str
+    """The angle of the axis itself [rad]"""
+    angles: Sequence[str]
+    """All angles of the arm [rad], own too, from the base to the hand; none: no weight of links is looked for"""
+    loads: Sequence[str] = ()
+    """Signals that may be loads"""
+    accelerations: Sequence[str] = ()
+    """The accelerations of other axes [rad/s^2]"""
+    moving: Mapping[str, MotionSignals] = MappingProxyType({})
+    """Of angles that do not wrap, own too, the signals of their speed and acceleration; records need not have these.
+
+    The torque of kinetic energies is then looked for, too; of the own angle alone, as of a linear axis, that of the
+    inertia of a load.
+    """
 
 
 class LinkWeights(NamedTuple):
@@ -65,81 +83,67 @@ class LinkWeights(NamedTuple):
     """the same without these terms"""
 
 
-def link_weights(
-    records: Sequence[Record],
-    own: str,
-    angles: Sequence[str],
-    loads: Sequence[str] = (),
-    accelerations: Sequence[str] = (),
-    moving: Mapping[str, MotionSignals] = MappingProxyType({}),
-) -> LinkWeights | None:
+def link_weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | None:
     """The weights, and the motion of other axes, in the torque of an axis; None: they do not explain it.
 
-    Args:
-        records: of the axis, whose angle is measured, with the angles of the arm's axes as signals [rad].
-        own: name of the signal that is the angle of the axis itself.
-        angles: names of all of them, own too, from the base to the hand; none: not looked for.
-        loads: names of signals that may be loads.
-        accelerations: names of signals that are those of other axes.
-        moving: of angles that do not wrap, the names of signals for speed and acceleration, which need not be in the
-            records; own too.  The torque of kinetic energies is then looked for, too; of the own angle alone, as of a
-            linear axis, that of the inertia of a load.
+    ``records``: of the axis, whose angle is measured, with these signals.
     """
-    found = _weights(records, own, angles, loads, accelerations)
+    found = _weights(records, signals)
     if found is None:
         return None
-    if own in moving and (len(moving) > 1 or loads):
-        found = _with_energies(found, records, own, angles, moving, loads)
+    if signals.own in signals.moving and (len(signals.moving) > 1 or signals.loads):
+        found = _with_energies(found, records, signals)
     enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
     return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
 
 
-def _weights(
-    records: Sequence[Record], own: str, angles: Sequence[str], loads: Sequence[str], accelerations: Sequence[str]
-) -> LinkWeights | None:
+def _weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | None:
     """The weights, loads and accelerations alone; None: the records are too short."""
-    parts, window = slow_parts(records, (*angles, *loads, *accelerations))
+    accelerations = [_plain(name) for name in signals.accelerations]
+    parts, window = slow_parts(records, (*signals.angles, *signals.loads, *signals.accelerations))
     if not parts:
         return None
-    balance = _LinkBalance(parts, window, speed_scales(records)[1], own, angles)
+    balance = _LinkBalance(parts, window, speed_scales(records)[1], signals.own, signals.angles)
     before = balance.explained(())
-    balance.couple(map(_plain, accelerations))
-    alone = _cosines_and_sines(((1, own),)) if angles else []
-    chosen = _with_loads(balance, _cosines_and_sines(*(balance.sums() if angles else ())), alone, loads)
-    for load in loads if angles else ():
-        balance.carried = _plain(load)
-        carrying = _with_loads(balance, balance.cosines_and_sines(*balance.sums()), alone, loads)
-        if balance.error(carrying) < _CLEARLY_LESS * balance.error(chosen):
-            chosen = carrying
+    balance.couple(accelerations)
+    chosen = _chosen(balance, signals)
     balance.uncouple(chosen)
     if not chosen and not balance.coupled:
         return LinkWeights((), before, before)
-    needed, left = chosen, balance.error(chosen)
-    for term in chosen:
-        fewer = [w for w in needed if w != term]
-        if (fewer or balance.coupled) and balance.error(fewer) < _MIN_INCREASE * left:
-            needed = fewer
-    balance.couple_for_inertia(needed, [_plain(name) for name in accelerations])
+    needed = balance.needed(chosen)
+    balance.couple_for_inertia(needed, accelerations)
     return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
 
 
-def _with_energies(
-    found: LinkWeights,
-    records: Sequence[Record],
-    own: str,
-    angles: Sequence[str],
-    moving: Mapping[str, MotionSignals],
-    loads: Sequence[str],
-) -> LinkWeights:
+def _chosen(balance: _LinkBalance, signals: ArmSignals) -> list[Term]:
+    """The weights and loads that reduce the error: without a carried load, or with the one that explains clearly more.
+
+    Without angles, only the loads.
+    """
+    if not signals.angles:
+        return _with_loads(balance, [], [], signals.loads)
+    alone = _cosines_and_sines(((1, signals.own),))
+    chosen = _with_loads(balance, _cosines_and_sines(*balance.sums()), alone, signals.loads)
+    for load in signals.loads:
+        balance.carried = _plain(load)
+        carrying = _with_loads(balance, balance.cosines_and_sines(*balance.sums()), alone, signals.loads)
+        if balance.error(carrying) < _CLEARLY_LESS * balance.error(chosen):
+            chosen = carrying
+    return chosen
+
+
+def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSignals) -> LinkWeights:
+    """These terms with the torques of energies, of the arm alone or also of a carried load; else as they are."""
+    own, moving = signals.own, signals.moving
     terms = [Term.read(text) for text in found.terms]
-    parts, window = moving_parts(records, [*moving, *loads, *(name for term in terms for name in term.signals)])
+    parts, window = moving_parts(records, [*moving, *signals.loads, *(name for term in terms for name in term.signals)])
     if not parts:
         return found
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
-    arm = [angle for angle in angles if angle in moving]
+    arm = [angle for angle in signals.angles if angle in moving]
     balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, arm)
     best, energies = terms, link_energies(balance(values)) if len(arm) > 1 else None
-    for load in loads:
+    for load in signals.loads:
         # Terms that were found without the energies of the load stand for them, so the search begins anew.
         carrying = link_energies(balance([], load))
         if energies is None or (1 - carrying.explained) ** 2 < _CLEARLY_LESS * (1 - energies.explained) ** 2:
@@ -182,7 +186,10 @@ def _with_loads(
 
 
 def _values(term: Term, part: GridPart) -> Floats:
-    """A product of loads and of cosines or sines of sums of angles (N,)."""
+    """A term that is one product, of loads and of cosines or sines of sums of angles (N,).
+
+    Whole arrays at once, as many candidates are tried; ``Term.value`` takes value by value, for equal bits in replays.
+    """
     values = np.ones(len(part.u))
     for factor in term.factors:
         total = sum((sign * part.signals[name] for sign, name in factor.addends), np.zeros(len(part.u)))
@@ -204,14 +211,13 @@ def _plain(signal: str) -> Term:
 class _LinkBalance(WeightBalance):
     """The torque balance with further terms, fitted to each half of the equations and tested on the other half.
 
-    ``own`` and ``angles`` as in ``link_weights``.
+    ``own`` and ``angles`` as in ``ArmSignals``.
     """
 
     def __init__(self, parts: Sequence[GridPart], window: int, scale: float, own: str, angles: Sequence[str]) -> None:
         super().__init__(parts, window, scale)
         self._own, self._angles = own, angles
         self._columns: dict[Term, Floats] = {}
-        self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
         self.coupled: tuple[Term, ...] = ()
         self.carried: Term | None = None
         """A measured load that is tried as a factor of each weight: a load that varies would hide the weights"""
@@ -243,6 +249,15 @@ class _LinkBalance(WeightBalance):
             self.coupled = tuple(other for other in every if other != term)
             if self._is_needed(left, self.error(terms), 1, True):
                 self.coupled = every
+
+    def needed(self, terms: Sequence[Term]) -> Sequence[Term]:
+        """Those of these terms that explain something beside the others; one at least, unless an axis is coupled."""
+        needed, left = terms, self.error(terms)
+        for term in terms:
+            fewer = [other for other in needed if other != term]
+            if (fewer or self.coupled) and self.error(fewer) < MIN_INCREASE * left:
+                needed = fewer
+        return needed
 
     def couple_for_inertia(self, terms: Sequence[Term], accelerations: Sequence[Term]) -> None:
         """Add the fewest accelerations with which the inertia is positive, if it is negative beside these terms.
@@ -295,7 +310,7 @@ class _LinkBalance(WeightBalance):
         """The sum that explains most in addition to others, and the error; of few angles, if possible."""
         best: Sum = ()
         least = np.inf
-        for count in range(_MOST_OTHERS + 1):
+        for count in range(MOST_OTHERS + 1):
             tried = [angles for angles in self._sums(count) if angles not in chosen]
             with_it = [self.error(self.cosines_and_sines(*chosen, angles)) for angles in tried]
             if with_it and min(with_it) < _CLEARLY_LESS * least:
@@ -313,17 +328,17 @@ class _LinkBalance(WeightBalance):
     def error(self, terms: Sequence[Term]) -> float:
         """Sum of squared errors of each half of the equations with values that were fitted to the other half."""
         columns = self._columns_of(terms)
-        first, last = slice(len(self.torque) // 2), slice(len(self.torque) // 2, None)
+        first, last = self.halves
         return self.missed(columns, first, last) + self.missed(columns, last, first)
 
     def explained(self, terms: Sequence[Term]) -> float:
         """Share of the torque about its mean that is explained where it was not fitted."""
-        return 1 - float(np.sqrt(self.error(terms) / self._spread)) if self._spread > 0 else 0.0
+        return self.share_explained(self.error(terms))
 
     def _is_needed(self, least: float, left: float, sums: int, beside: bool) -> bool:
         """Whether so many further terms reduce the error enough; ``beside``: there are other terms already."""
         return least < _MAX_REMAINING**sums * left or (
-            (beside or bool(self.coupled)) and left - least > sums * _MIN_GAIN * self._spread
+            (beside or bool(self.coupled)) and left - least > sums * _MIN_GAIN * self.spread
         )
 
     def _columns_of(self, terms: Sequence[Term]) -> list[Floats]:

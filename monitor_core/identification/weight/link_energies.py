@@ -32,11 +32,9 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.signal_terms import Factor, Product, Term
 from monitor_core.identification.torque_balance.torque_windows import WINDOWS, GridPart
-from monitor_core.identification.weight.weight_balance import WeightBalance
+from monitor_core.identification.weight.weight_balance import MIN_INCREASE, MOST_OTHERS, WeightBalance
 
 _MOST_SUMS = 16
-_MOST_OTHERS = 2
-"""Other angles in the sum of a weight."""
 _MOST_OF_ANGLE = 2
 """An inertia has the squares and products of two cosines of sums, and so at most twice each angle."""
 _MAX_REMAINING = 0.95
@@ -46,13 +44,11 @@ _BY_CHANCE = 6.0
 are alike for some windows."""
 _CLEARLY_LESS = 0.95
 """A sum that was chosen before a later one is exchanged if another one leaves at most this share of the errors."""
-_MIN_INCREASE = 1.02
-"""A single cosine or sine is kept if the squared errors grow by at least this factor without it."""
 _DETERMINED = 1e-10
 """Singular values of the normal equations below this share of the largest are left out."""
 
 Sum = tuple[tuple[int, str], ...]
-"""A sum of angles, by the names of their signals, each with a factor"""
+"""A sum of angles, by the names of their signals, each with a whole factor; of a weight that is its sign"""
 
 
 class MotionSignals(NamedTuple):
@@ -87,14 +83,14 @@ class Energy(NamedTuple):
         j, k = self.axes
         if own not in self.axes:
             number = -sign * float(np.sign(self.times(own)))
-            speeds = (Factor("square", ((1, signals[j].speed),)),) if j == k else _plain(signals, j, k)
+            speeds = (Factor("square", ((1, signals[j].speed),)),) if j == k else _speeds(signals, j, k)
             return Term((Product((*load, *speeds, slope), number),))
         other = k if j == own else j
         factors = (*load, _signal(signals[other].acceleration), *((f,) if self.angles else ()))
         parts = [Product(factors)]
         for n, angle in self.angles:
             if angle != own:  # its part of the rate cancels with dE / dq
-                parts.append(Product((*load, *_plain(signals, other, angle), slope), float(sign * n)))
+                parts.append(Product((*load, *_speeds(signals, other, angle), slope), float(sign * n)))
         return Term(tuple(parts))
 
     def function_values(self, part: GridPart) -> tuple[Floats, Floats]:
@@ -111,7 +107,7 @@ def _signal(name: str) -> Factor:
     return Factor("", ((1, name),))
 
 
-def _plain(signals: Mapping[str, MotionSignals], *angles: str) -> tuple[Factor, ...]:
+def _speeds(signals: Mapping[str, MotionSignals], *angles: str) -> tuple[Factor, ...]:
     return tuple(_signal(signals[angle].speed) for angle in angles)
 
 
@@ -128,8 +124,12 @@ class LinkEnergies(NamedTuple):
 
 
 def link_energies(balance: EnergyBalance) -> LinkEnergies:
-    """The energies of links whose torque acts on the axis of this balance."""
-    chosen, before = list[int](), balance.error(())
+    """The energies of links whose torque acts on the axis of this balance.
+
+    Sums are added one by one as long as the next one reduces the error, and exchanged if another one is better together
+    with a later one.  Then single cosines and sines, and given terms, are left out if they explain nothing.
+    """
+    before = balance.error(())
     sums, left = list[int](), before
     while len(sums) < _MOST_SUMS:
         best, least = balance.best(sums)
@@ -144,16 +144,16 @@ def link_energies(balance: EnergyBalance) -> LinkEnergies:
     chosen = [index for number in sums for index in balance.same_sum[number]]
     for index in tuple(chosen):
         fewer = [other for other in chosen if other != index]
-        if balance.error(fewer) < _MIN_INCREASE * left:
+        if balance.error(fewer) < MIN_INCREASE * left:
             chosen = fewer
     needless = list[int]()
     for index in range(balance.given if chosen else 0):
-        if balance.error(chosen, (*needless, index)) < _MIN_INCREASE * left:
+        if balance.error(chosen, (*needless, index)) < MIN_INCREASE * left:
             needless.append(index)
     return LinkEnergies(
         tuple(balance.energies[index] for index in chosen),
-        balance.explained(balance.error(chosen)),
-        balance.explained(before),
+        balance.share_explained(balance.error(chosen)),
+        balance.share_explained(before),
         tuple(needless),
     )
 
@@ -199,20 +199,19 @@ class EnergyBalance(WeightBalance):
         self.given = len(further)
         """Number of further terms"""
         self._usual = self.rows.shape[1] + self.given
-        half = len(self.torque) // 2
-        halves = ((rows[part], self.torque[part]) for part in (slice(half), slice(half, None)))
-        self._halves = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
-        self._spread = float(((self.torque - self.torque.mean()) ** 2).sum())
-        numbers = dict[tuple[tuple[str, ...], Sum, str], list[int]]()
+        halves = ((rows[half], self.torque[half]) for half in self.halves)
+        self._normal = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
+        by_sum = dict[tuple[tuple[str, ...], Sum, str], list[int]]()
         for index, energy in enumerate(self.energies):
-            numbers.setdefault((energy.axes, energy.angles, energy.load), []).append(index)
-        self.same_sum = list(numbers.values())
+            by_sum.setdefault((energy.axes, energy.angles, energy.load), []).append(index)
+        self.same_sum = list(by_sum.values())
+        """Of each sum, the indices of its energies of the same joints: with cosine and with sine"""
         independent = max(len(self.torque) / WINDOWS, 1.0)
-        self.max_remaining = min(_MAX_REMAINING, 1 - _BY_CHANCE * np.log(len(numbers)) / independent)
+        self.max_remaining = min(_MAX_REMAINING, 1 - _BY_CHANCE * np.log(len(by_sum)) / independent)
         """A further sum must reduce the squared errors to at most this share"""
-        lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles, _ in numbers])
+        lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles, _ in by_sum])
         self._by_length = [np.flatnonzero(lengths == length).tolist() for length in np.unique(lengths)]
-        """Indices of the energies of the same joints, with cosine and with sine of the same sum"""
+        """Indices of the sums of each length, the shortest first"""
 
     def best(self, chosen: Sequence[int]) -> tuple[int, float]:
         """The place in ``same_sum`` of what explains most in addition to these places, and the error with it.
@@ -237,14 +236,10 @@ class EnergyBalance(WeightBalance):
         used: Ints = np.concatenate([usual, self._usual + np.array(chosen, np.int64)])
         square = np.ix_(used, used)
         missed = 0.0
-        for (G, b, _), (G_, b_, yy) in (self._halves, self._halves[::-1]):
+        for (G, b, _), (G_, b_, yy) in (self._normal, self._normal[::-1]):
             found = np.linalg.lstsq(G[square], b[used], rcond=_DETERMINED)[0]
             missed += yy - float(2 * found @ b_[used] - found @ G_[square] @ found)
         return missed
-
-    def explained(self, error: float) -> float:
-        """Share of the torque about its mean that is explained where the squared errors are ``error``."""
-        return 1 - float(np.sqrt(error / self._spread)) if self._spread > 0 else 0.0
 
     def _energy_column(self, energy: Energy, own: str) -> Floats:
         """The integrals (M,) of the torque of this energy."""
@@ -267,7 +262,7 @@ class EnergyBalance(WeightBalance):
 
 def _candidates(own: str, angles: Sequence[str]) -> Iterator[Energy]:
     """Energies that may act on the axis ``own``, those with cosine and sine of the same sum one after the other."""
-    for s in _sums(angles, 1 + _MOST_OTHERS, 1):
+    for s in _sums(angles, 1 + MOST_OTHERS, 1):
         if own in {angle for _, angle in s}:
             yield from (Energy((), f, s) for f in ("cos", "sin"))
     for place, axis in enumerate(angles):

@@ -34,6 +34,10 @@ _MOST_MOVING_SAMPLES, _MOVING_SHARE = 100_000, 0.03
 """The same for torques that change with speeds and accelerations"""
 _MAX_RATIO = 2.0
 """Largest ratio of the inertias that both halves of the equations show"""
+MOST_OTHERS = 2
+"""Other angles in the sum of a weight: shoulder, elbow and a wrist that bends in the same plane."""
+MIN_INCREASE = 1.02
+"""A single cosine or sine is kept if the squared errors grow by at least this factor without it."""
 _LEAST_WINDOWS = 20
 """Least number of windows in all records; fewer do not distinguish the terms of a weight."""
 
@@ -49,6 +53,18 @@ class WeightBalance:
         rows, torque = balance_equations(parts, window, scale, USUAL)
         self._kept = _windows_of_motion(parts, window) if moving else np.ones(len(torque), np.bool_)
         self.rows, self.torque = rows[self._kept], torque[self._kept]
+        self.spread = float(((self.torque - self.torque.mean()) ** 2).sum())
+        """Sum of squares of the torque about its mean"""
+
+    @property
+    def halves(self) -> tuple[slice, slice]:
+        """The first and the last half of the equations: values are fitted to one, and tested on the other."""
+        half = len(self.torque) // 2
+        return slice(half), slice(half, None)
+
+    def share_explained(self, missed: float) -> float:
+        """Share of the torque about its mean that is explained where ``missed`` is the sum of the squared errors."""
+        return 1 - float(np.sqrt(missed / self.spread)) if self.spread > 0 else 0.0
 
     def column(self, values: Iterable[Floats]) -> Floats:
         """A further column (M,): the integrals of values (N,) of each part."""
@@ -78,8 +94,7 @@ class WeightBalance:
 
     def inertias(self, columns: Sequence[Floats]) -> tuple[float, float]:
         """The inertia beside further columns by each half of the equations."""
-        half = len(self.torque) // 2
-        first, last = (self._solved(columns, part)[0] for part in (slice(half), slice(half, None)))
+        first, last = (self._solved(columns, half)[0] for half in self.halves)
         return float(first), float(last)
 
     def _solved(self, columns: Sequence[Floats], part: slice) -> Floats:

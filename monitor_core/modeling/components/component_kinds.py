@@ -191,7 +191,7 @@ _TAU0 = Role("tau0", "N m", "torque offset")
 _KT = Role("kT", "1", "torque constant", positive=True)
 _K = Role("k", "", "gain")
 
-KINDS: Mapping[str, Kind] = MappingProxyType(
+COMPONENT_KINDS: Mapping[str, Kind] = MappingProxyType(
     {
         kind.name: kind
         for kind in (

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from pymoca import ast
 
-from monitor_core.modeling.components import KINDS
+from monitor_core.modeling.components import COMPONENT_KINDS
 from monitor_core.modeling.components.fragments import End, Joint
 from monitor_core.modeling.components.uses import Part, Use
 from monitor_core.modeling.flat import ModelError, Origin
@@ -37,7 +37,7 @@ def parts(placed: Placed, values: Values) -> Iterator[Part]:
 
 
 def _part(placed: Placed, values: Values) -> Part:
-    kind, leaf = KINDS[placed.leaf.kind], placed.leaf
+    kind, leaf = COMPONENT_KINDS[placed.leaf.kind], placed.leaf
     parameters = {role: values.parameter(placed.inside(name)) for role, name in leaf.roles.items()}
     uses = tuple(
         Use(value, kind.role(role).unit, _written_at(leaf.roles[role], placed, values), kind.role(role))
@@ -61,9 +61,9 @@ def _bearing(placed: Placed, values: Values) -> Iterator[Part]:
         (placed.inside("coulomb"), "coulomb-friction", "fc", coulomb),
     ):
         if found.value:
-            about = KINDS[kind].role(role)
+            about = COMPONENT_KINDS[kind].role(role)
             use = Use(found.value, about.unit if found.has_unit else "", origin, about)
-            yield Part(KINDS[kind], name, {role: found.value}, placed.origin, (use,), at)
+            yield Part(COMPONENT_KINDS[kind], name, {role: found.value}, placed.origin, (use,), at)
 
 
 def bearing_joint(placed: Placed, found: list[Part]) -> Joint:

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
 from monitor_core.kernel.tables import TORQUE
-from monitor_core.modeling.components import KINDS
+from monitor_core.modeling.components import COMPONENT_KINDS
 from monitor_core.modeling.flat import FlatEquation, FlatInput, FlatSensor, ModelError, Origin
 from monitor_core.modeling.modelica.library import SIGNAL_SOURCE
 
@@ -24,8 +24,8 @@ class Signals:
         self._leader = {name: name for name in (*self._inputs, *self._outputs)}
         for path, kind in kinds.items():
             ends: tuple[str, ...] = ("y",) if kind == SIGNAL_SOURCE else ()
-            if kind in KINDS:
-                ends = (*KINDS[kind].signals_in, *KINDS[kind].signals_out)
+            if kind in COMPONENT_KINDS:
+                ends = (*COMPONENT_KINDS[kind].signals_in, *COMPONENT_KINDS[kind].signals_out)
             self._leader.update({f"{path}.{end}": f"{path}.{end}" for end in ends})
 
     def connect(self, left: str, right: str) -> bool:
@@ -61,7 +61,7 @@ class Signals:
         """The sensors that the model's outputs are connected to; all sensors if there are no such outputs."""
         everything = tuple(sensors)
         wanted = {self._root(name) for name in self._outputs}
-        signal = {s.name: f"{s.name}.{KINDS[self._kinds[s.name]].signals_out[0]}" for s in everything}
+        signal = {s.name: f"{s.name}.{COMPONENT_KINDS[self._kinds[s.name]].signals_out[0]}" for s in everything}
         return tuple(s for s in everything if self._root(signal[s.name]) in wanted) or everything
 
     def _measured(self, group: list[str], written: Collection[str]) -> list[str]:
@@ -83,7 +83,7 @@ class Signals:
 
     def _drives(self, name: str) -> bool:
         kind = self._kind(name)
-        sent = KINDS[kind].signals_out if kind in KINDS else ()
+        sent = COMPONENT_KINDS[kind].signals_out if kind in COMPONENT_KINDS else ()
         return name in self.given() or name.rpartition(".")[2] in sent
 
     def _kind(self, name: str) -> str:

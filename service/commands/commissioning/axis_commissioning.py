@@ -23,6 +23,7 @@ from monitor_core.wording import listed
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.commands.calibrate import as_identified, calibrate_axis
+from service.commands.commissioning.checked_axis import configured
 from service.commands.commissioning.commissioning_remedies import (
     Motion,
     Retry,
@@ -35,9 +36,9 @@ from service.commands.commissioning.commissioning_remedies import (
     watched_in,
 )
 from service.commands.commissioning.link_load import link_load
-from service.commands.commissioning.signal_proposals import Review, configured
+from service.commands.commissioning.signal_proposals import Review
 from service.commands.excite import planned, torque_columns
-from service.commands.identification_task import Request, drawing_of, prepare
+from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import AxisConfig, Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
@@ -113,51 +114,91 @@ def commission_axis(order: Order, review: Review, progress: Progress = lambda _p
 
 def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
     progress("identify", "reading the records", 0.0)
-    again: Retry | None = None
-    tried: list[str] = []
-    schedule: tuple[str, ...] = ()
-    fair = None  # fit without the load of links, used if the fit with it is rejected
-    lacks = taken = ""
+    attempts = _Attempts(order, text, outcome)
     try:
-        while True:
-            config, axis = configured(text, order.axis_id, order.folder)
-            request = Request(schedule=schedule, memories_s=memories_of(axis.config))
-            task = prepare(config, axis, order.records, [], request)
-            provenance = order.provenance._replace(drawing=drawing_of(axis.config))
-            load = cache(partial(link_load, text, axis.id, order.records, order.folder))
-            turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
-            guessed = order.shorten and not tried  # the first drive may be a guess
-            for part in (task.with_most_moving_parts(), task) if guessed else (task,):
-                report = part.run(provenance, _within("identify", progress))
-                again = None if schedule and report.rejection else retry(report, text, axis, tried, load, turn)
-                if report.rejection and again:  # the complete records would not help
-                    break
-            tried.append(axis.config.model.drive)
-            lacks = lacks_of(report, lacks)
-            if fair is not None and (report.rejection or not watched_in(report)):
-                text, axis, task, report, outcome = fair
-                again = None
-                break
-            if again is not None and again.changes and not order.shorten:
-                taken = taken or f"; --yes applies {again.words}"
-                again = None if report.rejection else followers_monitored(report, text, axis)
-            if again is None:
-                break
-            if again.schedule and watched_in(report) and not report.rejection:
-                fair = text, axis, task, report, outcome
-            text, schedule = again.text, schedule or again.schedule
-            if again.schedule:
-                followed = f"The torque shows {again.shown}. {', '.join(again.schedule)}."
-                outcome = replace(outcome, notes=(*outcome.notes, followed))
-            outcome = replace(outcome, corrections=(*outcome.corrections, *again.changes))
+        found = attempts.run(progress)
     except _MISTAKES as error:
-        return replace(outcome, refusal=f"not identified: {error}")
-    outcome = _with_values(order.folder, axis, report, outcome, taken, lacks)
-    motion = motion_for(report, [item.record for item in task.estimation])
+        return replace(attempts.outcome, refusal=f"not identified: {error}")
+    outcome = _with_values(order.folder, found.axis, found.report, found.outcome, attempts.taken, attempts.lacks)
+    motion = motion_for(found.report, [item.record for item in found.task.estimation])
     if motion is None:
         return outcome
     progress("identify", "planning a motion", 0.0)
-    return _with_motion(order, text, outcome, motion)
+    return _with_motion(order, found.text, outcome, motion)
+
+
+class _Attempt(NamedTuple):
+    """An identification with a configuration, and the outcome before it."""
+
+    text: str
+    axis: NamedAxis
+    task: IdentificationTask
+    report: IdentificationReport
+    outcome: Outcome
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether its values may be nominal values, and something can be monitored with them."""
+        return not self.report.rejection and bool(watched_in(self.report))
+
+
+class _Attempts:
+    """Identifications of an axis, each with the configuration that the one before suggests."""
+
+    def __init__(self, order: Order, text: str, outcome: Outcome) -> None:
+        self._order, self._text = order, text
+        self.outcome = outcome
+        """The outcome so far: changes that were tried, and notes"""
+        self.lacks = ""
+        """See ``lacks_of``"""
+        self.taken = ""
+        """Changes that --yes would apply, in words"""
+        self._schedule: tuple[str, ...] = ()
+        self._drives: list[str] = []
+        self._without_links: _Attempt | None = None
+        """A usable fit without the load of links, which stands if the one with it is not usable"""
+
+    def run(self, progress: Progress) -> _Attempt:
+        """The attempt that stands."""
+        while True:
+            found, again = self._attempt(progress)
+            self._drives.append(found.axis.config.model.drive)
+            self.lacks = lacks_of(found.report, self.lacks)
+            if self._without_links is not None and not found.is_usable:
+                return self._without_links
+            if again is not None and again.changes and not self._order.shorten:
+                self.taken = self.taken or f"; --yes applies {again.words}"
+                again = None if found.report.rejection else followers_monitored(found.report, self._text, found.axis)
+            if again is None:
+                return found
+            if again.schedule and found.is_usable:
+                self._without_links = found
+            self._apply(again)
+
+    def _attempt(self, progress: Progress) -> tuple[_Attempt, Retry | None]:
+        """Identify with the present configuration; also the changes that the result suggests."""
+        order, text = self._order, self._text
+        config, axis = configured(text, order.axis_id, order.folder)
+        request = Request(schedule=self._schedule, memories_s=memories_of(axis.config))
+        task = prepare(config, axis, order.records, [], request)
+        provenance = order.provenance._replace(drawing=drawing_of(axis.config))
+        load = cache(partial(link_load, text, axis.id, order.records, order.folder))
+        turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
+        is_guess = order.shorten and not self._drives  # the first drive may be one
+        for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
+            report = part.run(provenance, _within("identify", progress))
+            is_last = bool(self._schedule and report.rejection)
+            again = None if is_last else retry(report, text, axis, self._drives, load, turn)
+            if report.rejection and again:  # the complete records would not help
+                break
+        return _Attempt(text, axis, task, report, self.outcome), again
+
+    def _apply(self, again: Retry) -> None:
+        self._text, self._schedule = again.text, self._schedule or again.schedule
+        notes = self.outcome.notes
+        if again.schedule:
+            notes = (*notes, f"The torque shows {again.shown}. {', '.join(again.schedule)}.")
+        self.outcome = replace(self.outcome, notes=notes, corrections=(*self.outcome.corrections, *again.changes))
 
 
 def _with_values(

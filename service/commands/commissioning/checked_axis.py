@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -17,7 +18,8 @@ from monitor_core.identification import (
     whole_numbers,
 )
 from service.commands.identification_task import known_values
-from service.config import Config, NamedAxis
+from service.commands.output_files import replace_text
+from service.config import Config, NamedAxis, load
 from service.config.drive_sources import model_of_axis
 from service.config.schema import SignalConfig
 from service.config.unit_names import unit_as_recorded
@@ -153,3 +155,14 @@ def moves(values: Floats, quantity: str) -> bool:
     return bool(
         high - low > _MIN_RANGE_PER_STEP * usual or (quantity == "speed" and abs(middle) > _MIN_RANGE_PER_STEP * usual)
     )
+
+
+def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, NamedAxis]:
+    """A configuration from this text, valid in a folder, and the named one of its axes, or the first."""
+    path = folder / f".{axis_id or 'robot'}.toml"
+    replace_text(path, text)
+    try:
+        config = load(path)
+    finally:
+        path.unlink()
+    return config, next(axis for axis in config.axes if axis_id in (None, axis.id))

@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationError, CalibrationOptions
-from monitor_core.drive import COSINE, SINE, Term, split_name
+from monitor_core.drive import OF_ANGLE, Term, split_name
 from monitor_core.identification import Effect, Obstacle, Quality, Record, TurningWeight
 from monitor_core.wording import listed
 from service.commands.commissioning.checked_axis import fastest
@@ -224,7 +224,7 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motio
         angle=_three_digits(max(float(np.ptp(_angle(record))) / 2 for record in records)),
         find=tuple(name for name in lost if shaped_for(name, result)),
     )
-    if {COSINE, SINE} & set(result.estimate.drive.inputs):
+    if not set(OF_ANGLE).isdisjoint(result.estimate.drive.inputs):
         request = request._replace(command="angle")  # a torque alone does not keep a weight in its place
     most_hz = _OF_NYQUIST * 0.5 / result.estimate.interval_s
     if most_hz < request.band_hz[1]:

@@ -4,8 +4,9 @@ A torque offset then follows the angles of axes, their speeds and accelerations,
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,8 +14,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import Term
-from monitor_core.identification import MotionSignals, Record, gear_ratios, link_weights
-from service.commands.commissioning.signal_proposals import configured
+from monitor_core.identification import ArmSignals, LinkWeights, MotionSignals, Record, gear_ratios, link_weights
+from service.commands.commissioning.checked_axis import configured
 from service.config import Config, NamedAxis, given_values
 from service.config.commissioned import SIGNAL, Correction, corrected
 from service.ingest.loaded_records import load
@@ -56,54 +57,137 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.
     """
-    config, axis = configured(text, axis_id, folder)
-    arm = {other.config.name: _signal(axis, other) for other in _arm(config, axis)}
-    loads = [signal.name for signal in axis.config.signal if signal.axis is None]
-    if axis.config.name not in arm or (len(arm) < 2 and not loads):
-        arm = {}
-    if not arm and not loads:
+    candidates = _candidates(*configured(text, axis_id, folder))
+    if not candidates.angles and not candidates.loads:
         return None
-    given = {signal.name for signal in axis.config.signal}
-    others = [other for other in _arm(config, axis) if other.config.name in arm]
-    derivatives = {other.config.name: _derivatives(axis, other) for other in others}
-    coupled = [found[1] for name, found in derivatives.items() if found and name != axis.config.name]
-    every = [change for changes in (*arm.values(), *coupled) for change in changes]
-    config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
-    loaded = [load(record, config, axis_id).record for record in records]
-    names = {name: signal.key[1] for name, (signal, *_) in arm.items()}
-    own = names.get(axis.config.name, "")
-    extents = {n: float(np.max([_extent(r.signals.get(n)) for r in loaded])) for n in names.values()}
-    known = [name for name in names.values() if math.isfinite(extents[name])]
-    turning = {names[other.config.name] for other in config.axes if other.config.name in names and _turns_on(other)}
-    motors = [name for name in known if extents[name] >= _MOST_TURN and name not in given | turning]
-    known_loads, accelerations = (
-        [name for name in names if all(_extent(r.signals.get(name)) > 0 for r in loaded)]
-        for names in (loads, [changes[0].key[1] for changes in coupled])
-    )
-    ratios = gear_ratios(loaded, own, known, motors, accelerations) if own in motors else {}
-    angles = [name for name in known if extents[name] < _MOST_TURN or name in ratios]
-    if own not in angles:
-        angles = []
-    geared = [_behind_gears(record, ratios) for record in loaded]
-    moving = {
-        names[name]: _motion_signals(found) for name, found in derivatives.items() if found and names[name] in angles
-    }
-    found = link_weights(geared, own, angles, known_loads, accelerations, moving)
-    if own in motors and known_loads and (motion := derivatives[axis.config.name]):
-        # It may be a linear axis, whose load follows no angle.
-        plain = link_weights(loaded, own, (), known_loads, accelerations, {own: _motion_signals(motion)})
-        if plain is not None and (found is None or not _leaves_much_less(found.explained, plain.explained)):
-            found, ratios = plain, {}
+    config, _ = configured(corrected(text, axis_id, candidates.searched), axis_id, folder)
+    recorded = _recorded(candidates, [load(record, config, axis_id).record for record in records])
+    found, ratios = _weights_and_ratios(recorded)
     if found is None:
         return None
     used = {signal for term in found.terms for signal in Term.read(term).signals}
-    if used == {own}:
+    if used == {recorded.own}:
         return None
-    each = (*arm.values(), *(changes for pair in derivatives.values() for changes in pair))
-    signals = [c for changes in each for c in changes if c.key[1] in used]
+    return LinkLoad(tuple(_changes(candidates, ratios, used)), *found)
+
+
+# --- The signals that the load may depend on --------------------------------------------------------------------------
+
+
+class _Candidates(NamedTuple):
+    """Signals on which the load of an axis may depend, as changes of its configuration, by the names of axes."""
+
+    axis: str
+    angles: Mapping[str, tuple[Correction, ...]]
+    """Of the axes of its arm, own too; empty: it has no arm"""
+    derivatives: Mapping[str, tuple[tuple[Correction, ...], ...]]
+    """Speed and acceleration of these; empty where they are not known"""
+    loads: tuple[str, ...]
+    """Names of its signals that are not the motion of an axis"""
+    of_arm: frozenset[str]
+    """Names of the angles that are those of the arm in any case, not those of motors"""
+
+    @property
+    def searched(self) -> list[Correction]:
+        """The changes that add the angles and the accelerations of other axes: those that records must have."""
+        return [*chain.from_iterable(self.angles.values()), *chain.from_iterable(self.accelerations)]
+
+    @property
+    def accelerations(self) -> list[tuple[Correction, ...]]:
+        """Accelerations of other axes."""
+        return [found[1] for name, found in self.derivatives.items() if found and name != self.axis]
+
+    @property
+    def names(self) -> dict[str, str]:
+        """The name of the signal that is the angle of each axis."""
+        return {name: changes[0].key[1] for name, changes in self.angles.items()}
+
+    def motion_signals(self, axis: str) -> MotionSignals | None:
+        """Names of the signals that are speed and acceleration of an axis; None: they are not known."""
+        found = self.derivatives.get(axis)
+        return MotionSignals(*(changes[0].key[1] for changes in found)) if found else None
+
+
+def _candidates(config: Config, axis: NamedAxis) -> _Candidates:
+    """The angles of the arm only if the axis itself is one of them, and not the only one, unless it may bear a load."""
+    others = list(_arm(config, axis))
+    loads = tuple(signal.name for signal in axis.config.signal if signal.axis is None)
+    if axis.id not in {other.id for other in others} or (len(others) < 2 and not loads):
+        others = []
+    angles = {other.config.name: _signal(axis, other) for other in others}
+    given = {signal.name for signal in axis.config.signal}
+    turning = {angles[other.config.name][0].key[1] for other in others if _turns_on(other)}
+    derivatives = {other.config.name: _derivatives(axis, other) for other in others}
+    return _Candidates(axis.config.name, angles, derivatives, loads, frozenset(given | turning))
+
+
+def _changes(candidates: _Candidates, ratios: Mapping[str, float], used: Collection[str]) -> Iterator[Correction]:
+    """The changes of the configuration that add the used signals, with the gear ratios that were found."""
+    motions = [*candidates.angles.values(), *chain.from_iterable(candidates.derivatives.values())]
+    yield from (change for change in chain.from_iterable(motions) if change.key[1] in used)
+    axes = {signal: axis for axis, signal in candidates.names.items()}
     for name, ratio in ratios.items():
-        signals += [_gear(used_as, ratio) for used_as in (name, *moving.get(name, ())) if used_as in used]
-    return LinkLoad(tuple(signals), *found)
+        for signal in (name, *(candidates.motion_signals(axes[name]) or ())):
+            if signal in used:
+                yield _gear(signal, ratio)
+
+
+# --- The search in the records ----------------------------------------------------------------------------------------
+
+
+class _Recorded(NamedTuple):
+    """The records of an axis, and which of the candidates they have."""
+
+    records: Sequence[Record]
+    own: str
+    """The angle of the axis itself; "": it has no arm"""
+    angles: Mapping[str, float]
+    """Ranges of the angles of its arm in the records [rad]"""
+    motors: Collection[str]
+    """Those of them that are the angles of motors before their gears"""
+    moving: Mapping[str, MotionSignals]
+    """Speed and acceleration by the name of the angle, where they are known"""
+    loads: Sequence[str]
+    accelerations: Sequence[str]
+
+
+def _recorded(candidates: _Candidates, records: Sequence[Record]) -> _Recorded:
+    ranges = {n: float(np.max([_extent(r.signals.get(n)) for r in records])) for n in candidates.names.values()}
+    angles = {name: extent for name, extent in ranges.items() if math.isfinite(extent)}
+
+    def varying(names: Iterable[str]) -> list[str]:
+        return [name for name in names if all(_extent(record.signals.get(name)) > 0 for record in records)]
+
+    motions = {signal: candidates.motion_signals(axis) for axis, signal in candidates.names.items()}
+    return _Recorded(
+        records,
+        candidates.names.get(candidates.axis, ""),
+        angles,
+        [name for name, extent in angles.items() if extent >= _MOST_TURN and name not in candidates.of_arm],
+        {name: motion for name, motion in motions.items() if motion is not None},
+        varying(candidates.loads),
+        varying(changes[0].key[1] for changes in candidates.accelerations),
+    )
+
+
+def _weights_and_ratios(r: _Recorded) -> tuple[LinkWeights | None, Mapping[str, float]]:
+    """The terms of the load, and the gear ratios with which angles of motors are in them."""
+    ratios: Mapping[str, float] = {}
+    if r.own in r.motors:
+        ratios = gear_ratios(r.records, r.own, list(r.angles), r.motors, r.accelerations)
+    angles = [name for name, extent in r.angles.items() if extent < _MOST_TURN or name in ratios]
+    if r.own not in angles:
+        angles = []
+    geared = [_behind_gears(record, ratios) for record in r.records]
+    moving = {name: motion for name, motion in r.moving.items() if name in angles}
+    found = link_weights(geared, ArmSignals(r.own, angles, r.loads, r.accelerations, moving))
+    if r.own in r.motors and r.own in r.moving and r.loads:
+        # It may be a linear axis, whose load follows no angle.
+        alone = ArmSignals(r.own, (), r.loads, r.accelerations, {r.own: r.moving[r.own]})
+        plain = link_weights(r.records, alone)
+        if plain is not None and (found is None or not _leaves_much_less(found.explained, plain.explained)):
+            return plain, {}
+    return found, ratios
 
 
 def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
@@ -164,11 +248,6 @@ def _derivatives(axis: NamedAxis, other: NamedAxis) -> tuple[tuple[Correction, .
         )
         found.append(changes if given else (*changes, *_geared(name, other)))
     return tuple(found)
-
-
-def _motion_signals(derivatives: Sequence[Sequence[Correction]]) -> MotionSignals:
-    """The names of the signals that these changes, as of ``_derivatives``, add."""
-    return MotionSignals(*(changes[0].key[1] for changes in derivatives))
 
 
 def _extent(angle: Floats | None) -> float:

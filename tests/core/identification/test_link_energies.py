@@ -13,7 +13,7 @@ from numpy.random import Generator
 from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Term
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.weight.arm_links import link_weights
+from monitor_core.identification.weight.arm_links import ArmSignals, link_weights
 from monitor_core.identification.weight.link_energies import (
     Energy,
     EnergyBalance,
@@ -107,20 +107,20 @@ def test_the_inertia_of_the_base_is_that_of_the_pose(rng: Generator) -> None:
     by3 = -1.5 * np.cos(q[1]) * np.sin(q[1] + q[2])
     torque = J * a[0] + (by2 * v[1] + by3 * v[2]) * v[0]
     base = record(rng, 0, torque, q, v)
-    found = link_weights([base], "q1", ANGLES, moving=SIGNALS)
+    found = link_weights([base], ArmSignals("q1", ANGLES, moving=SIGNALS))
     assert found is not None
     harmonics = {tuple(sorted(Term.read(term).factors[1].addends)) for term in found.terms}
     assert harmonics == {((1, "q2"), (1, "q2")), ((1, "q2"), (1, "q2"), (1, "q3")), ((1, "q3"),)}
     assert all("cos(" in term.split(" - ")[0] for term in found.terms)  # no sine: zero is the outstretched arm
     assert found.before < 0.9
     assert found.explained > 0.97
-    assert link_weights([base], "q1", ANGLES) is None
+    assert link_weights([base], ArmSignals("q1", ANGLES)) is None
 
 
 def test_centrifugal_torque_of_the_base_at_the_shoulder(rng: Generator) -> None:
     q, v, a = motion(rng, 300.0)
     torque = 3 * a[1] + 30 * np.cos(q[1]) + 4 * np.sin(2 * q[1] + q[2]) * v[0] ** 2
-    found = link_weights([record(rng, 1, torque, q, v)], "q2", ANGLES, moving=SIGNALS)
+    found = link_weights([record(rng, 1, torque, q, v)], ArmSignals("q2", ANGLES, moving=SIGNALS))
     assert found is not None
     assert "cos(q2)" in found.terms
     assert "square(q1-speed) * sin(q2 + q2 + q3)" in found.terms
@@ -134,7 +134,7 @@ def test_a_load_that_is_picked_and_placed_adds_its_own_energies(rng: Generator) 
     mass = 2 + 6 * gripper
     base = record(rng, 0, (4 + mass * reach) * a[0] + mass * by2 * v[1] * v[0], q, v)
     base = replace(base, signals={**base.signals, "gripper": gripper})
-    found = link_weights([base], "q1", ANGLES, ("gripper",), moving=SIGNALS)
+    found = link_weights([base], ArmSignals("q1", ANGLES, ("gripper",), moving=SIGNALS))
     assert found is not None
     assert found.before < 0.7
     assert found.explained > 0.93
@@ -152,7 +152,7 @@ def test_a_load_on_a_linear_axis_is_weight_and_inertia(rng: Generator) -> None:
     lift = replace(
         record(rng, 0, (4 + 3 * gripper) * a[0] + 20 + 15 * gripper, q, v), signals={"gripper": gripper, "q1": q[0]}
     )
-    found = link_weights([lift], "q1", (), ("gripper",), moving={"q1": SIGNALS["q1"]})
+    found = link_weights([lift], ArmSignals("q1", (), ("gripper",), moving={"q1": SIGNALS["q1"]}))
     assert found is not None
     assert set(found.terms) == {"gripper", "gripper * q1-acceleration"}
     assert found.explained > 0.93
@@ -163,9 +163,7 @@ def test_a_constant_inertia_follows_nothing(own: int, rng: Generator) -> None:
     q, v, a = motion(rng, 300.0)
     found = link_weights(
         [record(rng, own, 5 * a[own] + (20 * np.cos(q[1]) if own == 1 else 0.0), q, v)],
-        ANGLES[own],
-        ANGLES,
-        moving=SIGNALS,
+        ArmSignals(ANGLES[own], ANGLES, moving=SIGNALS),
     )
     terms = () if found is None else found.terms
     assert not any("speed" in term or "acceleration" in term for term in terms)
@@ -180,7 +178,9 @@ def test_hundreds_of_sums_explain_a_slow_disturbance_only_by_chance(seed: int) -
         q, v, a = motion(rng, 40.0, len(names))
         slow = 0.3 * np.convolve(rng.normal(size=q.shape[1] + 99), np.ones(100), "valid")
         base = record(rng, 0, 4 * a[0] + slow, q, v)
-        found = link_weights([replace(base, signals=dict(zip(names, q, strict=True)))], "q1", names, moving=signals)
+        found = link_weights(
+            [replace(base, signals=dict(zip(names, q, strict=True)))], ArmSignals("q1", names, moving=signals)
+        )
         misled += found is not None
     assert misled <= 4
 

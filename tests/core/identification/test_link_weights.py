@@ -17,7 +17,7 @@ from scipy.stats import binom
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import Record, gear_ratios, link_weights, turning_weight
-from monitor_core.identification.weight.arm_links import LinkWeights
+from monitor_core.identification.weight.arm_links import ArmSignals, LinkWeights
 
 ANGLES = ("q1", "q2", "q3", "q4")
 RATE_HZ, SECONDS = 100, 60.0
@@ -87,7 +87,7 @@ def recorded(
 )  # fmt: skip
 def test_the_links_are_found(own: str, torque: Torque, terms: set[str], rate: float, seed: int) -> None:
     def succeeds(number: int) -> bool:
-        found = link_weights([recorded(torque, np.random.default_rng(number), own)], own, ANGLES)
+        found = link_weights([recorded(torque, np.random.default_rng(number), own)], ArmSignals(own, ANGLES))
         return found is not None and has_terms(found, terms, max(0.8, found.before))
 
     often(succeeds, seed, rate, 40)
@@ -105,7 +105,7 @@ def test_a_tool_beside_the_last_axis_loads_the_one_that_bends_the_wrist(seed: in
             level = -np.cos(tilt) * (s + c * turned) + np.sin(tilt) * np.cos(q["q2"]) * (c - s * turned)
             return np.asarray(6 * level)
 
-        found = link_weights([recorded(weight, rng, "q3", seconds=240, reach=3.0)], "q3", ANGLES)
+        found = link_weights([recorded(weight, rng, "q3", seconds=240, reach=3.0)], ArmSignals("q3", ANGLES))
         return found is not None and found.explained > 0.85
 
     often(succeeds, seed, 0.7, 20)
@@ -126,7 +126,7 @@ def test_how_far_a_weight_turns_is_found(seed: int) -> None:
 def test_without_a_weight_nothing_is_found(seed: int) -> None:
     def succeeds(number: int) -> bool:
         record = recorded(lambda q: 0 * q["q2"], np.random.default_rng(number))
-        return link_weights([record], "q2", ANGLES) is None
+        return link_weights([record], ArmSignals("q2", ANGLES)) is None
 
     often(succeeds, seed, 0.97)
 
@@ -151,14 +151,14 @@ def nothing_in_what_friction_holds(seed: int) -> bool:
     t = np.arange(len(q)) / RATE_HZ
     signals = dict(zip(ANGLES, q.T, strict=True))
     record = Record(t, torque + rng.normal(0, 0.1, len(t)), q[:, 1], "angle", signals=signals)
-    return link_weights([record], "q2", ANGLES) is None
+    return link_weights([record], ArmSignals("q2", ANGLES)) is None
 
 
 def test_a_torque_of_something_else_is_no_weight(seed: int) -> None:
     def succeeds(number: int) -> bool:
         rng = np.random.default_rng(number)
         drift = 5 * np.cumsum(rng.normal(0, 0.02, round(SECONDS * RATE_HZ)))
-        return link_weights([recorded(lambda q: drift + 0 * q["q2"], rng)], "q2", ANGLES) is None
+        return link_weights([recorded(lambda q: drift + 0 * q["q2"], rng)], ArmSignals("q2", ANGLES)) is None
 
     often(succeeds, seed, 0.97)
 
@@ -188,7 +188,7 @@ def test_a_measured_load_adds_itself_or_multiplies(
         load, other = (np.repeat(rng.permutation(levels), count // 6) for _ in range(2))
         record = recorded(lambda q: torque(q, load), rng)
         record = replace(record, signals={**record.signals, "load": load, "other": other})
-        return has_terms(link_weights([record], "q2", angles, ("other", "load")), terms)
+        return has_terms(link_weights([record], ArmSignals("q2", angles, ("other", "load"))), terms)
 
     often(succeeds, seed, rate)
 
@@ -205,7 +205,7 @@ def test_a_load_that_comes_and_goes_hides_no_link(seed: int) -> None:
 
         record = recorded(weight, rng, "q4")
         record = replace(record, signals={**record.signals, "load": load})
-        found = link_weights([record], "q4", ANGLES, ("load",))
+        found = link_weights([record], ArmSignals("q4", ANGLES, ("load",)))
         assert found is not None
         return {"load * cos(q2 + q3 + q4)", "cos(q3 + q4)"} <= set(found.terms) and found.explained > 0.85
 
@@ -220,7 +220,7 @@ def test_of_axes_that_stand_still_nothing_can_be_told(seed: int) -> None:
 
     def succeeds(number: int) -> bool:
         record = recorded(weight, np.random.default_rng(number), still=("q1", "q3", "q4"))
-        found = link_weights([record], "q2", ANGLES)
+        found = link_weights([record], ArmSignals("q2", ANGLES))
         return found is not None and set(found.terms) <= {"cos(q2)", "sin(q2)"}
 
     often(succeeds, seed, 0.97)
@@ -249,7 +249,7 @@ def test_what_accelerates_another_axis_is_found_beside_a_weight_or_alone(seed: i
 
         def succeeds(number: int, torque: Torque = torque, terms: set[str] = terms) -> bool:
             record = accelerated(recorded(torque, np.random.default_rng(number)))
-            return has_terms(link_weights([record], "q2", ANGLES, (), names), terms)
+            return has_terms(link_weights([record], ArmSignals("q2", ANGLES, (), names)), terms)
 
         often(succeeds, seed, rate)
 
@@ -274,7 +274,7 @@ def accelerations_are_taken(seed: int) -> bool:
     t = np.arange(len(torque)) / RATE_HZ
     others = {name: values for name, values in accel.items() if name != "q4_accel"}
     record = Record(t, torque, q["q4"], "angle", signals={**q, **others})
-    found = link_weights([record], "q4", ANGLES, (), tuple(others))
+    found = link_weights([record], ArmSignals("q4", ANGLES, (), tuple(others)))
     return found is not None and {"q2_accel", "q3_accel"} == set(found.terms) & set(others)
 
 
@@ -308,7 +308,7 @@ def test_long_records_and_several_are_used_together(seed: int) -> None:
     def succeeds(number: int) -> bool:
         rng = np.random.default_rng(number)
         records = [recorded(weight, rng, seconds=400.0), recorded(weight, rng)]
-        return has_terms(link_weights(records, "q2", ANGLES), {"cos(q2)", "cos(q2 + q3)"})
+        return has_terms(link_weights(records, ArmSignals("q2", ANGLES)), {"cos(q2)", "cos(q2 + q3)"})
 
     often(succeeds, seed, 0.95, 8)
 
@@ -316,7 +316,7 @@ def test_long_records_and_several_are_used_together(seed: int) -> None:
 def test_signals_that_never_came_tell_nothing(seed: int) -> None:
     record = recorded(lambda q: 8 * np.cos(q["q2"]), np.random.default_rng(seed))
     lost = Record(record.t, record.u, record.y, "angle", signals={**record.signals, "q3": np.full(len(record), np.nan)})
-    assert link_weights([lost], "q2", ANGLES) is None
+    assert link_weights([lost], ArmSignals("q2", ANGLES)) is None
 
 
 GEARS = {"q1": 60.0, "q2": 90.0, "q3": 80.0, "q4": 50.0}
@@ -345,7 +345,7 @@ def test_the_gear_ratios_of_motors_are_found(
         # A motion over a radian and a half tells no more than a third.
         if set(found) != turning or any(abs(ratio * GEARS[n] - 1) > 1 / 3 for n, ratio in found.items()):
             return False
-        explained = link_weights([of_motors(rec, found)], own, list(found))
+        explained = link_weights([of_motors(rec, found)], ArmSignals(own, list(found)))
         return explained is not None and explained.explained > max(0.9, explained.before)
 
     often(succeeds, seed, rate, 16)
@@ -367,6 +367,6 @@ def test_a_motor_whose_weight_does_not_turn_has_no_ratio(seed: int) -> None:
     def succeeds(number: int) -> bool:
         rec = of_motors(recorded(lambda q: 3 + 0 * q["q2"], np.random.default_rng(number)), GEARS)
         found = gear_ratios([rec], "q2", ANGLES, ANGLES)
-        return not found or link_weights([of_motors(rec, found)], "q2", list(found)) is None
+        return not found or link_weights([of_motors(rec, found)], ArmSignals("q2", list(found))) is None
 
     often(succeeds, seed, 0.97)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
-from monitor_core.modeling.components import KINDS, Fragment, fragment, join
+from monitor_core.modeling.components import COMPONENT_KINDS, Fragment, fragment, join
 from monitor_core.modeling.components.component_kinds import Kind
 from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, Origin
@@ -32,8 +32,8 @@ def scaled(motion: Jet, factor: Fraction) -> Jet:
 
 def component(kind: str) -> Fragment:
     """The component "x" with parameters named as their roles."""
-    names = {role.name: Laurent.symbol(role.name) for role in KINDS[kind].roles}
-    return fragment(KINDS[kind], "x", names, Origin("x"))
+    names = {role.name: Laurent.symbol(role.name) for role in COMPONENT_KINDS[kind].roles}
+    return fragment(COMPONENT_KINDS[kind], "x", names, Origin("x"))
 
 
 # --- physics, written down a second time -----------------------------------------------------------------
@@ -119,14 +119,14 @@ def residual(equation: FlatEquation, jets: Mapping[str, Jet], p: Mapping[str, Fr
     return sum((Fraction(c.value(p)) * jets[name][k] for (name, k), c in equation.terms.items()), Fraction(0))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COMPONENT_KINDS)
 @settings(max_examples=6)  # the equations are linear
 @given(a=MOTION, b=MOTION, free=NUMBERS, data=st.data())
 def test_physics_satisfies_the_equations_and_nothing_else_does(
     kind: str, a: Jet, b: Jet, free: Fraction, data: st.DataObject
 ) -> None:
     part = component(kind)
-    p = {role.name: data.draw(NUMBERS.filter(bool), label=role.name) for role in KINDS[kind].roles}
+    p = {role.name: data.draw(NUMBERS.filter(bool), label=role.name) for role in COMPONENT_KINDS[kind].roles}
     jets = {f"x.{name}": value for name, value in PHYSICS[kind](Moment(a, b, p, free)).items()}
     assert jets.keys() == {v.name for v in part.variables} | {i.name for i in part.inputs} - {CONSTANT}
     jets[CONSTANT] = jet(1)
@@ -136,7 +136,7 @@ def test_physics_satisfies_the_equations_and_nothing_else_does(
     assert unnoticed == ANYTHING.get(kind, set())
 
 
-@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", COMPONENT_KINDS.values(), ids=lambda kind: kind.name)
 def test_connections_and_signals_make_up_for_the_missing_equations(kind: Kind) -> None:
     part = component(kind.name)
     assert len(part.variables) == len(part.equations) + len(kind.flanges) + len(kind.signals_in)
@@ -147,7 +147,7 @@ def test_connections_and_signals_make_up_for_the_missing_equations(kind: Kind) -
 
 
 def test_units_of_the_parameters_make_the_equations_homogeneous() -> None:
-    for kind in KINDS.values():
+    for kind in COMPONENT_KINDS.values():
         part = component(kind.name)
         units = {role.name: role.unit for role in kind.roles}
         unit_by_name = {v.name: v.unit for v in part.variables} | {i.name: "1" for i in part.inputs}
@@ -196,7 +196,7 @@ def test_joined_fragments_share_the_constant() -> None:
 
 
 def test_a_parameter_that_is_zero_leaves_no_term() -> None:
-    part = fragment(KINDS["viscous-friction"], "x", {"d": Laurent()}, Origin("x"))
+    part = fragment(COMPONENT_KINDS["viscous-friction"], "x", {"d": Laurent()}, Origin("x"))
     assert dict(part.equations[1].terms) == {("x.flange.tau", 0): Laurent.number(1)}
 
 
@@ -215,4 +215,4 @@ def test_a_parameter_that_is_zero_leaves_no_term() -> None:
     ],
 )
 def test_values_that_make_no_sense(kind: str, role: str, value: float, problem: str) -> None:
-    assert KINDS[kind].role(role).problem(value) == problem
+    assert COMPONENT_KINDS[kind].role(role).problem(value) == problem

@@ -1,7 +1,13 @@
 """The drives that come with the program: their names, and the paper's three-mass drive entry by entry."""
 
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from monitor_core.drive.structure import Drive
 from monitor_core.modeling.elimination import eliminate
-from monitor_core.modeling.standard_drives import DRAWINGS
+from monitor_core.modeling.standard_drives import DRAWINGS, five_mass, three_mass, two_mass
 from monitor_core.modeling.statespace import Entries
 from tests.core.modeling.expressions import parse
 
@@ -58,3 +64,12 @@ def test_the_three_masses_are_the_papers_entry_by_entry() -> None:
     assert dict(ss.A) == printed(A)
     assert dict(ss.B) == printed(B)
     assert dict(ss.C) == printed(SPEED)
+
+
+@pytest.mark.parametrize("drive", [two_mass, three_mass, five_mass])
+def test_each_output_gives_a_drive_with_it(drive: Callable[[Any], Drive]) -> None:
+    outputs = ("speed", "angle", "mean speed")
+    assert tuple(drive(output).output for output in outputs) == outputs
+    assert drive("mean speed") == drive("speed").with_mean_speed()
+    with pytest.raises(ValueError, match="output 'speeds': must be 'speed', 'angle' or 'mean speed'"):
+        drive("speeds")

@@ -20,9 +20,9 @@ from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
 from service.config.schema import BusConfig
-from tests.end_to_end.processes import PATIENCE_S
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.ports import own_port
-from tests.service.can.read_frames import EXTENDED, STANDARD, reading, take, wait_for
+from tests.service.can.read_frames import EXTENDED, STANDARD, reading, take
 from tests.service.ingest.plant import axis1, axis2, axis4, make_config
 
 

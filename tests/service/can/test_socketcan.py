@@ -22,9 +22,9 @@ from service.can.socket_receivers import SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.commands.play import PlayFrame, play_frames
 from service.config.schema import BusConfig
-from tests.end_to_end.processes import PATIENCE_S
+from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.can.network_devices import ip
-from tests.service.can.read_frames import EXTENDED, STANDARD, reading, take, wait_for
+from tests.service.can.read_frames import EXTENDED, STANDARD, reading, take
 from tests.service.ingest.plant import axis1, make_config
 
 pytestmark = pytest.mark.vcan

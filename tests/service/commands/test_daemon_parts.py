@@ -16,7 +16,7 @@ from service.commands.daemon_parts import DaemonParts, needs_cyclic_clock
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.history_recording import HistoryState
-from service.pipeline.warming import CacheFiller, Shape
+from service.pipeline.kernel_cache import CacheFiller, Shape
 from service.pipeline.worker import Worker
 from service.store.alarm_entries import Entry
 from service.store.journal import Journal

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
+from monitor_core.modeling import EXAMPLE_VALUES
 from service.config import load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
@@ -115,7 +116,8 @@ def test_with_a_short_memory_joint_state_is_the_default(tmp_path: Path) -> None:
 # --- without a bus: nothing can be watched ------------------------------------------------------------------
 
 
-VALUES = "Jm=0.006, Jg=280, Ja=96, kg=3e5, ka=3e5, dg=870, da=140, fm=0.06, fc=0.01, tau0=0.01"
+DRIVE = {name: value for name, value in EXAMPLE_VALUES["three-mass"].items() if name not in ("kT", "r")}
+VALUES = ", ".join(f"{name} = {value}" for name, value in (DRIVE | {"fc": 0.01, "tau0": 0.01}).items())
 NOISES = "estimator = { torque_noise = 0.05, output_noise = 1e-4 }\n"
 
 
@@ -168,9 +170,7 @@ def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(directory: P
     words = "excite --torque-limit 2 -o m.csv --seconds 2"
     result = call(words)
     assert result.exit_code == 2
-    assert "the configuration has no Jm, Jg, Ja, kg, ka, dg, da, fm, fc, tau0, torque_noise, output_noise: give" in (
-        result.stderr
-    )
+    assert f"the configuration has no {', '.join(DRIVE)}, torque_noise, output_noise: give" in result.stderr
     known = TABLES.replace("kT = 1,", f"kT = 1, {VALUES},").replace("model =", f"{NOISES}model =")
     (directory / "axis.toml").write_text(known.replace("torque_noise = 0.05, ", ""), encoding="utf-8")
     assert "has no torque_noise: give" in call(words).stderr
@@ -182,7 +182,7 @@ def test_a_motion_is_planned_without_a_bus_where_the_drive_is_known(directory: P
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        ("--free Jm", "no value of Jg, Ja, kg, ka, dg, da, fm, fc, tau0, to be held: give it in [robot.axis"),
+        ("--free Jm", f"no value of {', '.join(n for n in DRIVE if n != 'Jm')}, to be held: give it in [robot.axis"),
         ("--fix fc", "no value of fc, to be held"),
         ("--start values", "--start values needs a value of Jm, Jg"),
         ("--start search", "--start search needs a value of Jm, Jg"),

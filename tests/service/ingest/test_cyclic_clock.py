@@ -72,6 +72,13 @@ def on_time() -> float:
     return 0.0
 
 
+def running() -> CyclicClock[int]:
+    """A clock that has read the first 300 cycles, which all came on time."""
+    clock = CyclicClock[int](0.005)
+    readings(clock, sending(range(300), on_time), last=False)
+    return clock
+
+
 def after(cycles: int, then: Iterable[int]) -> list[int]:
     """So many cycles, then these after them."""
     return [*range(cycles), *(cycles + n for n in then)]
@@ -196,8 +203,7 @@ def test_lost_frames_leave_whole_cycles_and_one_frame_is_waited_for() -> None:
 
 
 def test_a_repeated_frame_and_one_from_before_are_refused() -> None:
-    clock = CyclicClock[int](0.005)
-    readings(clock, sending(range(300), on_time), last=False)
+    clock = running()
     last_us = START_US + 299 * CYCLE_US
     assert clock.read(last_us + 30, 7) == [(7, "repeated")]
     assert clock.read(last_us - 60 * CYCLE_US, 8) == [(8, "out_of_order")]
@@ -206,8 +212,7 @@ def test_a_repeated_frame_and_one_from_before_are_refused() -> None:
 
 @pytest.mark.parametrize("back_s", [1.6, 100.0])
 def test_a_clock_that_is_set_back_is_doubted_for_a_second(back_s: float) -> None:
-    clock = CyclicClock[int](0.005)
-    readings(clock, sending(range(300), on_time), last=False)
+    clock = running()
     frames = sending(range(300, 800), on_time, start_us=START_US - back_s * 1e6)
     found = readings(clock, frames)
     assert [reading.time for reading in found[:200]] == ["untimed"] * 200
@@ -233,8 +238,7 @@ def test_where_the_clock_is_set_back_a_little_the_cycles_are_counted_on(back_us:
 
 
 def test_where_the_clock_is_set_back_while_frames_are_held_they_keep_their_times() -> None:
-    clock = CyclicClock[int](0.005)
-    readings(clock, sending(range(300), on_time), last=False)
+    clock = running()
     assert readings(clock, sending([302], on_time), last=False) == []
     found = readings(clock, sending(range(303, 400), on_time, start_us=START_US - 60_000))
     assert [reading.cycle for reading in rejected(found)] == [303]
@@ -245,8 +249,7 @@ def test_where_the_clock_is_set_back_while_frames_are_held_they_keep_their_times
 
 @pytest.mark.parametrize("back_s", [0.6, 1.4])
 def test_untimed_frames_are_not_counted_so_after_them_the_line_restarts(back_s: float) -> None:
-    clock = CyclicClock[int](0.005)
-    readings(clock, sending(range(300), on_time), last=False)
+    clock = running()
     frames = sending(range(300, 800), on_time, start_us=START_US - back_s * 1e6)
     found = readings(clock, frames)
     doubted = round((back_s - 0.5) / 0.005)

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
+from typing import NoReturn
 
 from fastapi import FastAPI
 
@@ -32,6 +33,8 @@ from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
 from service.web.app_state import AppState
+from service.web.report_pages import ReportPages
+from service.web.robot_setup import NoLookError, RobotSetup
 from tests.end_to_end.processes import wait_for
 from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 
@@ -140,11 +143,15 @@ class StandingCore:
         self.checkpoints.close()
 
 
+def _no_look(axis_id: str) -> NoReturn:
+    raise NoLookError(f"no frames of {axis_id} are kept")
+
+
 class RunningCore(StandingCore):
     """The core of the daemon in a folder, from its start until ``close``; its clock is that of the last frame."""
 
     def __init__(self, folder: Path, config: Config) -> None:
-        self.reader, self.now_us, self.stopping = Fed(), START_US, False
+        self.reader, self.now_us, self.stopping, self._folder = Fed(), START_US, False, folder
         super().__init__(folder, config, self.reader, clock_us=lambda: self.now_us)
         self.baselines = Baselines(config.axes, self.begun.axes, self.worker, self.journal.epochs, lambda: self.now_us)
         self.compile()
@@ -178,6 +185,8 @@ class RunningCore(StandingCore):
         state = AppState(
             lambda: self.worker.snapshot,
             self.journal,
+            RobotSetup(lambda: self.config, self._folder / "axiswatch.toml", _no_look),
+            ReportPages(self._folder, ()),
             access or Access(),
             lambda: self.now_us,
             baselines=self.baselines,

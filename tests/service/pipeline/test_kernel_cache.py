@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from service.pipeline import warming
-from service.pipeline.warming import VARIABLE, CacheFiller, Shape, choose, compile_kernel, fingerprint
+from service.pipeline import kernel_cache
+from service.pipeline.kernel_cache import VARIABLE, CacheFiller, Shape, choose, compile_kernel, fingerprint
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 
 
@@ -36,7 +36,7 @@ def test_other_sources_another_place_and_another_numba_have_another_folder(
     for name, text in (("first", "x = 1\n"), ("first", "x = 2\n"), ("second", "x = 2\n")):
         (tmp_path / name).mkdir(exist_ok=True)
         (tmp_path / name / "a.py").write_text(text)
-        monkeypatch.setattr(warming, "COMPILED", (tmp_path / name,))
+        monkeypatch.setattr(kernel_cache, "COMPILED", (tmp_path / name,))
         found.add(fingerprint())
     monkeypatch.setattr(importlib.metadata, "version", lambda _: "0.1")
     found.add(fingerprint())
@@ -117,7 +117,7 @@ def test_a_stop_ends_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 _KILLED = """
 import time
-from service.pipeline.warming import CacheFiller, Shape
+from service.pipeline.kernel_cache import CacheFiller, Shape
 filler = CacheFiller()
 filler.begin(Shape.FEW_AXES)
 print("begun", flush=True)

@@ -13,6 +13,7 @@ import pytest
 
 from monitor_core.drive.operating_conditions import Gate
 from monitor_core.drive.signal_terms import Term
+from monitor_core.modeling import EXAMPLE_VALUES
 from monitor_core.samples import SampleBlock
 from service.can.bus import open_buses
 from service.config import NamedAxis, conditions_of
@@ -152,8 +153,7 @@ def test_a_bus_inside_the_process_keeps_the_times_of_late_frames(tmp_path: Path,
 # --- signals: they open gates, lie where they are followed, and are what drives follow ----------------------
 
 
-VALUES = {"kT": 1.0, "fm": 0.06, "Jm": 0.006, "Jg": 280.0, "Ja": 96.0, "kg": 3e5, "ka": 3e5, "dg": 870.0}
-NOMINAL = {**VALUES, "da": 140.0, "fc": 0.01, "tau0": 0.01, "r": 0.0085}
+NOMINAL = {**EXAMPLE_VALUES["three-mass"], "Ja": 96.0, "fc": 0.01, "tau0": 0.01}
 SIGNAL = {"message": "Other", "signal": "Something"}
 
 

@@ -26,7 +26,7 @@ from monitor_core.monitoring.axis_status import DetectorStatus
 from monitor_core.trend.entries import Entry
 from monitor_core.trend.trend import trend_of
 from service.can.bus_reader import BusSnapshot
-from service.config import load
+from service.config import Config, load
 from service.config.drive_sources import shipped
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_pipeline import Heat
@@ -212,6 +212,9 @@ def whole_snapshot() -> Snapshot:
     )
 
 
+NO_REPORTS = ReportPages(Path("nowhere"), ())
+
+
 @dataclass
 class Stage:
     """The daemon that the tests move by hand."""
@@ -219,11 +222,11 @@ class Stage:
     journal: Journal
     snapshot: Snapshot = field(default_factory=whole_snapshot)
     now_us: int = NOON_US + 250_000
-    reports: ReportPages | None = None
+    reports: ReportPages = NO_REPORTS
     access: Access | None = None
     extracts: Extracts | None = None
     history: HistoryRecording | None = None
-    setup: RobotSetup | None = None
+    setup: RobotSetup = field(default_factory=lambda: robot_setup())
     replays: ReplayReports | None = None
     acknowledge: Callable[[int, Note], RecordedAlarm | None] = lambda _id, _note: None
     stopping: bool = False
@@ -236,23 +239,23 @@ class Stage:
         state = AppState(
             lambda: self.snapshot,
             self.journal,
+            self.setup,
+            self.reports,
             self.access or Access(),
             lambda: self.now_us,
-            self.reports,
             self.extracts,
             self.history,
             lambda: self.links,
             acknowledge=lambda alarm_id, note: self.acknowledge(alarm_id, note),
             stopping=lambda: self.stopping,
             live=self.live,
-            setup=self.setup,
             replays=self.replays,
         )
         return create_app(state)
 
     def client(self) -> TestClient:
         """Of an application of its own where that is made otherwise for this stage."""
-        if self.access or self.reports or self.extracts:
+        if self.access or self.reports is not NO_REPORTS or self.extracts:
             return TestClient(self.app(), base_url="http://localhost")
         _SHARED.stage = self
         return TestClient(shared_app(), base_url="http://localhost")
@@ -273,9 +276,9 @@ class _SharedState:
     """In place of AppState: what the stage has that a client was made of last."""
 
     stage: Stage
-    access, reports, extracts, replays = Access(), None, None, None
+    access, reports, extracts, replays = Access(), NO_REPORTS, None, None
     prepared: ClassVar[list[Latest]] = []
-    axis, recording_of, configured = AppState.axis, AppState.recording_of, AppState.configured
+    axis, recording_of = AppState.axis, AppState.recording_of
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stage, name)
@@ -387,12 +390,16 @@ SIGNAL_CHECK = SignalCheck(
 )  # fmt: skip
 
 
-def robot_setup(look: Callable[[str], SignalCheck] = lambda _: SIGNAL_CHECK) -> RobotSetup:
-    """That of the demo, as it was commissioned, with its first two axes."""
-    file = shipped("demo/axiswatch.toml")
+@cache
+def _demo(file: Path) -> Config:
     full = load(file, {})
-    config = with_axes(full, full.robot[0].axis[:2])
-    return RobotSetup(lambda: config, file, look, lambda: {"alarms.sqlite": None})
+    return with_axes(full, full.robot[0].axis[:2])
+
+
+def robot_setup(look: Callable[[str], SignalCheck] = lambda _: SIGNAL_CHECK) -> RobotSetup:
+    """That of the demo, as it was commissioned, with its first two axes; it is read once it is asked for."""
+    file = shipped("demo/axiswatch.toml")
+    return RobotSetup(lambda: _demo(file), file, look, lambda: {"alarms.sqlite": None})
 
 
 @pytest.fixture

@@ -222,9 +222,3 @@ def test_the_databases_have_sizes_times_and_problems(stage: Stage, tmp_path: Pat
     assert found["cpu_s"] > 0
     assert found["memory_bytes"] > 10**7
     assert {"Python", "SQLite", "numba"} <= found["versions"].keys()
-
-
-def test_a_daemon_without_a_configuration_says_so(stage: Stage) -> None:
-    client = stage.client()
-    paths = ("system", "system/configuration", "commissioning", "commissioning/demo.axis1/signals")
-    assert [client.get(f"/api/v1/{path}").status_code for path in paths] == [503] * 4

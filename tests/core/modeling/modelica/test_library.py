@@ -8,7 +8,7 @@ import pytest
 from pymoca import ast
 from pymoca.tree import InstanceClass, flatten_class
 
-from monitor_core.modeling.components import KINDS, fragment
+from monitor_core.modeling.components import COMPONENT_KINDS, fragment
 from monitor_core.modeling.components.units import parse as dimension
 from monitor_core.modeling.flat import Origin
 from monitor_core.modeling.laurent import Laurent
@@ -30,7 +30,7 @@ def component(name: str) -> InstanceClass:
 @pytest.mark.parametrize("name", OWN)
 def test_same_variables(name: str) -> None:
     """What can be named in a text is what the component brings; accelerations of springs are not left out."""
-    kind = KINDS[OWN[name].kind]
+    kind = COMPONENT_KINDS[OWN[name].kind]
     parameters = {role.name: Laurent.symbol(role.name) for role in kind.roles}
     brought = {v.name for v in fragment(kind, "c", parameters, Origin()).variables}
     assert {n for n, s in component(name).symbols.items() if not is_parameter(s)} == brought
@@ -38,7 +38,7 @@ def test_same_variables(name: str) -> None:
 
 @pytest.mark.parametrize("name", OWN)
 def test_same_parameters(name: str) -> None:
-    leaf, kind = OWN[name], KINDS[OWN[name].kind]
+    leaf, kind = OWN[name], COMPONENT_KINDS[OWN[name].kind]
     assert {*leaf.roles, *leaf.fixed} == {role.name for role in kind.roles}
     symbols = component(name).symbols
     for role, member in leaf.roles.items():
@@ -49,7 +49,7 @@ def test_same_parameters(name: str) -> None:
 
 @pytest.mark.parametrize("name", OWN)
 def test_same_connectors(name: str) -> None:
-    kind, symbols = KINDS[OWN[name].kind], component(name).symbols
+    kind, symbols = COMPONENT_KINDS[OWN[name].kind], component(name).symbols
     flows = {n.split(".")[1] for n, s in symbols.items() if "flow" in s.prefixes}
     assert flows == set(kind.flanges)
     assert {f"c.{end}" for end in (*kind.signals_in, *kind.signals_out)} <= set(symbols)
@@ -69,7 +69,7 @@ def test_every_refused_setting_exists_somewhere() -> None:
 
 def test_every_kind_of_component_has_a_name_but_viscous_friction() -> None:
     """Viscous friction is a BearingFriction, or a Damper to a Fixed."""
-    assert set(KINDS) - {leaf.kind for leaf in OWN.values()} == {"viscous-friction"}
+    assert set(COMPONENT_KINDS) - {leaf.kind for leaf in OWN.values()} == {"viscous-friction"}
 
 
 def test_all_units_of_the_librarys_types_can_be_read() -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.commands import commission
-from service.commands.commissioning import axis_processes, live_recording, signal_proposals
+from service.commands.commissioning import axis_processes, exchanged_torques, live_recording, signal_proposals
 from service.commands.commissioning.axis_commissioning import Order
 from service.commands.commissioning.checked_axis import moves
 from service.commands.commissioning.live_look import Look, look_at
@@ -300,7 +300,7 @@ def test_a_planned_motion_may_be_recorded_at_once(
     )
     monkeypatch.setattr(live_recording, "recorded", lambda _folder: [folder / "record.log"])
     monkeypatch.setattr(axis_records, "silent_in", lambda *_: {})
-    monkeypatch.setattr(signal_proposals, "exchanged", lambda *_: {})
+    monkeypatch.setattr(exchanged_torques, "exchanged", lambda *_: {})
     monkeypatch.setattr(signal_proposals, "review", lambda *_: Review((), (), (), ""))
 
     def outcomes(orders: Sequence[Order], *_: object) -> list[Outcome]:

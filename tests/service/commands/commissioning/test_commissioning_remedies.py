@@ -14,7 +14,7 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, Obstacle, Quality, Rejection, TurningWeight, Watched
-from service.commands.commissioning import axis_commissioning, axis_processes, signal_proposals
+from service.commands.commissioning import axis_commissioning, axis_processes, exchanged_torques, signal_proposals
 from service.commands.commissioning.axis_commissioning import (
     Order,
     commission_axis,
@@ -22,6 +22,7 @@ from service.commands.commissioning.axis_commissioning import (
     not_identified,
     unmonitored_words,
 )
+from service.commands.commissioning.checked_axis import configured
 from service.commands.commissioning.commissioning_remedies import (
     Retry,
     followers_monitored,
@@ -30,7 +31,7 @@ from service.commands.commissioning.commissioning_remedies import (
     retry,
 )
 from service.commands.commissioning.link_load import LinkLoad
-from service.commands.commissioning.signal_proposals import Review, configured
+from service.commands.commissioning.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE
 from service.config import AxisConfig
 from service.config.commissioned import Correction
@@ -313,7 +314,7 @@ def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatc
         yield from (Outcome(order.axis_id) for order in given)
 
     monkeypatch.setattr(axis_processes, "outcomes", outcomes)
-    monkeypatch.setattr(signal_proposals, "exchanged", lambda *_: {})
+    monkeypatch.setattr(exchanged_torques, "exchanged", lambda *_: {})
     monkeypatch.setattr(signal_proposals, "review", lambda _text, axis_id, *_: reviews[axis_id])
     monkeypatch.chdir(tmp_path)
     assert axiswatch("commission", "record.csv", "--config", "axes.toml", "--yes").exit_code == MISTAKE

@@ -12,7 +12,8 @@ from monitor_core.arrays import Floats
 from service.can.user_errors import IngestError
 from service.commands.commissioning import axis_commissioning
 from service.commands.commissioning.axis_commissioning import Order, commission_axis
-from service.commands.commissioning.signal_proposals import exchanged, review
+from service.commands.commissioning.exchanged_torques import exchanged
+from service.commands.commissioning.signal_proposals import review
 from service.config import Config, NamedAxis
 from service.reports.formats import Provenance
 from tests.service.commands.commissioning.two_mass_tables import (

@@ -4,7 +4,7 @@ import time
 
 import pytest
 
-from service.pipeline.giving_way import giving_way
+from service.pipeline.pauses import with_pauses
 
 
 def test_it_pauses_after_each_five_milliseconds(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -18,7 +18,7 @@ def test_it_pauses_after_each_five_milliseconds(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(time, "perf_counter", lambda: now_s)
     monkeypatch.setattr(time, "sleep", sleep)
     parts = []
-    for part in giving_way(range(7)):
+    for part in with_pauses(range(7)):
         parts.append(part)
         now_s += 0.002
     assert parts == [*range(7)]

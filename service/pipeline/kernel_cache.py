@@ -98,7 +98,7 @@ def _link_files(shipped: Path, folder: Path) -> bool:
 _CHILD = """
 import gc, sys
 gc.disable()  # saves a tenth of the time; the process ends soon
-from service.pipeline.warming import Shape, compile_for_parent
+from service.pipeline.kernel_cache import Shape, compile_for_parent
 compile_for_parent(Shape(sys.argv[1]))
 """
 

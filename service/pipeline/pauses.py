@@ -9,7 +9,7 @@ _EVERY_S, _PAUSE_S = 0.005, 0.0001
 _T = TypeVar("_T")
 
 
-def giving_way(parts: Iterable[_T]) -> Iterator[_T]:
+def with_pauses(parts: Iterable[_T]) -> Iterator[_T]:
     """Iterate over parts of the work; after every 5 ms, sleep for a moment before the next part.
 
     A waiting thread gets the interpreter lock after a switch interval (5 ms), but only if the lock is not released
