@@ -49,8 +49,7 @@ def in_blocks(columns: Mapping[str, Floats]) -> Iterator[Rows]:
 class CsvTable:
     """A CSV file.  Without a line of names, the columns are called "0", "1", ...
 
-    Cells are separated by tabs, semicolons, commas or single spaces.  If not by commas, numbers may have a decimal
-    comma.
+    Cells are separated by tabs, semicolons, commas or spaces.  If not by commas, numbers may have a decimal comma.
 
     Raises:
         RecordError: the file cannot be read.
@@ -150,7 +149,9 @@ class CsvTable:
             file.seek(-min(2, self._path.stat().st_size), 2)
             cut = file.read().rstrip(b"\0")[-1:] not in (b"\n", b"\r")
         with self._path.open(encoding=self._head.encoding, errors="replace", newline="") as text:
-            reader = csv.reader(text, delimiter=self._head.delimiter)
+            spaced = self._head.delimiter == " "
+            lines = map(str.rstrip, text) if spaced else text
+            reader = csv.reader(lines, delimiter=self._head.delimiter, skipinitialspace=spaced)
             before: tuple[int, list[str]] | None = None
             for row in reader:
                 if not row or reader.line_num <= self._head.lines:
@@ -163,7 +164,7 @@ class CsvTable:
 
     def _reader(self, file: BinaryIO, names: Sequence[str]) -> pc.CSVStreamingReader:
         return pc.open_csv(
-            file,
+            _single_spaced(file) if self._head.delimiter == " " else file,
             pc.ReadOptions(
                 column_names=list(self.names),
                 skip_rows=self._head.lines,
@@ -191,6 +192,7 @@ class CsvTable:
             if not (cell in _EMPTY or self._is_key(name) or is_number(number) or date is not None):
                 hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
                 hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
+                hint = ": give each of its values a column" if cell.startswith("[") else hint
                 kind = "date" if is_date else "number"
                 return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
         return ""
@@ -208,6 +210,25 @@ class CsvTable:
             return self.labels.setdefault(cell, len(self.labels))
         seconds = seconds_of(cell, self._day_first) if name in self._dates else None
         return float(plain(cell, self._decimal)) if seconds is None else seconds
+
+
+def _single_spaced(file: Any) -> Any:  # arrow's stubs know no streams of arrow
+    return pa.TransformInputStream(pa.PythonFile(file, "r"), _SingleSpaces())
+
+
+class _SingleSpaces:
+    """Makes the spaces between cells single ones, and removes those at both ends of a line, block by block."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def __call__(self, block: pa.Buffer) -> bytes:
+        data = self._rest + bytes(block)
+        end = data.rfind(b"\n") + 1 if len(block) else len(data)
+        lines, self._rest = data[:end], data[end:]
+        if lines[:1] != b" " and not any(pair in lines for pair in (b"  ", b"\n ", b" \n", b" \r")):
+            return lines
+        return b"\n".join(b" ".join(line.split()) for line in lines.split(b"\n"))
 
 
 def numbers(column: pa.Array[Any]) -> Floats:
