@@ -126,8 +126,9 @@ def _from_table(record: Path, output: Path) -> None:
 
     if not is_table(record):
         raise typer.BadParameter(
-            f"{record} is a CAN log: give the description of its bus (.dbc .kcd .sym .arxml) before it, such as"
-            f" axiswatch init robot.dbc {record}; without one `axiswatch discover {record}` looks at the frames",
+            f"{record} is a CAN log by its name; let a table end with .csv. For a log give the description of its bus"
+            f" (.dbc .kcd .sym .arxml) before it, such as axiswatch init robot.dbc {record}; without one"
+            f" `axiswatch discover {record}` looks at the frames",
             param_hint="FILE",
         )
     table = open_table(record)
@@ -136,14 +137,16 @@ def _from_table(record: Path, output: Path) -> None:
     if not any(map(len, columns.values())):
         raise RecordError(f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}")
     found = roles(columns, table.units, interval_s)
+    apart = f"at other times than the others: {', '.join(found.apart)}; export all at one rate" if found.apart else ""
     if not found.axes:
         constant = ", ".join(name for name, column in columns.items() if not changes(column))
         still = f", and these do not change: {constant}" if constant else ""
         raise RecordError(
-            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{still}{fault}"
+            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{still}"
+            f"{apart and '; '}{apart}{fault}"
         )
     unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
-    not_read = (f"not used: {why}" for why in faults.values())
+    not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
     switches = (f"all axes: {column} may tell what the robot carries" for column in found.switches)
     words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *switches, *unused, *not_read]
@@ -339,6 +342,7 @@ def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str
 
 def _time_words(found: TableRoles) -> str:
     interval_s = found.axes[0].interval_s
-    apart = f", {interval_s:.4g} s apart" if interval_s else ""
-    unknown = apart or "; put their interval into sample_interval_s, which nothing shows"
-    return f"time: {found.time or f'no column; rows are taken as evenly spaced{unknown}'}"
+    unknown = "put their interval into sample_interval_s, which nothing shows"
+    apart = f"{interval_s:.4g} s apart" if interval_s else unknown
+    where = "no column; rows are taken as evenly spaced" if found.time is None else found.time
+    return f"time: {where}, {apart}{found.asked}"

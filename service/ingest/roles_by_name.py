@@ -49,8 +49,8 @@ _ANY = {
 
 
 def words_in(name: str) -> list[str]:
-    """The words of a column's name in lower case: "A1_TrqAct" has a, trq, act."""
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    """The words of a column's name in lower case: "A1_TrqAct" has a, trq, act, and "AIPos.A1" ai, pos, a."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     return [word.lower() for word in re.findall(r"[A-Za-z]+", apart)]
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -196,15 +198,91 @@ def test_values_alone(record: Path) -> None:
     assert a.sample_interval_s == pytest.approx(0.005)
 
 
-@pytest.mark.parametrize("cell", ["02.03.2026 08:00:{:02}", "{}"])
-def test_times_without_parts_of_a_second_tell_the_interval(record: Path, cell: str) -> None:
-    """Spreadsheets show dates so: there are as many rows in each second."""
-    head, *lines = record.read_text("utf-8").splitlines()
-    rows = [",".join([cell.format(k // 200), line.partition(",")[2]]) for k, line in enumerate(lines)]
-    record.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+def retime(record: Path, head: str, cells: Iterable[str]) -> None:
+    """Write other times into the first column, ``head``."""
+    names, *lines = record.read_text("utf-8").splitlines()
+    rows = [",".join([cell, line.partition(",")[2]]) for cell, line in zip(cells, lines, strict=False)]
+    record.write_text("\n".join([head + names[names.index(",") :], *rows]) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("head", "cell"),
+    [("Time", "02.03.2026 08:00:{0.seconds:02}"), ("Time", "{0.seconds}"), ("Time [ms]", "{1}0"), ("t", "{2:.2f}")],
+)
+def test_rounded_times_tell_the_interval(record: Path, head: str, cell: str) -> None:
+    """As spreadsheets show dates, and loggers print few digits: there are as many rows in each second."""
+    times = [timedelta(milliseconds=5 * k) for k in range(4000)]
+    retime(record, head, (cell.format(t, t // timedelta(milliseconds=10), t.total_seconds()) for t in times))
     assert "rows are taken as evenly spaced, 0.005 s apart" in shown("init", record)
     first, _ = proposed()
     assert (first.time.column, first.sample_interval_s) == (None, 0.005)
+
+
+@pytest.mark.parametrize(
+    ("head", "cell", "interval_s", "words"),
+    [
+        ("Time", "{0:.3f}", 0.005, ""),
+        ("Time [ms]", "{1:.0f}", 0.005, ""),
+        ("TimeUs", "{2:.0f}", 0.005, ""),
+        ("Time", "{1:.0f}", 0.005, " if it is in ms, as its steps suggest"),
+        ("Time", "{2:.0f}", 0.005, " if it is in µs, as its steps suggest"),
+        ("Time", "{3:.11f}", 0.005, " if it is in days, as its steps suggest"),
+        ("Time", "{4:.8f}", 0.005 / 60, " if it is in s, as its steps suggest"),
+    ],
+)
+def test_a_unit_of_the_time_that_no_name_shows_is_asked_for(
+    record: Path, head: str, cell: str, interval_s: float, words: str
+) -> None:
+    times = [0.005 * k for k in range(4000)]
+    retime(record, head, (cell.format(t, 1e3 * t, 1e6 * t, 46083.25 + t / 86_400, t / 60) for t in times))
+    assert f"time: {head}, {interval_s:.4g} s apart{words}\n" in shown("init", record)
+    assert proposed()[0].sample_interval_s == pytest.approx(interval_s, rel=1e-3)
+
+
+@pytest.mark.parametrize(("head", "cell"), [("Time", "{0:.3f}"), ("stamp.nanosec", "{1}")])
+def test_a_time_that_starts_again_is_not_the_time(record: Path, head: str, cell: str) -> None:
+    """A recorder began a second time, or seconds are in another column."""
+    retime(record, head, (cell.format(0.005 * (k % 3500), k % 200 * 5_000_000) for k in range(4000)))
+    text = shown("init", record)
+    assert "time: no column; rows are taken as evenly spaced, 0.005 s apart" in text
+    assert f'; "{head}" starts again: where rows are missing there, cut the file\n' in text
+    assert [axis.time.column for axis in proposed()] == [None, None]
+
+
+@pytest.mark.parametrize(("rate", "columns"), [(1.0, 2), (0.8, 1)])
+def test_signals_with_times_of_their_own(record: Path, rate: float, columns: int) -> None:
+    """The scope of TwinCAT writes a time column for each signal: at another rate it belongs to other rows."""
+    lines = record.read_text("utf-8").splitlines()
+    cells = [line.split(",") for line in lines[1:]]
+    rows = [",".join([t, u, t, y, f"{rate * float(t)}", *rest]) for t, u, y, *rest in cells]
+    record.write_text("\n".join(["Name,A1_Trq,Name,A1_Pos,Name,A2_Trq,A2_Pos", *rows]) + "\n", encoding="utf-8")
+    text = shown("init", record)
+    assert len(proposed()) == columns
+    apart = "not used: at other times than the others: A2_Trq, A2_Pos; export all at one rate"
+    assert (apart in text) == (columns == 1)
+
+
+def test_a_command_that_its_name_does_not_show(record: Path, seed: int) -> None:
+    """It is smoother than the measured angle, which is proposed although it stands behind, and both are named."""
+    rows = read_rows(record)
+    noise = 1e-3 * np.ptp(rows[:, 2]) * np.random.default_rng(seed).standard_normal(len(rows))
+    table = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], rows[:, 2], rows[:, 2] + noise])
+    write_rows(record, table, "Time,MACur.A1,ASPos.A1,AIPos.A1")
+    assert "axis1: torque MACur.A1, angle AIPos.A1: likely; or angle ASPos.A1" in shown("init", record)
+    write_rows(record, table, "Time,Channel 1,Channel 2,Channel 3")
+    assert "torque Channel 1, angle Channel 3: likely; or angle Channel 2" in shown("init", record, "--force")
+
+
+def test_an_angle_under_a_weight_is_no_speed(record: Path, seed: int) -> None:
+    """Its torque follows the angle as friction would follow a speed; but it rests where it likes."""
+    rng = np.random.default_rng(seed)
+    t = 0.005 * np.arange(4000)
+    stops, share = rng.uniform(0.3, 1.5, 22), np.clip(t % 1.0 / 0.6, 0, 1)
+    angle = np.interp(np.floor(t) + share**2 * (3 - 2 * share), np.arange(22), stops)
+    speed = np.gradient(angle, t)
+    torque = 20 * angle + np.gradient(speed, t) + 3 * np.tanh(30 * speed) + 0.3 * rng.standard_normal(4000)
+    write_rows(record, np.column_stack([t, torque, angle]), "")
+    assert "torque 1, angle 2" in shown("init", record)
 
 
 @pytest.mark.parametrize("faulty_rows", [0, 30])
