@@ -49,7 +49,8 @@ def in_blocks(columns: Mapping[str, Floats]) -> Iterator[Rows]:
 class CsvTable:
     """A CSV file.  Without a line of names, the columns are called "0", "1", ...
 
-    Cells are separated by tabs, semicolons, commas or spaces.  If not by commas, numbers may have a decimal comma.
+    Cells are separated by tabs, semicolons, bars, commas or spaces.  If not by commas, numbers may have a decimal
+    comma.
 
     Raises:
         RecordError: the file cannot be read.
@@ -70,8 +71,10 @@ class CsvTable:
         self._decimal, self._day_first = self._head.decimal_mark, self._head.day_first
         self.taken = self._head.taken
         """Assumptions about ambiguous dates and numbers, in words"""
-        self._dates = self._head.dates(self.names)
-        self.keys = self._head.keys({*self._dates, *(name for name in self.names if role_of(name) == "time")})
+        self.dates = self._head.dates(self.names)
+        """The columns of dates or times of day"""
+        self._flags = self._head.flags(self.names)
+        self.keys = self._head.keys({*self.dates, *(name for name in self.names if role_of(name) == "time")})
         """If a time has several rows: the columns with the time and with the name of the signal or axis; otherwise
         None"""
         self.texts = [name for name in self.names if self.keys and self._head.is_text(name)]
@@ -187,7 +190,7 @@ class CsvTable:
             return f"{len(row)} cells in a table of {len(self.names)} columns"
         for name in names:
             cell = row[self.names.index(name)]
-            number, is_date = plain(cell, self._decimal), name in self._dates
+            number, is_date = plain(cell, self._decimal), name in self.dates
             date = seconds_of(cell, self._day_first) if is_date else None
             if not (cell in _EMPTY or self._is_key(name) or is_number(number) or date is not None):
                 hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
@@ -198,7 +201,7 @@ class CsvTable:
         return ""
 
     def _as_text(self, name: str) -> bool:
-        return name in self._dates or self._is_key(name)
+        return name in self.dates or name in self._flags or self._is_key(name)
 
     def _is_key(self, name: str) -> bool:
         return self.keys is not None and name in (self.keys[1], self.unit)
@@ -208,7 +211,7 @@ class CsvTable:
             return float("nan")
         if self._is_key(name):
             return self.labels.setdefault(cell, len(self.labels))
-        seconds = seconds_of(cell, self._day_first) if name in self._dates else None
+        seconds = seconds_of(cell, self._day_first) if name in self.dates else None
         return float(plain(cell, self._decimal)) if seconds is None else seconds
 
 
@@ -278,7 +281,7 @@ class LongTable:
 
     @cached_property
     def _columns(self) -> Mapping[str, Floats]:
-        left = {self._time, self._key, *self._table.texts}
+        left = {self._time, self._key, *self._table.texts, *self._table.dates}
         values = [name for name in self._table.names if name not in left]
         wanted = [self._time, self._key, *values, *filter(None, [self._table.unit])]
         blocks = [rows.columns for rows in self._table.rows(wanted)]

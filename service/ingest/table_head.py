@@ -36,6 +36,7 @@ _BEFORE_ZONE = re.compile(r"\s+(?=([-+]\d\d:?\d\d|Z)$)")
 _DAYS = re.compile(r"(\d+) days? (?=\d)")
 _DURATION = re.compile(r"(\d+):(\d\d[.,]\d+)|(\d+(?:[.,]\d+)?(?:e-?\d+)?) ?s(?:ec)?")
 """Minutes and seconds of a spreadsheet, 01:23,456, and seconds of MATLAB, 0.004 sec"""
+_FLAGS = {"true": "1", "false": "0"}
 _FEWEST_TIMES = 3
 _MONTHS, _HALF_HOURS = 12, 12
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\ufffd]")
@@ -98,13 +99,17 @@ class Head(NamedTuple):
             words.append(
                 f"{commas[0]} is taken as {commas[0].replace(',', '.')}; if commas separate thousands, leave them out"
             )
-        if self.empty:
+        if any(self.empty):
             words.append(f"the rows end before the names: no cells are taken as those of {', '.join(self.empty)}")
         return tuple(words)
 
     def dates(self, names: Sequence[str]) -> set[str]:
         """The columns that hold dates or times of day in the first rows."""
         return {name for row in self.sample for name, cell in zip(names, row, strict=False) if _is_date(cell)}
+
+    def flags(self, names: Sequence[str]) -> set[str]:
+        """The columns that hold TRUE and FALSE in the first rows."""
+        return {name for row in self.sample for name, cell in zip(names, row, strict=False) if cell.lower() in _FLAGS}
 
     def keys(self, times: Collection[str]) -> tuple[str, str] | None:
         """If a time has a row for each signal or axis: the columns with the time and with their names; otherwise None.
@@ -173,6 +178,8 @@ def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
     longer = [(k, row) for k, (_, row) in enumerate(rows[:first]) if len(row) > width and _could_be_names(row)]
     if not above and longer:  # such as the "Comment" of LabVIEW, whose column has no cells
         above = longer
+    if not above and not any(row[-1] for k, row in fitting if k >= first):  # rows that end with a separator
+        above = [(k, [*row, ""]) for k, (_, row) in enumerate(rows[:first]) if len(row) == width - 1]
     if not above and first > 0 and not rows[0][1][0].startswith(_REMARK):
         # The number of names differs from the number of cells below: a fault of the table.
         above, width = [(0, rows[0][1])], len(rows[0][1])
@@ -203,7 +210,12 @@ def is_number(cell: str) -> bool:
 
 
 def plain(cell: str, decimal_mark: str) -> str:
-    """A number for ``float``, with a decimal point and without thousands separators; empty: the cell is no number."""
+    """A number for ``float``, with a decimal point and without thousands separators; empty: the cell is no number.
+
+    TRUE is 1, and FALSE is 0.
+    """
+    if (flag := _FLAGS.get(cell.lower())) is not None:
+        return flag
     if _GROUPED[decimal_mark].fullmatch(cell):
         cell = re.sub(f"[^-+\\d{decimal_mark}]", "", cell)
     return "" if _OTHER_MARK[decimal_mark] in cell else cell.replace(decimal_mark, ".")
@@ -260,10 +272,11 @@ def _is_utf8(line: bytes) -> bool:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The first of tab, semicolon and comma that half of the lines have; a space if half are numbers with spaces."""
+    """The first of tab, semicolon, bar, comma that half of the lines have; a space if half are numbers with spaces."""
     full = [line.strip("\r\n") for line in lines if line.strip()]
-    shares = {d: sum(d in line for line in full) for d in "\t;,"}
-    shares[" "] = sum(len(line.split()) > 1 and all(map(is_number, line.split())) for line in full)
+    shares = {d: sum(d in line for line in full) for d in "\t;|,"}
+    cells = [line.split() for line in full]
+    shares[" "] = sum(len(row) > 1 and 2 * sum(map(_is_number_or_date, row)) >= len(row) for row in cells)
     return next((d for d, count in shares.items() if 2 * count >= len(full)), ",")
 
 

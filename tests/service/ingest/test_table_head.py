@@ -203,6 +203,13 @@ def test_rows_for_each_time_and_signal(
         assert columns.columns[names[-1]].tolist() == [0, 2, 4, 6, 1]
 
 
+def test_dates_beside_the_times_of_signals_are_no_signals(tmp_path: Path) -> None:
+    """As WinCC writes them, by the second."""
+    lines = [f"{name};2.3.2026 08:00:0{k // 3};{k};{100 * k}" for k in range(6) for name in ("M1", "q1")]
+    (tmp_path / "a.csv").write_text("\n".join(["name;date;value;ms", *lines]) + "\n", encoding="utf-8")
+    assert tuple(open_table(tmp_path / "a.csv").names) == ("ms", "M1", "q1")
+
+
 def test_units_of_signals_in_a_column(tmp_path: Path) -> None:
     lines = [f"{k},{name},{unit},{k}" for k in range(5) for name, unit in (("M1", "Nm"), ("n1", "rpm"), ("s", ""))]
     (tmp_path / "a.csv").write_text("\n".join(["t,name,unit,value", *lines]) + "\n", encoding="utf-8")
@@ -238,6 +245,27 @@ def test_names_of_groups_above_the_names() -> None:
     head = head_of(["t,A1,,A2,\n", "[s],u,y,u,y\n", "s,A,deg,A,deg\n", "0.0,1.0,2.0,3.0,4.0\n"])
     assert head.names == ("t [s]", "A1 u", "A1 y", "A2 u", "A2 y")
     assert head.units == dict(zip(head.names, ["s", "A", "deg", "A", "deg"], strict=True))
+
+
+def test_rows_that_end_with_a_separator() -> None:
+    assert head_of(["t;u\n", "0,0;1,0;\n", "0,1;2,0;\n"]).names == ("t", "u", "2")
+
+
+def test_bars_and_flags(tmp_path: Path) -> None:
+    """As a controller writes its inputs."""
+    read = table(tmp_path / "a.txt", "t|grip|on\n0.0|TRUE|False\n0.1|FALSE|False\n0.2||False\n")
+    (rows,) = read.rows(["grip", "on"])
+    np.testing.assert_equal(rows.columns["grip"], [1, 0, np.nan])
+    assert rows.columns["on"].tolist() == [0, 0, 0]
+    assert read.left_out == []
+
+
+@pytest.mark.parametrize("time", ["08:00:00.500", "1.5"])
+def test_spaces_between_times_states_and_numbers(tmp_path: Path, time: str) -> None:
+    read = table(tmp_path / "a.txt", "time state torque angle\n" + f"{time} run  0.5 1.5\n" * 3)
+    (rows,) = read.rows(["time", "angle"])
+    assert rows.columns["angle"].tolist() == [1.5, 1.5, 1.5]
+    assert rows.columns["time"][0] == (28_800.5 if ":" in time else 1.5)
 
 
 def test_names_without_cells_are_said() -> None:
