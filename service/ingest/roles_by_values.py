@@ -183,17 +183,17 @@ def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[s
 
 
 def _alike(values: Mapping[str, Floats], motions: Sequence[str], named: Mapping[str, Named]) -> dict[str, list[str]]:
-    """Motions, each with the others of its axis that have nearly its values; it is the roughest of these.
+    """Motions, each with the others of its axis that have nearly its values; it has most noise of these.
 
-    Names do not tell all commands, and commands are smoother.
+    Names do not tell all commands, and commands are smooth: a fifth difference hardly has anything of a motion.
     """
     found: dict[str, list[str]] = {}
-    for name in sorted(motions, key=lambda name: -_roughness(values[name])):
+    for name in sorted(motions, key=lambda name: -_roughness(values[name], order=5)):
         same = (o for o in found if not named[name].role or named[o].number == named[name].number)
-        rougher = next((other for other in same if _likeness(values[other], values[name]) > _SAME), None)
-        found.setdefault(rougher or name, [])
-        if rougher is not None:
-            found[rougher].append(name)
+        noisier = next((other for other in same if _likeness(values[other], values[name]) > _SAME), None)
+        found.setdefault(noisier or name, [])
+        if noisier is not None:
+            found[noisier].append(name)
     return {name: found[name] for name in motions if name in found}
 
 
@@ -240,7 +240,22 @@ def _measured(
     named: Mapping[str, Named],
     step: int | None,
 ) -> Pair:
-    """Of the torques in step with a motion that fit about as well, the roughest: commanded torques are smoother."""
+    """Of the torques in step with a motion that fit about as well, the roughest: commanded torques are smoother.
+
+    Of named torques of one axis it is a far larger one, as others are parts of it, such as that of a contact.
+    """
+    if named[pair.torque].role and named[pair.torque].number == named[pair.motion].number:
+        same = [
+            other
+            for other in pairs
+            if (other.motion, other.output) == (pair.motion, pair.output)
+            and named[other.torque][:2] == named[pair.torque][:2]
+            and other.explained > pair.explained - _ABOUT
+        ]
+        sizes = {other.torque: float(np.nanstd(values[other.torque])) for other in same}
+        largest = max(same, key=lambda other: sizes[other.torque])
+        best = largest if sizes[largest.torque] > (1 + _ABOUT) * sizes[pair.torque] else pair
+        return best._replace(rivals=tuple(name for name in sizes if name != best.torque))
     if not _in_step(pair, named, step):
         return pair
     alike = [
@@ -287,11 +302,11 @@ def _delay(first: Floats, second: Floats) -> float:
     return -lead / factor if same else 0.0
 
 
-def _roughness(v: Floats, share: float = 0.5) -> float:
-    """Quantile ``share`` of the second difference of a column (N,), as a part of the range of 98 % of its values."""
+def _roughness(v: Floats, share: float = 0.5, order: int = 2) -> float:
+    """Quantile ``share`` of the difference ``order`` of a column (N,), as a part of the range of 98 % of its values."""
     finite = v[np.isfinite(v)]
     low, high = np.quantile(finite, MOST)
-    return float(np.quantile(abs(np.diff(finite, 2)), share) / (high - low)) if high > low else 0.0
+    return float(np.quantile(abs(np.diff(finite, order)), share) / (high - low)) if high > low else 0.0
 
 
 def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:

@@ -142,6 +142,11 @@ def test_a_column_of_two_values_may_tell_what_is_carried(
         ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
         ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),
         ("left motor torque,right arm angle,motor torque,arm angle", ["axis1", "axis2"]),
+        (
+            "Axis 1 S-0-0084 Torque,Axis 1 S-0-0051 Position 3,Axis 2 S-0-0084 Torque,Axis 2 S-0-0051 Position 3",
+            ["axis1", "axis2"],
+        ),
+        ("SERVO_1.r80 torque,SERVO_1.r63[0] speed,SERVO_2.r80 torque,SERVO_2.r63[0] speed", ["axis1", "axis2"]),
     ],
 )
 def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes: list[str]) -> None:
@@ -271,6 +276,16 @@ def test_a_command_that_its_name_does_not_show(record: Path, seed: int) -> None:
     assert "axis1: torque MACur.A1, angle AIPos.A1: likely; or angle ASPos.A1" in shown("init", record)
     write_rows(record, table, "Time,Channel 1,Channel 2,Channel 3")
     assert "torque Channel 1, angle Channel 3: likely; or angle Channel 2" in shown("init", record, "--force")
+
+
+def test_a_part_of_a_torque_is_not_the_torque(record: Path, seed: int) -> None:
+    """Such as that of a contact, which explains the motion of a free axis as well, but is small; what is no torque."""
+    rows = read_rows(record)
+    noise = 1e-4 * np.ptp(rows[:, 1]) * np.random.default_rng(seed).standard_normal(len(rows))
+    small = 0.1 * rows[:, 1] + noise
+    table = np.column_stack([rows[:, 0] - rows[0, 0], small, rows[:, 2] + noise, rows[:, 1], rows[:, 2], small])
+    write_rows(record, table, "Time,tau_ext_1,error_q_1,tau_1,q_1,tau_ff_1")
+    assert "axis1: torque tau_1, angle q_1: likely; or torque tau_ext_1 (" in shown("init", record)
 
 
 def test_an_angle_under_a_weight_is_no_speed(record: Path, seed: int) -> None:
@@ -442,9 +457,17 @@ def test_degrees(record: Path, name: str) -> None:
         ("Motordrehzahl", "speed"),
         ("A1_Sollwinkel", "wanted"),
         ("Sollstrom", "wanted"),
+        ("Achse 1 Lageistwert", "angle"),
+        ("Momentenistwert", "torque"),
+        ("Drehzahlsollwert_2", "wanted"),
         ("Drahtvorschub", ""),
+        ("AIPos.A1", "angle"),
+        ("TorqueReference", "wanted"),
+        ("Consigne couple", "wanted"),
+        ("Axis_X.PositionError", "other"),
+        ("torque_ff_ref", "other"),
     ],
 )
-def test_compound_words(name: str, role: str) -> None:
-    """As German loggers have them."""
+def test_words_of_loggers(name: str, role: str) -> None:
+    """Of German compound words, of words without a space between them; what is neither measured nor commanded."""
     assert role_of(name) == role
