@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from service.config import AxisConfig, load
-from service.ingest.roles_by_name import role_of
+from service.ingest.roles_by_name import axis_number, role_of
 from tests import golden
 from tests.service.command_line import session, shown
 from tests.service.commands.commissioning.two_mass_tables import read_rows, table, write_rows
@@ -142,11 +142,6 @@ def test_a_column_of_two_values_may_tell_what_is_carried(
         ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
         ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),
         ("left motor torque,right arm angle,motor torque,arm angle", ["axis1", "axis2"]),
-        (
-            "Axis 1 S-0-0084 Torque,Axis 1 S-0-0051 Position 3,Axis 2 S-0-0084 Torque,Axis 2 S-0-0051 Position 3",
-            ["axis1", "axis2"],
-        ),
-        ("SERVO_1.r80 torque,SERVO_1.r63[0] speed,SERVO_2.r80 torque,SERVO_2.r63[0] speed", ["axis1", "axis2"]),
     ],
 )
 def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes: list[str]) -> None:
@@ -471,3 +466,19 @@ def test_degrees(record: Path, name: str) -> None:
 def test_words_of_loggers(name: str, role: str) -> None:
     """Of German compound words, of words without a space between them; what is neither measured nor commanded."""
     assert role_of(name) == role
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("Axis 2 S-0-0084 Torque", "2"),
+        ("SERVO_1.r63[0]", "1"),
+        ("gAxis[3].Drive0", "3"),
+        ("A4_Pos", "4"),
+        ("field.effort0", "0"),
+        ("17", ""),
+    ],
+)
+def test_the_number_of_an_axis(name: str, number: str) -> None:
+    """It stands behind a word for an axis, otherwise last; a column that is called by its place has none."""
+    assert axis_number(name) == number
