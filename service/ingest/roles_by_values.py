@@ -306,7 +306,9 @@ def _roughness(v: Floats, share: float = 0.5, order: int = 2) -> float:
     """Quantile ``share`` of the difference ``order`` of a column (N,), as a part of the range of 98 % of its values."""
     finite = v[np.isfinite(v)]
     low, high = np.quantile(finite, MOST)
-    return float(np.quantile(abs(np.diff(finite, order)), share) / (high - low)) if high > low else 0.0
+    if high == low or len(finite) <= order:
+        return 0.0
+    return float(np.quantile(abs(np.diff(finite, order)), share) / (high - low))
 
 
 def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:
@@ -345,9 +347,9 @@ def _pair(
     good &= np.isfinite(times)
     good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
     explained, turned, fastest = 0.0, False, None
-    period = wrap_of(y[good]) if output == "angle" else None
-    record = None
+    period, record = None, None
     if np.count_nonzero(good) > 1:
+        period = wrap_of(y[good]) if output == "angle" and np.count_nonzero(good) > _MIN_ROWS else None
         record = Record(times[good], u[good], continuous(times[good], y[good], period), output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0

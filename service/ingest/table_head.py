@@ -165,7 +165,7 @@ def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
     reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
     rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
     if delimiter == " ":  # "# t torque"
-        rows = [(line, row[1:] if row[0] in _REMARK else row) for line, row in rows]
+        rows = [(line, row[1:] if row[0] in _REMARK and row[1:] else row) for line, row in rows]
     widths = Counter(len(row) for _, row in rows if _has_numbers(row))
     width = widths.most_common(1)[0][0] if widths else len(rows[0][1])
     fitting = [(k, row) for k, (_, row) in enumerate(rows) if len(row) == width]

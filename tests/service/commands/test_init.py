@@ -13,7 +13,7 @@ import pytest
 from service.config import AxisConfig, load
 from service.ingest.roles_by_name import axis_number, role_of
 from tests import golden
-from tests.service.command_line import session, shown
+from tests.service.command_line import axiswatch, session, shown
 from tests.service.commands.commissioning.two_mass_tables import read_rows, table, write_rows
 
 
@@ -377,6 +377,17 @@ def test_units_below_the_names(record: Path) -> None:
     assert "a current: add kT_Nm_per_A" in written
     assert "in percent of the rated torque; factor is rated torque / 100 [N m]" in written
     assert "in mm of a linear axis; factor is 2 pi / (mm that a turn of the motor moves it)" in written
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("names", ["t,torque_1,angle_1,angle_cmd,q_1\n", "#\n"])
+@pytest.mark.parametrize("rows", range(1, 8))
+def test_hardly_any_rows(names: str, rows: int) -> None:
+    """They give an axis or are refused with the reason."""
+    cells = [f"{0.004 * k:.3f},{k % 3},{-k * k},FALSE,{k * k}\n" for k in range(rows)]
+    Path("a.csv").write_text(names + "".join(cells), encoding="utf-8")
+    result = axiswatch("init", "a.csv")
+    assert (result.exit_code, "torque and motion" in result.stderr) in ((0, False), (2, True))
 
 
 @pytest.mark.usefixtures("record")

@@ -57,7 +57,7 @@ def test_remarks_names_and_units(
     assert read.left_out == []
 
 
-@pytest.mark.parametrize(("head", "names"), [("t u y\n", NAMES), ("# t u y\n", NAMES), ("", ("0", "1", "2"))])
+@pytest.mark.parametrize(("head", "names"), [("t u y\n", NAMES), ("#\n# t u y\n", NAMES), ("", ("0", "1", "2"))])
 @pytest.mark.parametrize("between", ["{} {} {}", "{:>8}{:>8}{:>8}", " {}   {} {}  "])
 @pytest.mark.parametrize("torn", [False, True])
 def test_cells_that_spaces_separate(
