@@ -3,6 +3,7 @@
 A speed is the slope of an angle; the torque of an axis follows from its motion as that of a rigid mass with friction.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, NamedTuple
 
@@ -102,10 +103,15 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
     )
     pairs = sorted(candidate_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
     taken, axes = set[str](), list[Pair]()
+    motions_of = Counter(named[name].number for name in found.motions)
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
             continue
-        best = _measured(pair, pairs, values, named, step)
+        number = named[pair.torque].number
+        if named[pair.torque].role and number == named[pair.motion].number and motions_of[number] == 1:
+            best = _larger(pair, pairs, values, named)
+        else:
+            best = _measured(pair, pairs, values, named, step)
         taken |= {best.torque, best.motion, *best.rivals}
         torques = (f"torque {name}" for name in best.rivals)
         motions = (f"{best.output} {name}" for name in found.alike.get(best.motion, ()))
@@ -240,22 +246,7 @@ def _measured(
     named: Mapping[str, Named],
     step: int | None,
 ) -> Pair:
-    """Of the torques in step with a motion that fit about as well, the roughest: commanded torques are smoother.
-
-    Of named torques of one axis it is a far larger one, as others are parts of it, such as that of a contact.
-    """
-    if named[pair.torque].role and named[pair.torque].number == named[pair.motion].number:
-        same = [
-            other
-            for other in pairs
-            if (other.motion, other.output) == (pair.motion, pair.output)
-            and named[other.torque][:2] == named[pair.torque][:2]
-            and other.explained > pair.explained - _ABOUT
-        ]
-        sizes = {other.torque: float(np.nanstd(values[other.torque])) for other in same}
-        largest = max(same, key=lambda other: sizes[other.torque])
-        best = largest if sizes[largest.torque] > (1 + _ABOUT) * sizes[pair.torque] else pair
-        return best._replace(rivals=tuple(name for name in sizes if name != best.torque))
+    """Of the torques in step with a motion that fit about as well, the roughest: commanded torques are smoother."""
     if not _in_step(pair, named, step):
         return pair
     alike = [
@@ -270,6 +261,21 @@ def _measured(
     rough = _roughness(values[best.torque])
     rivals = [other.torque for other in alike if _roughness(values[other.torque]) * _ROUGHER > rough]
     return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
+
+
+def _larger(pair: Pair, pairs: Sequence[Pair], values: Mapping[str, Floats], named: Mapping[str, Named]) -> Pair:
+    """Of the torques of an axis that fit about as well, a far larger one: others are parts of it, as of a contact."""
+    same = [
+        other
+        for other in pairs
+        if (other.motion, other.output) == (pair.motion, pair.output)
+        and named[other.torque][:2] == named[pair.torque][:2]
+        and other.explained > pair.explained - _ABOUT
+    ]
+    sizes = {other.torque: float(np.nanstd(values[other.torque])) for other in same}
+    largest = max(same, key=lambda other: sizes[other.torque])
+    best = largest if sizes[largest.torque] > (1 + _ABOUT) * sizes[pair.torque] else pair
+    return best._replace(rivals=tuple(name for name in sizes if name != best.torque))
 
 
 def _commanded(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
