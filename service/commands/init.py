@@ -42,8 +42,8 @@ CanRecord = Annotated[
     Path | None,
     typer.Argument(
         metavar="LOG",
-        help=f"With a description of the bus: a CAN log ({LOG_KINDS}) of the healthy, moving robot, so that values are"
-        " evaluated, too.",
+        help=f"With a description of the bus or its drives: a CAN log ({LOG_KINDS}) of the healthy, moving robot, so"
+        " that values are evaluated, too.",
         show_default=False,
     ),
 ]
@@ -60,8 +60,8 @@ Nodes = Annotated[
         min=1,
         max=127,
         metavar="N",
-        help="With the EDS of CANopen drives: node id of a drive, once for each. Default: those on the bus, or"
-        " the one in the DCF.",
+        help="With the EDS of CANopen drives: node id of a drive, once for each. Default: those on the bus or in the"
+        " log, or the one in the DCF.",
         show_default=False,
     ),
 ]
@@ -83,7 +83,8 @@ def init(
     description of a bus, --bus looks at the values on the bus, too, while the robot moves. The EDS of CANopen drives
     tells what they send; what that is in SI units is in their data sheets.
     """
-    if log is not None and (bus is not None or record.suffix.lower() not in KINDS or not log_suffix(log)):
+    described = record.suffix.lower() in (*KINDS, *SUFFIXES)
+    if log is not None and (bus is not None or not described or not log_suffix(log)):
         raise typer.BadParameter(
             "a log is looked at with the description of its bus, without --bus: axiswatch init robot.dbc robot.log",
             param_hint="LOG",
@@ -98,7 +99,7 @@ def init(
             else:
                 _from_bus(record, bus_named(bus, record), seconds, output)
         elif record.suffix.lower() in SUFFIXES:
-            _from_drives(record, node, None if bus is None else bus_named(bus), seconds, output)
+            _from_drives(record, node, log, None if bus is None else bus_named(bus), seconds, output)
         elif bus is not None:
             raise typer.BadParameter(
                 f"{record} describes no bus: give its .dbc, .kcd, .sym or .arxml file, or the .eds of its drives",
@@ -126,8 +127,9 @@ def _from_table(record: Path, output: Path) -> None:
 
     if not is_table(record):
         raise typer.BadParameter(
-            f"{record} is a CAN log: give the description of its bus (.dbc .kcd .sym .arxml) before it, such as"
-            f" axiswatch init robot.dbc {record}; without one `axiswatch discover {record}` looks at the frames",
+            f"{record} is a CAN log by its name; let a table end with .csv. For a log give the description of its bus"
+            f" (.dbc .kcd .sym .arxml) before it, such as axiswatch init robot.dbc {record}; without one"
+            f" `axiswatch discover {record}` looks at the frames",
             param_hint="FILE",
         )
     table = open_table(record)
@@ -136,14 +138,16 @@ def _from_table(record: Path, output: Path) -> None:
     if not any(map(len, columns.values())):
         raise RecordError(f"{record} holds no rows of numbers; its columns are {', '.join(table.names)}{fault}")
     found = roles(columns, table.units, interval_s)
+    apart = f"at other times than the others: {', '.join(found.apart)}; export all at one rate" if found.apart else ""
     if not found.axes:
         constant = ", ".join(name for name, column in columns.items() if not changes(column))
         still = f", and these do not change: {constant}" if constant else ""
         raise RecordError(
-            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{still}{fault}"
+            f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{still}"
+            f"{apart and '; '}{apart}{fault}"
         )
     unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
-    not_read = (f"not used: {why}" for why in faults.values())
+    not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
     switches = (f"all axes: {column} may tell what the robot carries" for column in found.switches)
     words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *switches, *unused, *not_read]
@@ -187,12 +191,15 @@ def _from_log(description: Path, log: Path, output: Path) -> None:
     from service.ingest.live_roles import roles_on_bus
 
     known, buses = read_messages(description), logged(log)
-    name = max(buses, key=lambda bus: len(roles_on_bus(known, buses[bus]).received))
+    received = {name: roles_on_bus(known, frames).received for name, frames in buses.items()}
+    name = max(buses, key=lambda bus: len(received[bus]))
     found = _roles(known, buses[name], description, f"{log}, {name}")
+    others = [f"{other} carries {_few(names)}" for other, names in received.items() if names and other != name]
+    more = [f"looked at: {name}; {'; '.join(others)}: each channel needs a [[bus]]"] if others else []
     loads = _loads_in(found, known)
     lines = bus_lines(found.axes, description, output, channel=name, loads=loads)
     next_step = f"Next: axiswatch commission {log} --config {output}"
-    propose(output, [*_bus_words(found, description), *_load_words(loads)], lines, next_step)
+    propose(output, [*_bus_words(found, description), *more, *_load_words(loads)], lines, next_step)
 
 
 def _loads_in(found: BusRoles, known: MessageSet) -> list[LoadSignal]:
@@ -233,24 +240,26 @@ def _bus_words(found: BusRoles, description: Path) -> Iterator[str]:
             yield f"{what}: {_few(names)}"
 
 
-def _from_drives(eds: Path, nodes: list[int] | None, bus: BusConfig | None, seconds: float, output: Path) -> None:
-    """Write a configuration for CANopen drives: the given ones, or those heard on the bus."""
+def _from_drives(
+    eds: Path, nodes: list[int] | None, log: Path | None, bus: BusConfig | None, seconds: float, output: Path
+) -> None:
+    """Write a configuration for CANopen drives: the given ones, or those in a log, or heard on the bus."""
     from service.commands.proposed_configuration import drive_lines
     from service.ingest.drive_objects import nodes_in, objects_of
 
-    if nodes is None and bus is None:
+    if nodes is None and bus is None and log is None:
         own = commissioned_node(eds)
         if own is None:
-            raise typer.BadParameter("say which drives: --node 3 --node 4, or --bus", param_hint="--node")
+            raise typer.BadParameter("say which drives: --node 3 --node 4, --bus, or a log", param_hint="--node")
         nodes = [own]
     if nodes is None:
-        assert bus is not None
-        heard = heard_on(bus, seconds)
-        nodes = nodes_in(eds, heard)
+        heard = [heard_on(bus, seconds)] if bus is not None else [*logged(log).values()] if log is not None else []
+        nodes = max((nodes_in(eds, frames) for frames in heard), key=len)
         if not nodes:
+            where = log if bus is None else f"{bus.interface} {bus.channel}"
             raise RecordError(
-                f"no drive of {eds} on {bus.interface} {bus.channel}: {heard.size} frames in {seconds:g} s; is the"
-                " master on, which starts the drives and sends the SYNC?"
+                f"no drive of {eds} on {where}: {sum(frames.size for frames in heard)} frames; is the master on, which"
+                " starts the drives and sends the SYNC?"
             )
     drives = {node: objects_of(eds, node) for node in nodes}
     words = [f"node {node}: {found}" for node, found in drives.items()]
@@ -339,6 +348,7 @@ def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str
 
 def _time_words(found: TableRoles) -> str:
     interval_s = found.axes[0].interval_s
-    apart = f", {interval_s:.4g} s apart" if interval_s else ""
-    unknown = apart or "; put their interval into sample_interval_s, which nothing shows"
-    return f"time: {found.time or f'no column; rows are taken as evenly spaced{unknown}'}"
+    unknown = "put their interval into sample_interval_s, which nothing shows"
+    apart = f"{interval_s:.4g} s apart" if interval_s else unknown
+    where = "no column; rows are taken as evenly spaced" if found.time is None else found.time
+    return f"time: {where}, {apart}{found.asked}"

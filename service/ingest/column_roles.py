@@ -4,6 +4,7 @@ A name says what a column may be; the values decide.  Times increase.  A speed i
 an axis follows from its motion as that of a rigid mass with friction.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
@@ -51,6 +52,10 @@ class TableRoles(NamedTuple):
     switches: tuple[str, ...]
     """Columns of two values that may tell when the robot carries something"""
     unused: tuple[str, ...]
+    asked: str = ""
+    """What is to be checked about the times, as the end of a sentence; empty: nothing"""
+    apart: tuple[str, ...] = ()
+    """Columns that have times of their own, which are others"""
 
 
 def roles(
@@ -65,12 +70,15 @@ def roles(
     """
     unit_names = {name: unit_of(name, units.get(name, "")) for name in columns}
     values = _sound({name: column[:_MOST_ROWS] for name, column in columns.items() if len(column) > 2})
-    time, unit_s = _time(values, unit_names)
+    time, unit_s, asked = _time(values, unit_names)
     if time is not None:
         interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s
+        if _restarts(columns[time] * unit_s):
+            time, asked = None, f'; "{time}" starts again: where rows are missing there, cut the file'
     else:
-        interval_s = _interval_of_rows(values) or interval_s
-    moving = {name: v for name, v in values.items() if name != time and changes(v)}
+        interval_s = _interval_of_rows(values, unit_names) or interval_s
+    apart = [] if time is None else _at_other_times(columns, time)
+    moving = {name: v for name, v in values.items() if name != time and name not in apart and changes(v)}
     t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
@@ -85,7 +93,7 @@ def roles(
     switches = _switches({name: v for name, v in moving.items() if name not in {*used, *loaded}})
     unused = tuple(name for name in columns if name not in {*used, *loads.values(), *switches})
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
-    return TableRoles(time, unit_s, tuple(axes), loads, switches, unused)
+    return TableRoles(time, unit_s, tuple(axes), loads, switches, unused, asked, tuple(apart))
 
 
 def _switches(columns: Mapping[str, Floats]) -> tuple[str, ...]:
@@ -173,34 +181,70 @@ def _absurd(v: Floats) -> Bools:
 
 
 _UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_DAY_S = 86_400.0
 _MIN_RISING_SHARE = 0.99
 """Smallest share of rising steps in a time column: a few rows may be repeated."""
 _FEWEST_STEPS = 4
-_LONGEST_S = 0.5
-"""A time column with longer intervals is not in seconds."""
+_LONGEST_S, _SHORTEST_S = 0.5, 1e-5
+"""A time column with longer or shorter intervals is not in seconds."""
+_FASTEST_S = 2e-4
+"""A shorter interval is doubted: hardly any record is as fast."""
+_MAX_LATE_SHARE = 0.01
+"""Largest share of rows with a time that is not after those above"""
 
 
-def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str | None, float]:
+def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str | None, float, str]:
+    """The time column, its unit [s], and what is to be checked about it; see ``asked``."""
     steps_of = {name: np.diff(v[np.isfinite(v)]) for name, v in values.items()}
     rising = [name for name, d in steps_of.items() if d.size and np.mean(d > 0) > _MIN_RISING_SHARE]
     rising.sort(key=lambda name: role_of(name) != "time")
     if not rising:
-        return None, 1.0
+        return None, 1.0, ""
     name = rising[0]
     steps = steps_of[name]
     if role_of(name) != "time" and np.quantile(steps, 0.9) - np.quantile(steps, 0.1) > steps.mean():
-        return None, 1.0  # uneven steps: an angle that only grows
-    unit = next((_UNITS[word] for word in (units[name], *words_in(name)) if word in _UNITS), 1.0)
-    interval = float(np.median(steps))
-    if unit == 1.0:
-        unit = next((u for u in (1.0, 1e-3, 1e-6) if interval * u < _LONGEST_S), 1e-9)
-    return name, unit
+        return None, 1.0, ""  # uneven steps: an angle that only grows
+    interval, named = float(np.median(steps)), _named_unit(name, units[name])
+    if named is not None:
+        return name, named, ""
+    # A spreadsheet counts days.
+    unit = _DAY_S if interval < _SHORTEST_S else next((u for u in (1.0, 1e-3, 1e-6) if interval * u < _LONGEST_S), 1e-9)
+    doubted = unit != 1.0 or interval < _FASTEST_S
+    return name, unit, f" if it is in {_unit_words(unit)}, as its steps suggest" if doubted else ""
 
 
-def _interval_of_rows(values: Mapping[str, Floats]) -> float | None:
-    """The interval of the rows if a time column has only whole seconds: from the number of rows in a second."""
+def _named_unit(name: str, unit: str) -> float | None:
+    """The unit of a time column by its name or unit [s]; None: it has none, or s."""
+    return next((_UNITS[word] for word in (unit, *words_in(name)) if word in _UNITS), None)
+
+
+def _unit_words(unit_s: float) -> str:
+    words = {unit: name for name, unit in _UNITS.items()} | {1.0: "s", _DAY_S: "days"}
+    return words[unit_s]
+
+
+def _at_other_times(columns: Mapping[str, Floats], time: str) -> list[str]:
+    """Columns behind another time column of the same name, if its times are others: each signal may have its own."""
+    found, other, t = list[str](), False, columns[time]
+    for name, column in columns.items():
+        if name == time or re.fullmatch(rf"{re.escape(time)}_\d+", name):
+            other = bool((abs(column - t) > np.median(abs(np.diff(t))) / 2).any())
+        elif other:
+            found.append(name)
+    return found
+
+
+def _restarts(t: Floats) -> bool:
+    """Whether many times (N,) [s] are not after those above, as of a recorder that begins again, or of a fraction."""
+    t = TimeOfDay().continuous(t[np.isfinite(t)] * 1e6)
+    return bool(np.mean(t[1:] <= np.maximum.accumulate(t)[:-1]) > _MAX_LATE_SHARE)
+
+
+def _interval_of_rows(values: Mapping[str, Floats], units: Mapping[str, str]) -> float | None:
+    """The interval of the rows if their times are rounded, such as to seconds: from the number of rows of many."""
     for name, v in values.items():
         steps = np.flatnonzero(np.diff(v) != 0) + 1
-        if role_of(name) == "time" and len(steps) >= _FEWEST_STEPS and (np.diff(v[steps]) == 1).all():
-            return (len(steps) - 1) / float(steps[-1] - steps[0])
+        if role_of(name) == "time" and len(steps) > _FEWEST_STEPS and (np.diff(v) >= 0).all():
+            unit_s = _named_unit(name, units[name]) or 1.0
+            return unit_s * float((v[steps[-1]] - v[steps[0]]) / (steps[-1] - steps[0]))
     return None

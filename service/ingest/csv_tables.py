@@ -49,7 +49,7 @@ def in_blocks(columns: Mapping[str, Floats]) -> Iterator[Rows]:
 class CsvTable:
     """A CSV file.  Without a line of names, the columns are called "0", "1", ...
 
-    Cells are separated by tabs, semicolons, commas or single spaces.  If not by commas, numbers may have a decimal
+    Cells are separated by tabs, semicolons, bars, commas or spaces.  If not by commas, numbers may have a decimal
     comma.
 
     Raises:
@@ -71,8 +71,10 @@ class CsvTable:
         self._decimal, self._day_first = self._head.decimal_mark, self._head.day_first
         self.taken = self._head.taken
         """Assumptions about ambiguous dates and numbers, in words"""
-        self._dates = self._head.dates(self.names)
-        self.keys = self._head.keys({*self._dates, *(name for name in self.names if role_of(name) == "time")})
+        self.dates = self._head.dates(self.names)
+        """The columns of dates or times of day"""
+        self._flags = self._head.flags(self.names)
+        self.keys = self._head.keys({*self.dates, *(name for name in self.names if role_of(name) == "time")})
         """If a time has several rows: the columns with the time and with the name of the signal or axis; otherwise
         None"""
         self.texts = [name for name in self.names if self.keys and self._head.is_text(name)]
@@ -150,7 +152,9 @@ class CsvTable:
             file.seek(-min(2, self._path.stat().st_size), 2)
             cut = file.read().rstrip(b"\0")[-1:] not in (b"\n", b"\r")
         with self._path.open(encoding=self._head.encoding, errors="replace", newline="") as text:
-            reader = csv.reader(text, delimiter=self._head.delimiter)
+            spaced = self._head.delimiter == " "
+            lines = map(str.rstrip, text) if spaced else text
+            reader = csv.reader(lines, delimiter=self._head.delimiter, skipinitialspace=spaced)
             before: tuple[int, list[str]] | None = None
             for row in reader:
                 if not row or reader.line_num <= self._head.lines:
@@ -163,7 +167,7 @@ class CsvTable:
 
     def _reader(self, file: BinaryIO, names: Sequence[str]) -> pc.CSVStreamingReader:
         return pc.open_csv(
-            file,
+            _single_spaced(file) if self._head.delimiter == " " else file,
             pc.ReadOptions(
                 column_names=list(self.names),
                 skip_rows=self._head.lines,
@@ -186,17 +190,18 @@ class CsvTable:
             return f"{len(row)} cells in a table of {len(self.names)} columns"
         for name in names:
             cell = row[self.names.index(name)]
-            number, is_date = plain(cell, self._decimal), name in self._dates
+            number, is_date = plain(cell, self._decimal), name in self.dates
             date = seconds_of(cell, self._day_first) if is_date else None
             if not (cell in _EMPTY or self._is_key(name) or is_number(number) or date is not None):
                 hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
                 hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
+                hint = ": give each of its values a column" if cell.startswith("[") else hint
                 kind = "date" if is_date else "number"
                 return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
         return ""
 
     def _as_text(self, name: str) -> bool:
-        return name in self._dates or self._is_key(name)
+        return name in self.dates or name in self._flags or self._is_key(name)
 
     def _is_key(self, name: str) -> bool:
         return self.keys is not None and name in (self.keys[1], self.unit)
@@ -206,8 +211,27 @@ class CsvTable:
             return float("nan")
         if self._is_key(name):
             return self.labels.setdefault(cell, len(self.labels))
-        seconds = seconds_of(cell, self._day_first) if name in self._dates else None
+        seconds = seconds_of(cell, self._day_first) if name in self.dates else None
         return float(plain(cell, self._decimal)) if seconds is None else seconds
+
+
+def _single_spaced(file: Any) -> Any:  # arrow's stubs know no streams of arrow
+    return pa.TransformInputStream(pa.PythonFile(file, "r"), _SingleSpaces())
+
+
+class _SingleSpaces:
+    """Makes the spaces between cells single ones, and removes those at both ends of a line, block by block."""
+
+    def __init__(self) -> None:
+        self._rest = b""
+
+    def __call__(self, block: pa.Buffer) -> bytes:
+        data = self._rest + bytes(block)
+        end = data.rfind(b"\n") + 1 if len(block) else len(data)
+        lines, self._rest = data[:end], data[end:]
+        if lines[:1] != b" " and not any(pair in lines for pair in (b"  ", b"\n ", b" \n", b" \r")):
+            return lines
+        return b"\n".join(b" ".join(line.split()) for line in lines.split(b"\n"))
 
 
 def numbers(column: pa.Array[Any]) -> Floats:
@@ -257,7 +281,7 @@ class LongTable:
 
     @cached_property
     def _columns(self) -> Mapping[str, Floats]:
-        left = {self._time, self._key, *self._table.texts}
+        left = {self._time, self._key, *self._table.texts, *self._table.dates}
         values = [name for name in self._table.names if name not in left]
         wanted = [self._time, self._key, *values, *filter(None, [self._table.unit])]
         blocks = [rows.columns for rows in self._table.rows(wanted)]

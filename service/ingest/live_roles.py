@@ -4,7 +4,7 @@ Names and units are used as in ``signal_roles``; the values decide as for the co
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -94,9 +94,15 @@ def roles_on_bus(known: MessageSet, frames: FrameBlock) -> BusRoles:
     keys = frames.counts()
     received = tuple(m.name for key, m in messages.items() if key in keys)
     missing = tuple(f"{m.name} (0x{key.can_id:x})" for key, m in messages.items() if key not in keys)
-    undescribed = tuple(f"0x{key.can_id:x}" for key in sorted(keys.keys() - messages.keys()))
+    undescribed = tuple(_undescribed(key, messages) for key in sorted(keys.keys() - messages.keys()))
     series = _series(decoder, frames)
     return BusRoles(tuple(_axes(known, messages.values(), series)), received, missing, undescribed)
+
+
+def _undescribed(key: FrameKey, messages: Container[FrameKey]) -> str:
+    bits = (29, 11) if key.extended else (11, 29)
+    twin = FrameKey(key.can_id, not key.extended) in messages
+    return f"0x{key.can_id:x}" + (f" (received with {bits[0]} bits, described with {bits[1]})" if twin else "")
 
 
 def _decoder(known: MessageSet) -> tuple[Decoder, dict[FrameKey, Message]]:

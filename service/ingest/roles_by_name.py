@@ -10,25 +10,29 @@ K = TypeVar("K", bound=Hashable)
 
 _TABLE = """
 time: t time times timestamp zeit sec secs seconds s ms us
-torque: trq torque torques tau moment drehmoment tq nm mot effort
-current: i cur curr current currents amp strom iq
-angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad
-speed: vel velocity velocities speed omega w qd dq qdot rpm drehzahl
+torque: trq torque torques tau moment drehmoment tq nm mot effort couple coppia
+current: i cur curr current currents amp strom iq isq courant corrente
+angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad posizione posicion
+speed: vel velo velocity velocities speed spd omega w qd dq qdot rpm drehzahl vitesse velocita velocidad
 temperature: temp temperature temperatur
-wanted: ref cmd des set soll target wanted desired command commanded qg setpoint
+wanted: ref reference cmd des set soll target wanted desired command commanded qg setpoint consigne consigna
+other: error err deviation diff disturb disturbance ff limit limits gravity schleppfehler
 """
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
-"""The role that a word in a column's name indicates; "wanted": a command of the controller, not a measurement."""
+"""The role that a word in a column's name indicates; "wanted": a command of the controller, not a measurement; "other":
+neither, but about a quantity of an axis."""
 _ENDINGS = {
     "strom": "current",
     "moment": "torque",
+    "momenten": "torque",
+    "lage": "angle",
     "winkel": "angle",
     "position": "angle",
     "drehzahl": "speed",
     "geschwindigkeit": "speed",
     "temperatur": "temperature",
 }
-"""The role that the end of a German word indicates: Motorstrom, Istwinkel; Sollwinkel is a command."""
+"""The role that the end of a German word indicates: Motorstrom, Istwinkel, Lageistwert; Sollwinkel is a command."""
 _COMMANDED = "soll"
 _QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
 NOT_MEASURED = {
@@ -49,27 +53,28 @@ _ANY = {
 
 
 def words_in(name: str) -> list[str]:
-    """The words of a column's name in lower case: "A1_TrqAct" has a, trq, act."""
-    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    """The words of a column's name in lower case: "A1_TrqAct" has a, trq, act, and "AIPos.A1" ai, pos, a."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", name)
     return [word.lower() for word in re.findall(r"[A-Za-z]+", apart)]
 
 
 def role_of(name: str) -> str:
     """The role of a column by its name; empty: not known."""
     known = [role for word in words_in(name) if (role := _role_of_word(word))]
-    return "wanted" if "wanted" in known else known[-1] if known else ""
+    return next((role for role in ("other", "wanted") if role in known), known[-1] if known else "")
 
 
 def _role_of_word(word: str) -> str:
     if word in _WORDS:
         return _WORDS[word]
-    found = next((role for ending, role in _ENDINGS.items() if word.endswith(ending)), "")
-    return "wanted" if found and word.startswith(_COMMANDED) else found
+    stem = re.sub("(soll|ist)(wert)?$", "", word)
+    found = next((role for ending, role in _ENDINGS.items() if stem.endswith(ending)), "")
+    return "wanted" if found and _COMMANDED in word else found
 
 
 def commanded_role(name: str) -> str:
     """The quantity that a controller commands, by the name of the column; the name has a word for "command"."""
-    words = [word.removeprefix(_COMMANDED) for word in words_in(name) if _WORDS.get(word) != "wanted"]
+    words = [word.replace(_COMMANDED, "") for word in words_in(name) if _WORDS.get(word) != "wanted"]
     return role_of(" ".join(words))
 
 
@@ -141,5 +146,6 @@ def axis_name(number: str) -> str:
 
 def axis_number(name: str) -> str:
     """The axis number in a column's name; empty: none."""
-    found = re.findall(r"\d+", name)
-    return found[-1] if found and not name.isdigit() else ""
+    found = re.findall(r"(?:axis|joint|motor|drive|servo|achse)[ _.\[(]*(\d+)", name, re.IGNORECASE)[:1]
+    found = found or re.findall(r"\d+", name)
+    return str(found[-1]) if found and not name.isdigit() else ""

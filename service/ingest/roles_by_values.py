@@ -3,6 +3,7 @@
 A speed is the slope of an angle; the torque of an axis follows from its motion as that of a rigid mass with friction.
 """
 
+from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Literal, NamedTuple
 
@@ -23,6 +24,9 @@ _JERKS, _RATHER = 0.9, 6.0
 """A torque without a name is rougher than its motion by this factor, compared at this quantile of the roughness."""
 _ALIKE, _LATER = 0.05, 0.9
 """Columns have equal values if they differ by less than this part of their spread; least delay in rows"""
+_STILL, _ZERO, _RESTS, _AT_ZERO = 0.01, 0.05, 0.1, 0.3
+"""A column rests if it changes by less than this part of its steps; zero, as a part of its range; least share of the
+rows at rest; least share of these at zero if the column may be a speed"""
 _MIN_ROWS = 3
 """Fewest rows in which two columns must have values to be compared"""
 _MIN_RANGE = 1e-9
@@ -53,7 +57,7 @@ class Pair(NamedTuple):
     wrap_period: float | None = None
     """Period after which the angle wraps, in its own unit"""
     rivals: tuple[str, ...] = ()
-    """Other unnamed columns that may equally be the torque"""
+    """Other columns that may equally be the torque or the motion, with their quantity"""
     fastest: float | None = None
     """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
     better: tuple[str, float] | None = None
@@ -89,21 +93,29 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
     found = _candidates(values, t, named)
     step = _step(found.speeds, named)
     rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
+    rests = {name: _rests_beside_zero(values[name]) for name in found.motions}
     candidate_pairs = (
         _pair(values, u, y, output, named, t)
         for u in found.torques
         for y in found.motions
-        for output in _outputs(named[y].role, bool(found.speeds))
+        for output in _outputs(named[y].role, bool(found.speeds) or rests[y])
         if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
     )
     pairs = sorted(candidate_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
     taken, axes = set[str](), list[Pair]()
+    motions_of = Counter(named[name].number for name in found.motions)
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
             continue
-        best = _measured(pair, pairs, values, named, step)
+        number = named[pair.torque].number
+        if named[pair.torque].role and number == named[pair.motion].number and motions_of[number] == 1:
+            best = _larger(pair, pairs, values, named)
+        else:
+            best = _measured(pair, pairs, values, named, step)
         taken |= {best.torque, best.motion, *best.rivals}
-        axes.append(best._replace(exchanged=_exchanged(best, named)))
+        torques = (f"torque {name}" for name in best.rivals)
+        motions = (f"{best.output} {name}" for name in found.alike.get(best.motion, ()))
+        axes.append(best._replace(exchanged=_exchanged(best, named), rivals=(*torques, *motions)))
     sure = {pair.motion for pair in axes if pair.explained >= SURE}
     axes = [pair._replace(better=_better(pair, pairs, sure)) for pair in axes]
     order = list(values)
@@ -133,11 +145,15 @@ def _exchanged(pair: Pair, named: Mapping[str, Named]) -> float | None:
 
 
 class _Candidates(NamedTuple):
-    """Columns that may be a torque, or a motion; ``speeds``: unnamed angles, each with the column of its speed."""
+    """Columns that may be a torque, or a motion; ``speeds``: unnamed angles, each with the column of its speed.
+
+    ``alike``: the motions, each with others that have nearly its values.
+    """
 
     torques: list[str]
     motions: list[str]
     speeds: Mapping[str, str]
+    alike: Mapping[str, Sequence[str]]
 
 
 def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> _Candidates:
@@ -152,27 +168,53 @@ def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[s
         *(n for n in by_role.get("current", []) if named[n].number not in known),
     ]
     commanded = _commanded(values, by_role.get("", []))
-    angles, unnamed = by_role.get("angle", []), [n for n in by_role.get("", []) if n not in commanded]
+    unnamed = [n for n in by_role.get("", []) if n not in commanded]
+    angles = _alike(values, by_role.get("angle", []), named)
     # If an axis sends angle and speed, use the angle: it gives the better estimates.
     numbers = {named[name].number for name in angles}
-    motions = [*angles, *(n for n in by_role.get("speed", []) if named[n].number not in numbers)]
-    if torques and motions:
-        return _Candidates(torques, motions, {})
-    speeds = _speeds(values, unnamed, t)
-    motions = motions or list(speeds) or unnamed
+    speeds = _alike(values, [n for n in by_role.get("speed", []) if named[n].number not in numbers], named)
+    if torques and (alike := angles | speeds):
+        return _Candidates(torques, list(alike), {}, alike)
+    slope_of = _speeds(values, unnamed, t)
+    alike = angles | speeds or _alike(values, list(slope_of) or unnamed, named)
+    motions = list(alike)
     # A column may repeat a speed, e.g. as a command; a friction torque is less similar to it.
     slopes = {
         n
         for n in unnamed
-        if n in speeds.values() or any(_likeness(values[s], values[n]) > _SAME for s in speeds.values())
+        if n in slope_of.values() or any(_likeness(values[s], values[n]) > _SAME for s in slope_of.values())
     }
     torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
-    return _Candidates(torques, motions, speeds)
+    return _Candidates(torques, motions, slope_of, alike)
 
 
-def _outputs(role: str, beside_speeds: bool) -> Sequence[Literal["angle", "speed"]]:
-    """The quantities that a motion may be: both, if its name does not tell and no column is the slope of another."""
-    return ("speed",) if role == "speed" else ("angle",) if role or beside_speeds else ("angle", "speed")
+def _alike(values: Mapping[str, Floats], motions: Sequence[str], named: Mapping[str, Named]) -> dict[str, list[str]]:
+    """Motions, each with the others of its axis that have nearly its values; it has most noise of these.
+
+    Names do not tell all commands, and commands are smooth: a fifth difference hardly has anything of a motion.
+    """
+    found: dict[str, list[str]] = {}
+    for name in sorted(motions, key=lambda name: -_roughness(values[name], order=5)):
+        same = (o for o in found if not named[name].role or named[o].number == named[name].number)
+        noisier = next((other for other in same if _likeness(values[other], values[name]) > _SAME), None)
+        found.setdefault(noisier or name, [])
+        if noisier is not None:
+            found[noisier].append(name)
+    return {name: found[name] for name in motions if name in found}
+
+
+def _outputs(role: str, angle: bool) -> Sequence[Literal["angle", "speed"]]:
+    """The quantities that a motion may be: both, if neither its name nor (``angle``) the values tell."""
+    return ("speed",) if role == "speed" else ("angle",) if role or angle else ("angle", "speed")
+
+
+def _rests_beside_zero(v: Floats) -> bool:
+    """Whether a column (N,) rests mostly at other values than zero, as an angle: an axis rests at the speed 0."""
+    finite = v[np.isfinite(v)]
+    steps, (low, high) = abs(np.diff(finite)), np.quantile(finite, MOST)
+    still = steps <= _STILL * np.quantile(steps, MOST[1])
+    zero = abs(finite[1:][still]) < _ZERO * (high - low)
+    return bool(np.mean(still) > _RESTS and np.mean(zero) < _AT_ZERO)
 
 
 def _weight(pair: Pair, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
@@ -221,6 +263,21 @@ def _measured(
     return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
 
 
+def _larger(pair: Pair, pairs: Sequence[Pair], values: Mapping[str, Floats], named: Mapping[str, Named]) -> Pair:
+    """Of the torques of an axis that fit about as well, a far larger one: others are parts of it, as of a contact."""
+    same = [
+        other
+        for other in pairs
+        if (other.motion, other.output) == (pair.motion, pair.output)
+        and named[other.torque][:2] == named[pair.torque][:2]
+        and other.explained > pair.explained - _ABOUT
+    ]
+    sizes = {other.torque: float(np.nanstd(values[other.torque])) for other in same}
+    largest = max(same, key=lambda other: sizes[other.torque])
+    best = largest if sizes[largest.torque] > (1 + _ABOUT) * sizes[pair.torque] else pair
+    return best._replace(rivals=tuple(name for name in sizes if name != best.torque))
+
+
 def _commanded(values: Mapping[str, Floats], names: Sequence[str]) -> set[str]:
     """Columns whose values another column has later: commands, which the measurement follows with a delay."""
     centres = {name: float(np.nanmean(values[name])) for name in names}
@@ -251,11 +308,13 @@ def _delay(first: Floats, second: Floats) -> float:
     return -lead / factor if same else 0.0
 
 
-def _roughness(v: Floats, share: float = 0.5) -> float:
-    """Quantile ``share`` of the second difference of a column (N,), as a part of the range of 98 % of its values."""
+def _roughness(v: Floats, share: float = 0.5, order: int = 2) -> float:
+    """Quantile ``share`` of the difference ``order`` of a column (N,), as a part of the range of 98 % of its values."""
     finite = v[np.isfinite(v)]
     low, high = np.quantile(finite, MOST)
-    return float(np.quantile(abs(np.diff(finite, 2)), share) / (high - low)) if high > low else 0.0
+    if high == low or len(finite) <= order:
+        return 0.0
+    return float(np.quantile(abs(np.diff(finite, order)), share) / (high - low))
 
 
 def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None) -> dict[str, str]:
@@ -294,9 +353,9 @@ def _pair(
     good &= np.isfinite(times)
     good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
     explained, turned, fastest = 0.0, False, None
-    period = wrap_of(y[good]) if output == "angle" else None
-    record = None
+    period, record = None, None
     if np.count_nonzero(good) > 1:
+        period = wrap_of(y[good]) if output == "angle" and np.count_nonzero(good) > _MIN_ROWS else None
         record = Record(times[good], u[good], continuous(times[good], y[good], period), output, torque)
         fit = rigid_fit(record)
         explained = max(fit.explained, 0.0) if fit is not None else 0.0

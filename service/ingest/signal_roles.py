@@ -75,7 +75,7 @@ class AxisRoles(NamedTuple):
     explained: float | None = None
     """Share of the torque that a rigid mass with this motion explains; None: no values were compared"""
     rivals: tuple[str, ...] = ()
-    """Other unnamed columns that may equally be the torque"""
+    """Other columns that may equally be the torque or the motion, with their quantity"""
     fastest: float | None = None
     """Speed that the axis hardly ever exceeds, in the unit of the motion (per second for an angle); None: not known"""
     better: tuple[str, float] | None = None
@@ -87,7 +87,7 @@ class AxisRoles(NamedTuple):
     def confidence(self) -> str:
         """How sure the roles are: by the values, if they were compared; otherwise as sure as the less sure signal."""
         if self.rivals:
-            return f"likely; or torque {', '.join(self.rivals)}"
+            return f"likely; or {', '.join(self.rivals)}"
         if self.explained is not None:
             return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
         grades: tuple[Confidence, ...] = ("guess", "likely", "sure")

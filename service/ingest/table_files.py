@@ -19,7 +19,8 @@ from monitor_core.wording import did_you_mean
 from service.can.user_errors import RecordError
 from service.ingest.csv_tables import ROWS, CsvTable, LongTable, Rows, in_blocks, numbers
 
-TABLE_SUFFIXES = (".csv", ".parquet", ".mat")
+_TEXTS = (".csv", ".txt", ".tsv", ".dat", ".lvm")
+TABLE_SUFFIXES = (*_TEXTS, ".parquet", ".mat")
 _MOST_COLUMNS = 100
 """A matrix with more columns is not offered column by column"""
 
@@ -30,10 +31,10 @@ def open_table(path: Path) -> Table:
     Raises:
         RecordError: the file cannot be read or is not what its suffix says.
     """
-    if path.suffix.lower() == TABLE_SUFFIXES[0]:
+    if path.suffix.lower() in _TEXTS:
         table = CsvTable(path)
         return table if table.keys is None else LongTable(path, table, *table.keys)
-    return ParquetTable(path) if path.suffix.lower() == TABLE_SUFFIXES[1] else MatTable(path)
+    return ParquetTable(path) if path.suffix.lower() == ".parquet" else MatTable(path)
 
 
 def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:

@@ -6,10 +6,10 @@ Exports of drives and spreadsheets start with remarks, the names of the columns,
 import csv
 import re
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import lru_cache
-from itertools import islice
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,8 +17,8 @@ from service.can.user_errors import RecordError
 
 _SAMPLE_LINES = 300
 """Lines read to find where the numbers start, and the format of numbers and dates."""
-_BELOW_NAMES = 3
-"""Most lines between the names and the numbers: units, descriptions."""
+_BELOW_NAMES = 16
+"""Most lines between the names and the numbers: units, descriptions; the scope of TwinCAT has so many."""
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
 _OTHER_MARK = {".": ",", ",": "."}
@@ -33,6 +33,10 @@ _YEAR_FIRST = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)")
 _HALF_DAY = re.compile(r"\s*([AP])\.?M\.?$", re.IGNORECASE)
 _ONE_DIGIT_HOUR = re.compile(r"(?<!\d)(?<!:)(?=\d:\d\d)")
 _BEFORE_ZONE = re.compile(r"\s+(?=([-+]\d\d:?\d\d|Z)$)")
+_DAYS = re.compile(r"(\d+) days? (?=\d)")
+_DURATION = re.compile(r"(\d+):(\d\d[.,]\d+)|(\d+(?:[.,]\d+)?(?:e-?\d+)?) ?s(?:ec)?")
+"""Minutes and seconds of a spreadsheet, 01:23,456, and seconds of MATLAB, 0.004 sec"""
+_FLAGS = {"true": "1", "false": "0"}
 _FEWEST_TIMES = 3
 _MONTHS, _HALF_HOURS = 12, 12
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\ufffd]")
@@ -53,6 +57,8 @@ class Head(NamedTuple):
     """Cells in a row"""
     sample: tuple[tuple[str, ...], ...]
     """The first rows"""
+    empty: tuple[str, ...] = ()
+    """Names behind the last cell of the rows"""
 
     @property
     def _cells(self) -> list[str]:
@@ -93,11 +99,17 @@ class Head(NamedTuple):
             words.append(
                 f"{commas[0]} is taken as {commas[0].replace(',', '.')}; if commas separate thousands, leave them out"
             )
+        if any(self.empty):
+            words.append(f"the rows end before the names: no cells are taken as those of {', '.join(self.empty)}")
         return tuple(words)
 
     def dates(self, names: Sequence[str]) -> set[str]:
         """The columns that hold dates or times of day in the first rows."""
         return {name for row in self.sample for name, cell in zip(names, row, strict=False) if _is_date(cell)}
+
+    def flags(self, names: Sequence[str]) -> set[str]:
+        """The columns that hold TRUE and FALSE in the first rows."""
+        return {name for row in self.sample for name, cell in zip(names, row, strict=False) if cell.lower() in _FLAGS}
 
     def keys(self, times: Collection[str]) -> tuple[str, str] | None:
         """If a time has a row for each signal or axis: the columns with the time and with their names; otherwise None.
@@ -125,7 +137,7 @@ class Head(NamedTuple):
         """Whether a column has only texts in the first rows."""
         at = (self.names or ()).index(name)
         cells = [row[at] for row in self.sample if at < len(row) and row[at]]
-        return bool(cells) and not any(is_number(cell.replace(",", ".")) or _is_date(cell) for cell in cells)
+        return bool(cells) and not any(map(_is_number_or_date, cells))
 
 
 def read_head(path: Path) -> Head:
@@ -149,28 +161,43 @@ def read_head(path: Path) -> Head:
 def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
     """The head of a table from its first lines."""
     delimiter = _delimiter(lines)
-    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=delimiter != " ")
+    text = map(str.rstrip, lines) if delimiter == " " else lines
+    reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
     rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
     if delimiter == " ":  # "# t torque"
-        rows = [(line, row[1:] if row[0] in _REMARK else row) for line, row in rows]
+        rows = [(line, row[1:] if row[0] in _REMARK and row[1:] else row) for line, row in rows]
     widths = Counter(len(row) for _, row in rows if _has_numbers(row))
     width = widths.most_common(1)[0][0] if widths else len(rows[0][1])
     fitting = [(k, row) for k, (_, row) in enumerate(rows) if len(row) == width]
-    first = next((k for k, row in fitting if _has_numbers(row)), len(rows))
+    # A line above the table may hold a number behind a word, such as "Offset 0".
+    numeric = [(k, _words_before_numbers(row)) for k, row in fitting if _has_numbers(row)]
+    usual = Counter(count for _, count in numeric).most_common(1)
+    first = next((k for k, count in numeric if count <= usual[0][0]), len(rows))
     words = [(k, row) for k, row in fitting if k < first and _could_be_names(row)]
     above = [(k, row) for k, row in words if not row[0].startswith(_REMARK)] or words
+    longer = [(k, row) for k, (_, row) in enumerate(rows[:first]) if len(row) > width and _could_be_names(row)]
+    if not above and longer:  # such as the "Comment" of LabVIEW, whose column has no cells
+        above = longer
+    if not above and not any(row[-1] for k, row in fitting if k >= first):  # rows that end with a separator
+        above = [(k, [*row, ""]) for k, (_, row) in enumerate(rows[:first]) if len(row) == width - 1]
     if not above and first > 0 and not rows[0][1][0].startswith(_REMARK):
         # The number of names differs from the number of cells below: a fault of the table.
         above, width = [(0, rows[0][1])], len(rows[0][1])
     if not above:
         start = rows[first - 1][0] if first else 0
         return Head(encoding, delimiter, start, None, {}, width, _cells(rows[first:]))
-    at, names = above[0]
+    # Names differ, and are no numbers if they need not be.
+    at, names = max(above, key=lambda place: (not _has_numbers(place[1]), len({*place[1]} - {""})))
     names = [names[0].lstrip("".join(_REMARK) + " ") or names[0], *names[1:]]
     first = first if first <= at + 1 + _BELOW_NAMES else at + 1
-    units = next((row for _, row in rows[at + 1 : first] if len(row) == width), [])
-    known = {name: unit.strip("[]() ") for name, unit in zip(names, units, strict=False)}
-    return Head(encoding, delimiter, rows[first - 1][0], tuple(names), known, width, _cells(rows[first:]))
+    below = [row for _, row in rows[at + 1 : first] if len(row) == width]
+    if names[0] and not all(names) and below and all(below[0]):  # "Axis 1", "" above "Position", "Torque"
+        groups = [next(filter(None, names[place::-1])) for place in range(width)]
+        names = [f"{group} {name}" for group, name in zip(groups, below.pop(0), strict=True)]
+    units = next(iter(below), [])
+    distinct, empty = _distinct(names[:width]), tuple(names[width:])
+    known = {name: unit.strip("[]() ") for name, unit in zip(distinct, units, strict=False)}
+    return Head(encoding, delimiter, rows[first - 1][0], distinct, known, width, _cells(rows[first:]), empty)
 
 
 def is_number(cell: str) -> bool:
@@ -183,7 +210,12 @@ def is_number(cell: str) -> bool:
 
 
 def plain(cell: str, decimal_mark: str) -> str:
-    """A number for ``float``, with a decimal point and without thousands separators; empty: the cell is no number."""
+    """A number for ``float``, with a decimal point and without thousands separators; empty: the cell is no number.
+
+    TRUE is 1, and FALSE is 0.
+    """
+    if (flag := _FLAGS.get(cell.lower())) is not None:
+        return flag
     if _GROUPED[decimal_mark].fullmatch(cell):
         cell = re.sub(f"[^-+\\d{decimal_mark}]", "", cell)
     return "" if _OTHER_MARK[decimal_mark] in cell else cell.replace(decimal_mark, ".")
@@ -191,10 +223,16 @@ def plain(cell: str, decimal_mark: str) -> str:
 
 @lru_cache(1 << 18)  # a record is read several times, and a time may have a row for each signal
 def seconds_of(cell: str, day_first: bool = False) -> float | None:
-    """Seconds since 1970, or since midnight for a time of day; None: the cell has neither.
+    """Seconds since 1970, or since midnight for a time of day, or of a duration; None: the cell has none of them.
 
     ``day_first``: 01/02/2026 is 1 February.
     """
+    if (duration := _DURATION.fullmatch(cell.strip())) is not None:
+        minutes, seconds, alone = duration.groups()
+        return 60.0 * float(minutes or 0) + float((seconds or alone).replace(",", "."))
+    if (days := _DAYS.match(cell)) is not None:
+        rest = seconds_of(cell[days.end() :])
+        return None if rest is None else 86_400.0 * int(days[1]) + rest
     text, half, hours = cell.strip(), _HALF_DAY.search(cell.strip()), 0
     text = _HALF_DAY.sub("", text)
     text = _DAY.sub(lambda day: _iso_day(day, day_first), _YEAR_FIRST.sub(r"\1-\2-\3", text, count=1))
@@ -234,22 +272,41 @@ def _is_utf8(line: bytes) -> bool:
 
 
 def _delimiter(lines: Sequence[str]) -> str:
-    """The first of tab, semicolon and comma that half of the lines have; a space if half are numbers with spaces."""
+    """The first of tab, semicolon, bar, comma that half of the lines have; a space if half are numbers with spaces."""
     full = [line.strip("\r\n") for line in lines if line.strip()]
-    shares = {d: sum(d in line for line in full) for d in "\t;,"}
-    shares[" "] = sum(" " in line and all(map(is_number, line.split(" "))) for line in full)
+    shares = {d: sum(d in line for line in full) for d in "\t;|,"}
+    cells = [line.split() for line in full]
+    shares[" "] = sum(len(row) > 1 and 2 * sum(map(_is_number_or_date, row)) >= len(row) for row in cells)
     return next((d for d, count in shares.items() if 2 * count >= len(full)), ",")
 
 
 def _is_date(cell: str) -> bool:
-    return ":" in cell and seconds_of(cell) is not None
+    return (":" in cell or cell.endswith(("s", "sec"))) and seconds_of(cell) is not None
 
 
 def _has_numbers(row: Sequence[str]) -> bool:
     """Whether a row has a number or a date; a lone "1" may be a unit."""
     cells = [cell for cell in row if cell]
-    numbers = [cell for cell in cells if is_number(cell.replace(",", ".")) or _is_date(cell)]
+    numbers = list(filter(_is_number_or_date, cells))
     return bool(numbers) and (len(numbers) == len(cells) or any(cell != "1" for cell in numbers))
+
+
+def _is_number_or_date(cell: str) -> bool:
+    return is_number(cell.replace(",", ".")) or _is_date(cell)
+
+
+def _words_before_numbers(row: Sequence[str]) -> int:
+    """Number of filled cells before the first number of a row."""
+    return sum(map(bool, takewhile(lambda cell: not _is_number_or_date(cell), row)))
+
+
+def _distinct(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of columns: an empty one is that of its place, and the second "x" is called "x_2"."""
+    found: dict[str, None] = {}
+    for place, name in enumerate(names):
+        same = (name or str(place), *(f"{name}_{k}" for k in range(2, place + 2)))
+        found[next(other for other in same if other not in found)] = None
+    return tuple(found)
 
 
 def _could_be_names(row: Sequence[str]) -> bool:

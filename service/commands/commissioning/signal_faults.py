@@ -31,6 +31,7 @@ def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
     """
     for record, source, text in zip(checked.records, checked.sources, texts, strict=True):
         yield from _out_of_range(checked, source, text)
+        yield from _restarted(checked, source, text)
         yield from _stuck(checked, record, text)
         yield from _stuck_motion(checked, record, text)
     yield from _too_late(checked)
@@ -50,6 +51,20 @@ def _out_of_range(checked: Checked, source: RecordOrigin, text: str) -> Iterator
             torque=f"{PHYSICAL_LIMITS['torque']:g}",
             motion=f"{PHYSICAL_LIMITS[quantity]:g} {UNITS[quantity]}",
             key=quantity,
+        )
+
+
+def _restarted(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
+    """Times of a table that start again, so that the rows with smaller ones are left out."""
+    lost = source.dropped.get("out_of_order", 0)
+    if checked.in_tables and lost > _MAX_STUCK_SHARE * (source.samples + lost):
+        yield sentence(
+            "times restart",
+            "the times of {record} start again, so that {lost} of {rows} rows are not after those above: cut the file"
+            " there, or, if no row is missing, take time.column out of the configuration",
+            record=text,
+            lost=lost,
+            rows=source.samples + lost,
         )
 
 

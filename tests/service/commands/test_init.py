@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from service.config import AxisConfig, load
-from service.ingest.roles_by_name import role_of
+from service.ingest.roles_by_name import axis_number, role_of
 from tests import golden
-from tests.service.command_line import session, shown
+from tests.service.command_line import axiswatch, session, shown
 from tests.service.commands.commissioning.two_mass_tables import read_rows, table, write_rows
 
 
@@ -196,15 +198,111 @@ def test_values_alone(record: Path) -> None:
     assert a.sample_interval_s == pytest.approx(0.005)
 
 
-@pytest.mark.parametrize("cell", ["02.03.2026 08:00:{:02}", "{}"])
-def test_times_without_parts_of_a_second_tell_the_interval(record: Path, cell: str) -> None:
-    """Spreadsheets show dates so: there are as many rows in each second."""
-    head, *lines = record.read_text("utf-8").splitlines()
-    rows = [",".join([cell.format(k // 200), line.partition(",")[2]]) for k, line in enumerate(lines)]
-    record.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+def retime(record: Path, head: str, cells: Iterable[str]) -> None:
+    """Write other times into the first column, ``head``."""
+    names, *lines = record.read_text("utf-8").splitlines()
+    rows = [",".join([cell, line.partition(",")[2]]) for cell, line in zip(cells, lines, strict=False)]
+    record.write_text("\n".join([head + names[names.index(",") :], *rows]) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("head", "cell"),
+    [("Time", "02.03.2026 08:00:{0.seconds:02}"), ("Time", "{0.seconds}"), ("Time [ms]", "{1}0"), ("t", "{2:.2f}")],
+)
+def test_rounded_times_tell_the_interval(record: Path, head: str, cell: str) -> None:
+    """As spreadsheets show dates, and loggers print few digits: there are as many rows in each second."""
+    times = [timedelta(milliseconds=5 * k) for k in range(4000)]
+    retime(record, head, (cell.format(t, t // timedelta(milliseconds=10), t.total_seconds()) for t in times))
     assert "rows are taken as evenly spaced, 0.005 s apart" in shown("init", record)
     first, _ = proposed()
     assert (first.time.column, first.sample_interval_s) == (None, 0.005)
+
+
+@pytest.mark.parametrize(
+    ("head", "cell", "interval_s", "words"),
+    [
+        ("Time", "{0:.3f}", 0.005, ""),
+        ("Time [ms]", "{1:.0f}", 0.005, ""),
+        ("TimeUs", "{2:.0f}", 0.005, ""),
+        ("Time", "{1:.0f}", 0.005, " if it is in ms, as its steps suggest"),
+        ("Time", "{2:.0f}", 0.005, " if it is in µs, as its steps suggest"),
+        ("Time", "{3:.11f}", 0.005, " if it is in days, as its steps suggest"),
+        ("Time", "{4:.8f}", 0.005 / 60, " if it is in s, as its steps suggest"),
+    ],
+)
+def test_a_unit_of_the_time_that_no_name_shows_is_asked_for(
+    record: Path, head: str, cell: str, interval_s: float, words: str
+) -> None:
+    times = [0.005 * k for k in range(4000)]
+    retime(record, head, (cell.format(t, 1e3 * t, 1e6 * t, 46083.25 + t / 86_400, t / 60) for t in times))
+    assert f"time: {head}, {interval_s:.4g} s apart{words}\n" in shown("init", record)
+    assert proposed()[0].sample_interval_s == pytest.approx(interval_s, rel=1e-3)
+
+
+@pytest.mark.parametrize(("head", "cell"), [("Time", "{0:.3f}"), ("stamp.nanosec", "{1}")])
+def test_a_time_that_starts_again_is_not_the_time(record: Path, head: str, cell: str) -> None:
+    """A recorder began a second time, or seconds are in another column."""
+    retime(record, head, (cell.format(0.005 * (k % 3500), k % 200 * 5_000_000) for k in range(4000)))
+    text = shown("init", record)
+    assert "time: no column; rows are taken as evenly spaced, 0.005 s apart" in text
+    assert f'; "{head}" starts again: where rows are missing there, cut the file\n' in text
+    assert [axis.time.column for axis in proposed()] == [None, None]
+
+
+@pytest.mark.parametrize(("rate", "columns"), [(1.0, 2), (0.8, 1)])
+def test_signals_with_times_of_their_own(record: Path, rate: float, columns: int) -> None:
+    """The scope of TwinCAT writes a time column for each signal: at another rate it belongs to other rows."""
+    lines = record.read_text("utf-8").splitlines()
+    cells = [line.split(",") for line in lines[1:]]
+    rows = [",".join([t, u, t, y, f"{rate * float(t)}", *rest]) for t, u, y, *rest in cells]
+    record.write_text("\n".join(["Name,A1_Trq,Name,A1_Pos,Name,A2_Trq,A2_Pos", *rows]) + "\n", encoding="utf-8")
+    text = shown("init", record)
+    assert len(proposed()) == columns
+    apart = "not used: at other times than the others: A2_Trq, A2_Pos; export all at one rate"
+    assert (apart in text) == (columns == 1)
+
+
+def test_a_command_that_its_name_does_not_show(record: Path, seed: int) -> None:
+    """It is smoother than the measured angle, which is proposed although it stands behind, and both are named."""
+    rows = read_rows(record)
+    noise = 1e-3 * np.ptp(rows[:, 2]) * np.random.default_rng(seed).standard_normal(len(rows))
+    table = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], rows[:, 2], rows[:, 2] + noise])
+    write_rows(record, table, "Time,MACur.A1,ASPos.A1,AIPos.A1")
+    assert "axis1: torque MACur.A1, angle AIPos.A1: likely; or angle ASPos.A1" in shown("init", record)
+    write_rows(record, table, "Time,Channel 1,Channel 2,Channel 3")
+    assert "torque Channel 1, angle Channel 3: likely; or angle Channel 2" in shown("init", record, "--force")
+
+
+def test_a_part_of_a_torque_is_not_the_torque(record: Path, seed: int) -> None:
+    """Such as that of a contact, which explains the motion of a free axis as well, but is small; what is no torque."""
+    rows = read_rows(record)
+    noise = 1e-4 * np.ptp(rows[:, 1]) * np.random.default_rng(seed).standard_normal(len(rows))
+    small = 0.1 * rows[:, 1] + noise
+    table = np.column_stack([rows[:, 0] - rows[0, 0], small, rows[:, 2] + noise, rows[:, 1], rows[:, 2], small])
+    write_rows(record, table, "Time,tau_ext_1,error_q_1,tau_1,q_1,tau_ff_1")
+    assert "axis1: torque tau_1, angle q_1: likely; or torque tau_ext_1 (" in shown("init", record)
+
+
+def test_torques_of_axes_whose_names_do_not_tell_them_apart_are_not_parts(record: Path) -> None:
+    """The torque of the second axis follows no motion, and that of the first one is far larger."""
+    rows = read_rows(record)
+    rows[:, 3] = 0.1 * np.std(rows[:, 1]) * np.resize([1.0, -1.0], len(rows))
+    write_rows(record, rows, "t,/states/pan/effort,/states/pan/position,/states/lift/effort,/states/lift/position")
+    shown("init", record)
+    found = [(a.torque.column, a.motion.column) for a in proposed()]
+    assert found == [(f"/states/{name}/effort", f"/states/{name}/position") for name in ("pan", "lift")]
+
+
+def test_an_angle_under_a_weight_is_no_speed(record: Path, seed: int) -> None:
+    """Its torque follows the angle as friction would follow a speed; but it rests where it likes."""
+    rng = np.random.default_rng(seed)
+    t = 0.005 * np.arange(4000)
+    stops, share = rng.uniform(0.3, 1.5, 22), np.clip(t % 1.0 / 0.6, 0, 1)
+    angle = np.interp(np.floor(t) + share**2 * (3 - 2 * share), np.arange(22), stops)
+    speed = np.gradient(angle, t)
+    torque = 20 * angle + np.gradient(speed, t) + 3 * np.tanh(30 * speed) + 0.3 * rng.standard_normal(4000)
+    write_rows(record, np.column_stack([t, torque, angle]), "")
+    assert "torque 1, angle 2" in shown("init", record)
 
 
 @pytest.mark.parametrize("faulty_rows", [0, 30])
@@ -291,6 +389,17 @@ def test_units_below_the_names(record: Path) -> None:
     assert "in mm of a linear axis; factor is 2 pi / (mm that a turn of the motor moves it)" in written
 
 
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("names", ["t,torque_1,angle_1,angle_cmd,q_1\n", "#\n"])
+@pytest.mark.parametrize("rows", range(1, 8))
+def test_hardly_any_rows(names: str, rows: int) -> None:
+    """They give an axis or are refused with the reason."""
+    cells = [f"{0.004 * k:.3f},{k % 3},{-k * k},FALSE,{k * k}\n" for k in range(rows)]
+    Path("a.csv").write_text(names + "".join(cells), encoding="utf-8")
+    result = axiswatch("init", "a.csv")
+    assert (result.exit_code, "torque and motion" in result.stderr) in ((0, False), (2, True))
+
+
 @pytest.mark.usefixtures("record")
 def test_mistakes() -> None:
     Path("still.csv").write_text("t,u,y\n" + "".join(f"{k},0,1\n" for k in range(9)), encoding="utf-8")
@@ -364,9 +473,33 @@ def test_degrees(record: Path, name: str) -> None:
         ("Motordrehzahl", "speed"),
         ("A1_Sollwinkel", "wanted"),
         ("Sollstrom", "wanted"),
+        ("Achse 1 Lageistwert", "angle"),
+        ("Momentenistwert", "torque"),
+        ("Drehzahlsollwert_2", "wanted"),
         ("Drahtvorschub", ""),
+        ("AIPos.A1", "angle"),
+        ("TorqueReference", "wanted"),
+        ("Consigne couple", "wanted"),
+        ("Axis_X.PositionError", "other"),
+        ("torque_ff_ref", "other"),
     ],
 )
-def test_compound_words(name: str, role: str) -> None:
-    """As German loggers have them."""
+def test_words_of_loggers(name: str, role: str) -> None:
+    """Of German compound words, of words without a space between them; what is neither measured nor commanded."""
     assert role_of(name) == role
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("Axis 2 S-0-0084 Torque", "2"),
+        ("SERVO_1.r63[0]", "1"),
+        ("gAxis[3].Drive0", "3"),
+        ("A4_Pos", "4"),
+        ("field.effort0", "0"),
+        ("17", ""),
+    ],
+)
+def test_the_number_of_an_axis(name: str, number: str) -> None:
+    """It stands behind a word for an axis, otherwise last; a column that is called by its place has none."""
+    assert axis_number(name) == number

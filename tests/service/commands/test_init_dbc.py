@@ -116,7 +116,14 @@ def test_canopen_drives(folder: Path) -> None:
     """Of what the drive does not say, there are lines to be filled in."""
     eds = folder / "drive.eds"
     eds.write_text(canopen_files.eds(), encoding="utf-8")
-    assert "say which drives: --node 3 --node 4, or --bus" in refused("init", eds)
+    assert "say which drives: --node 3 --node 4, --bus, or a log" in refused("init", eds)
+    log = folder / "a.log"
+    log.write_text("(1.0) can0 080#\n(1.001) can0 183#0000\n(1.001) can1 184#0000\n(1.002) can1 185#0000\n", "utf-8")
+    text = shown("init", eds, log)
+    assert [line[:7] for line in text.splitlines() if line.startswith("node ")] == ["node 4:", "node 5:"]
+    log.write_text("(1.0) can0 701#05\n", "utf-8")
+    assert "a.log: 1 frames; is the master on" in refused("init", eds, log, "--force")
+    Path("axis.toml").unlink()
     torque, motion, _ = canopen_files.TWO_PDOS
     pdos = (torque._replace(objects=["60780010"]), motion._replace(objects=["606C0020"]))
     eds.write_text(canopen_files.eds(pdos), encoding="utf-8")

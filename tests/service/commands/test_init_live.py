@@ -54,6 +54,24 @@ def test_a_log_in_place_of_a_bus(kind: str, folder: Path, rows: Path) -> None:
     assert set(silent_in(log, load(Path("axis.toml"), {}))) == set()
 
 
+@pytest.mark.parametrize(
+    ("sent", "logged", "words"),
+    [
+        ("can0 182#", "can1 182#", "looked at: can0; can1 carries Joint2: each channel needs a [[bus]]\n"),
+        ("can0 182#", "can1 181#", "looked at: can0; can1 carries Joint1: each channel needs a [[bus]]\n"),
+        ("can0 182#", "can1 7FF#", "not received: Joint2 (0x182)\nNext"),
+        (" 181#", " 00000181#", "not in robot.dbc: 0x181 (received with 29 bits, described with 11)\n"),
+    ],
+)
+def test_messages_on_another_channel_or_of_another_kind(
+    sent: str, logged: str, words: str, folder: Path, rows: Path
+) -> None:
+    described = can_logs.dbc(folder / "robot.dbc", 2)
+    log = can_logs.log_of(rows, can_logs.configured(folder / "robot.toml", described, 2), folder / "a.log")
+    log.write_text(log.read_text("utf-8").replace(sent, logged), encoding="utf-8")
+    assert words in shown("init", "robot.dbc", "a.log")
+
+
 def test_what_no_log_is_looked_at_with(folder: Path, rows: Path) -> None:
     can_logs.dbc(folder / "robot.dbc")
     (folder / "empty.log").write_text("", encoding="utf-8")

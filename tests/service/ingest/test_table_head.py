@@ -34,6 +34,10 @@ def table(path: Path, text: str, encoding: str = "utf-8") -> CsvTable:
         (["# t, u, y"], NAMES, {}),
         (["# one, two, three", "t,u,y"], NAMES, {}),
         (["t,u,y", "s,A,deg", "time,current,angle"], NAMES, {"t": "s", "u": "A", "y": "deg"}),
+        (["Date,2026/03/02,2026/03/02", "Samples,3,3", "t,u,y"], NAMES, {}),
+        (["Start,1.5,08:00:00", "t,u,y", "s,A,deg", "Port,1,1"], NAMES, {"t": "s", "u": "A", "y": "deg"}),
+        (["t,u,y,Comment"], NAMES, {}),
+        ([",u,u"], ("0", "u", "u_2"), {}),
         (["# only a remark"], ("0", "1", "2"), {}),
         ([], ("0", "1", "2"), {}),
     ],
@@ -53,13 +57,19 @@ def test_remarks_names_and_units(
     assert read.left_out == []
 
 
-@pytest.mark.parametrize(("head", "names"), [("t u y\n", NAMES), ("# t u y\n", NAMES), ("", ("0", "1", "2"))])
-def test_cells_that_single_spaces_separate(tmp_path: Path, head: str, names: tuple[str, ...]) -> None:
-    """As the recorder of Universal Robots writes them, and numpy."""
-    read = table(tmp_path / "a.csv", head + "\n".join(ROWS).replace(",", " ") + "\n")
+@pytest.mark.parametrize(("head", "names"), [("t u y\n", NAMES), ("#\n# t u y\n", NAMES), ("", ("0", "1", "2"))])
+@pytest.mark.parametrize("between", ["{} {} {}", "{:>8}{:>8}{:>8}", " {}   {} {}  "])
+@pytest.mark.parametrize("torn", [False, True])
+def test_cells_that_spaces_separate(
+    tmp_path: Path, head: str, names: tuple[str, ...], between: str, torn: bool
+) -> None:
+    """As the recorder of Universal Robots writes them, numpy, MATLAB and Fanuc; arrow reads 1 MB at once."""
+    lines = [between.format(*row.split(",")) for row in ROWS] * 20_000
+    read = table(tmp_path / "a.csv", head + "\r\n".join([*lines, *["0.015 x"] * torn]))
     assert tuple(read.names) == names
-    (rows,) = read.rows(names)
-    assert rows.columns[names[2]].tolist() == [2.5, 2.6, 2.7]
+    blocks = [rows.columns[names[2]] for rows in read.rows(names)]
+    assert np.array_equal(np.concatenate(blocks), np.tile([2.5, 2.6, 2.7], 20_000))
+    assert len(read.left_out) == torn
 
 
 def test_remarks_of_several_words_do_not_make_spaces_separators(tmp_path: Path) -> None:
@@ -103,6 +113,11 @@ def test_decimal_commas_in_quotes(tmp_path: Path) -> None:
         ("03/02/2026 06:59:30.5 p.m.", 1772477970.5),
         ("12:00:01 AM", 1.0),
         ("13:00:01 PM", None),
+        ("01:23,456", 83.456),
+        ("0.004 sec", 0.004),
+        ("4e-05 s", 4e-5),
+        ("2 days 00:00:01.500000", 172801.5),
+        ("2 days ago", None),
         ("1.5", None),
     ],
 )
@@ -188,6 +203,13 @@ def test_rows_for_each_time_and_signal(
         assert columns.columns[names[-1]].tolist() == [0, 2, 4, 6, 1]
 
 
+def test_dates_beside_the_times_of_signals_are_no_signals(tmp_path: Path) -> None:
+    """As WinCC writes them, by the second."""
+    lines = [f"{name};2.3.2026 08:00:0{k // 3};{k};{100 * k}" for k in range(6) for name in ("M1", "q1")]
+    (tmp_path / "a.csv").write_text("\n".join(["name;date;value;ms", *lines]) + "\n", encoding="utf-8")
+    assert tuple(open_table(tmp_path / "a.csv").names) == ("ms", "M1", "q1")
+
+
 def test_units_of_signals_in_a_column(tmp_path: Path) -> None:
     lines = [f"{k},{name},{unit},{k}" for k in range(5) for name, unit in (("M1", "Nm"), ("n1", "rpm"), ("s", ""))]
     (tmp_path / "a.csv").write_text("\n".join(["t,name,unit,value", *lines]) + "\n", encoding="utf-8")
@@ -216,6 +238,40 @@ def test_columns_of_a_matrix(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "a.mat", {"log": {"I": matrix}})
     (rows,) = MatTable(tmp_path / "a.mat").rows(["log.I(:,1)", "log.I(:,3)"])
     assert [v.tolist() for v in rows.columns.values()] == [matrix[:, 0].tolist(), matrix[:, 2].tolist()]
+
+
+def test_names_of_groups_above_the_names() -> None:
+    """As merged cells of a spreadsheet are saved."""
+    head = head_of(["t,A1,,A2,\n", "[s],u,y,u,y\n", "s,A,deg,A,deg\n", "0.0,1.0,2.0,3.0,4.0\n"])
+    assert head.names == ("t [s]", "A1 u", "A1 y", "A2 u", "A2 y")
+    assert head.units == dict(zip(head.names, ["s", "A", "deg", "A", "deg"], strict=True))
+
+
+def test_rows_that_end_with_a_separator() -> None:
+    assert head_of(["t;u\n", "0,0;1,0;\n", "0,1;2,0;\n"]).names == ("t", "u", "2")
+
+
+def test_bars_and_flags(tmp_path: Path) -> None:
+    """As a controller writes its inputs."""
+    read = table(tmp_path / "a.txt", "t|grip|on\n0.0|TRUE|False\n0.1|FALSE|False\n0.2||False\n")
+    (rows,) = read.rows(["grip", "on"])
+    np.testing.assert_equal(rows.columns["grip"], [1, 0, np.nan])
+    assert rows.columns["on"].tolist() == [0, 0, 0]
+    assert read.left_out == []
+
+
+@pytest.mark.parametrize("time", ["08:00:00.500", "1.5"])
+def test_spaces_between_times_states_and_numbers(tmp_path: Path, time: str) -> None:
+    read = table(tmp_path / "a.txt", "time state torque angle\n" + f"{time} run  0.5 1.5\n" * 3)
+    (rows,) = read.rows(["time", "angle"])
+    assert rows.columns["angle"].tolist() == [1.5, 1.5, 1.5]
+    assert rows.columns["time"][0] == (28_800.5 if ":" in time else 1.5)
+
+
+def test_names_without_cells_are_said() -> None:
+    assert head_of(["t,u,Comment\n", "0.0,1.0\n"]).taken == (
+        "the rows end before the names: no cells are taken as those of Comment",
+    )
 
 
 def test_rows_of_texts_and_numbers_are_no_head() -> None:

@@ -136,6 +136,14 @@ def test_csv_without_names(tmp_path: Path, delimiter: str) -> None:
     assert dropped == {"not_finite": 1, "missing": 1}
 
 
+@pytest.mark.parametrize("suffix", [".txt", ".TSV", ".dat", ".lvm"])
+def test_texts_of_other_names(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    path.write_text("t\ttorque_one\tangle_one\n0\t1\t2\n0.005\t3\t4\n", encoding="utf-8")
+    block, _ = samples_of(path, tmp_path, timed())
+    assert block.u.tolist() == [1.0, 3.0]
+
+
 def test_csv_of_a_spreadsheet(tmp_path: Path) -> None:
     text = '\ufeff"t" ; "torque_one";angle_one\r\n0;1;2\r\n\r\n0.005;3;4\r\n'
     (tmp_path / "a.csv").write_text(text, encoding="utf-8", newline="")
@@ -168,6 +176,10 @@ def fault(path: Path, axis: dict[str, Any]) -> str:
         (
             "1,2,3\n" * 900 + "1,2,off\n" * 10,
             ", line 902: column \"angle_one\" holds 'off', which is no number",
+        ),
+        (
+            '1,2,"[3, 4]"\n1,2,3\n',
+            ", line 2: column \"angle_one\" holds '[3, 4]', which is no number: give each of its values a column",
         ),
     ],
 )

@@ -45,7 +45,7 @@ def looked_at(
     """What is found about a healthy axis whose columns were changed so, or whose nominal values."""
     m = moves(drive, seed)
     motion = m.angle if output == "angle" else m.speed
-    rows = [m.t, columns.get("u", np.copy)(m.torque), columns.get("y", np.copy)(motion)]
+    rows = [columns.get("t", np.copy)(m.t), columns.get("u", np.copy)(m.torque), columns.get("y", np.copy)(motion)]
     path = folder / "record.csv"
     np.savetxt(path, np.column_stack(rows), "%.12g", ",", header=names, comments="")
     text = ROBOT + axis_text(drive, output, known, lacking, **changed)
@@ -250,6 +250,10 @@ def held(values: Floats) -> Floats:
     return np.repeat(values[::2], 2)[: len(values)]
 
 
+def again(values: Floats) -> Floats:
+    return np.asarray(np.where(values < values[1500], values, values - values[1500]))
+
+
 def still(values: Floats) -> Floats:
     return np.full_like(values, values[0])
 
@@ -260,6 +264,7 @@ BROKEN: list[tuple[str, Columns, str]] = [
     ("stuck torque", {"u": frozen}, "column u (the torque) is stuck, while the axis moves, from 8.00 to 19.99 s"),
     ("constant torque", {"u": still}, "column u (the torque) is "),
     ("constant motion", {"y": still}, "column y (the {output}) is "),
+    ("two records", {"t": again}, "start again, so that "),
     ("held motion", {"y": held}, "column y (the {output}) changes only in every second sample"),
 ]  # fmt: skip
 

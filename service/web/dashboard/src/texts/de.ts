@@ -342,6 +342,7 @@ const SENTENCES: Record<string, string> = {
   "values beyond": "{lost} Werte liegen jenseits von {torque} N m oder {motion}, was kein Motor erreicht: torque.factor und {key}.factor setzen, bei Inkrementen 2 pi / Inkremente je Umdrehung des Motors (Datenblatt des Gebers)",
   place: "{signal} ({quantity})",
   "signal constant": "{name} ist stets {value}: die Achse stand, oder das Signal hängt; die Achse bewegen, und prüfen, ob es ihr Signal ist",
+  "times restart": "Die Zeiten von {record} beginnen von neuem, so dass {lost} von {rows} Zeilen nicht nach denen darüber liegen: die Datei dort teilen oder, wenn keine Zeile fehlt, time.column aus der Konfiguration nehmen",
   "signal stuck": "{name} hängt {seconds} s lang, während die Achse sich bewegt: Sensor oder Verbindung gestört",
   "signal held": "{name} ändert sich nur bei jedem {count}. Messwert: die Steuerung soll jeden Wert einmal senden, alle {interval} s, und sample_interval_s das sein",
   "torque counted": "Das Moment ist ganzzahlig, wie in Promille des Nennmoments (CiA 402, Objekt 6077h): torque.factor auf Nennmoment (Typenschild) / 1000 [N m] setzen; bis dahin gilt diese Einheit, Alarme in Prozent bleiben gleich",
