@@ -5,6 +5,7 @@
   ``lane_status`` reads them off a batch.
 * ``not_tested``: parameters that are not tested, why, and what would help.
 * ``calibrated_range``: ranges of the conditions at calibration, and whether an axis is within them.
+* ``known_poses``: maps of the poses at calibration.
 * ``alarm_life_cycle``: states of an alarm: acknowledged, shelved, suppressed.
 * ``alarm_tracker``: the open alarms of an axis, their changes, and the conditions in which they were raised.
 * ``axis_batch``: the state of many axes of equal structure, and the call of the kernel.
