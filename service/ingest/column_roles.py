@@ -74,6 +74,7 @@ def roles(
     t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
+    kinds |= _linear_motions(kinds, unit_names)
     pairs = _pairs(moving, t, kinds, places)
     if not pairs:  # many drives export only the commanded torque
         commanded = {name: commanded_role(name) for name, kind in kinds.items() if kind == "wanted"}
@@ -86,6 +87,18 @@ def roles(
     unused = tuple(name for name in columns if name not in {*used, *loads.values(), *switches})
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
     return TableRoles(time, unit_s, tuple(axes), loads, switches, unused)
+
+
+def _linear_motions(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[str, Quantity]:
+    """Columns without a role, in a unit of length, that have the number or word of a torque without a motion.
+
+    Such a column without an axis may be the place of a tool, so the unit alone says nothing.
+    """
+    owner = {name: axis_number(without_unit(name)) or own_word(without_unit(name)) for name in kinds}
+    turning = {owner[name] for name, kind in kinds.items() if kind in ("torque", "current")}
+    turning -= {"", *(owner[name] for name, kind in kinds.items() if kind in ("angle", "speed"))}
+    lengths = {name for name, unit in units.items() if (known := unit_in(unit, "angle")) is not None and known.linear}
+    return {name: "angle" for name, kind in kinds.items() if not kind and owner[name] in turning and name in lengths}
 
 
 def _switches(columns: Mapping[str, Floats]) -> tuple[str, ...]:

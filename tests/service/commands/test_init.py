@@ -132,6 +132,8 @@ def test_a_column_of_two_values_may_tell_what_is_carried(
     [
         ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
         ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
+        ("Torque_J1 [Nm],J1 [deg],Torque_J3 [Nm],J3 [mm]", ["axis1", "axis3"]),
+        ("Torque_J1 [Nm],J1 [deg],Torque_Z [Nm],Z [mm]", ["axis1", "axisZ"]),
         (
             "Band.Moment [Nm],Band.Istdrehzahl [1/min],Hub.Moment [Nm],Hub.Istdrehzahl [1/min]",
             ["band", "hub"],
