@@ -41,7 +41,8 @@ from service.config.schema_model import (
 
 MOST_LATE = 10
 """Largest number of samples by which the torque may come later than the motion."""
-NEVER_IDENTIFIED = {"kT", "r"}
+GEAR_RATIO = "r"
+NEVER_IDENTIFIED = {"kT", GEAR_RATIO}
 """Torque constant and gear ratio of a library drive, which torque and motion of the motor do not determine."""
 
 

@@ -82,8 +82,9 @@ def link_weights(
         loads: names of signals that may be loads.
         accelerations: names of signals that are those of other axes.
         moving: of angles that do not wrap, the names of signals for speed and acceleration, which need not be in the
-            records; own too.  The torque of kinetic energies is then looked for, too; of the own angle alone, as of a
-            linear axis, that of the inertia of a load.
+            records; own too.  The torque of kinetic energies is then looked for, too: of the own angle alone that of
+            the inertia of a load, and of what is not in ``angles``, as the angle of the motor of a linear axis, that
+            of a coupling which follows no pose.
     """
     found = _weights(records, own, angles, loads, accelerations)
     if found is None:
@@ -137,8 +138,9 @@ def _with_energies(
         return found
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
     arm = [angle for angle in angles if angle in moving]
-    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, arm)
-    best, energies = terms, link_energies(balance(values)) if len(arm) > 1 else None
+    beside = [angle for angle in moving if angle not in arm and angle != own]
+    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, arm, beside=beside)
+    best, energies = terms, link_energies(balance(values)) if len(moving) > 1 else None
     for load in loads:
         # Terms that were found without the energies of the load stand for them, so the search begins anew.
         carrying = link_energies(balance([], load))

@@ -337,9 +337,9 @@ def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) 
     rows = read_rows(record)
     fastest = np.quantile(np.abs(rows[10:, 2] - rows[:-10, 2]), 0.999) / 0.05
     for rad_s, words in (
-        (2.5, "of the arm, as it reaches"),
+        (2.5, "of the arm, as it reaches 2.5 rad/s only: for that of the motor multiply factor by the gear ratio"),
         (50.0, ""),
-        (250.0, "of the motor, as it reaches"),
+        (250.0, "of the motor, as it reaches 250 rad/s; if it turns an arm, add r to nominal"),
     ):
         angle = np.degrees(rows[:, 2] * rad_s / fastest)
         columns = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], angle])
