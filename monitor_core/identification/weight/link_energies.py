@@ -65,7 +65,8 @@ class MotionSignals(NamedTuple):
 class Energy(NamedTuple):
     """The energy f(s) v_j v_k of joints ``axes`` = (j, k); f is ``function``, s is ``angles``.
 
-    Without ``axes``: the weight f(s), which is the derivative of a potential energy; of a linear axis it has no angles.
+    Without ``axes``: the weight f(s), which is the derivative of a potential energy; without angles it follows no pose,
+    as that on a linear axis.
     ``load``: the name of the signal of a carried load by which it is multiplied; "": none.
     """
 
@@ -192,8 +193,8 @@ class EnergyBalance(WeightBalance):
         self.energies = tuple(_candidates(own, angles, beside))
         if load:
             every = [Energy((own, own), "cos", ()), *self.energies]
-            if not angles:
-                every.append(Energy((), "cos", ()))
+            # A linear axis bears it whatever the pose; so does an axis whose motor also moves that one.
+            every.append(Energy((), "cos", ()))
             self.energies += tuple(energy._replace(load=load) for energy in every)
         columns = [self._energy_column(energy, own) for energy in self.energies]
         rows = np.column_stack([self.rows, *further, *columns])
