@@ -169,7 +169,7 @@ def _has_dotted(table: Any) -> bool:
     return any(key is not None and (key.is_dotted() or _has_dotted(item)) for key, item in table.value.body)
 
 
-def _undotted(table: Table) -> Table:
+def _undotted(table: Any) -> Table:
     """The table with an inline table for each name that begins dotted keys; comments of those keys are lost."""
     found, values = tomlkit.table(), table.unwrap()
     for key, item in table.value.body:
