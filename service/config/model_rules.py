@@ -7,8 +7,8 @@ from contextlib import suppress
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, NominalValueError, Output, split_name
 from monitor_core.modeling import ModelError
 from monitor_core.wording import did_you_mean
-from service.config.base_table import Undecidable
-from service.config.drive_sources import LIBRARY
+from service.config.base_table import GEAR_RATIO, Undecidable
+from service.config.drive_sources import has_no_gear
 from service.config.drives import (
     axis_model,
     drive_of,
@@ -22,7 +22,7 @@ from service.config.drives import (
     watches_skew,
 )
 from service.config.problems import Finding
-from service.config.schema import GEAR_RATIO, AxisConfig
+from service.config.schema import AxisConfig
 from service.config.toml_lines import Keys
 
 _SAME = 1e-6
@@ -75,7 +75,7 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
     drive, path = usable_drive(axis), ("model", "nominal")
     known = {p.name: p for p in (*drive.drawn, *drive.parameters)}
     for name, value in axis.model.nominal.items():
-        if name not in known and name == GEAR_RATIO and axis.model.drive in LIBRARY:
+        if name not in known and name == GEAR_RATIO and has_no_gear(axis):
             # One mass has no gear; the angle of its motor still tells the pose of the arm.
             if not 0 < abs(value) <= 1:
                 yield Finding((*path, name), _NO_RATIO)

@@ -15,9 +15,8 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import Term
 from monitor_core.identification import MotionSignals, Record, gear_ratios, link_weights
 from service.commands.commissioning.signal_proposals import configured
-from service.config import Config, NamedAxis, given_values
+from service.config import Config, NamedAxis, gear_ratio
 from service.config.commissioned import SIGNAL, Correction, corrected
-from service.config.schema import GEAR_RATIO
 from service.config.unit_names import unit_in
 from service.ingest.loaded_records import load
 
@@ -118,7 +117,7 @@ def motors_without_ratio(text: str, axis_id: str, records: Sequence[str], folder
     """
     config, axis = configured(text, axis_id, folder)
     every_axis = [*_arm(config, axis)]
-    if any(given_values(other.config).get(GEAR_RATIO, 1.0) != 1.0 for other in every_axis):
+    if any(gear_ratio(other.config) != 1.0 for other in every_axis):
         return ()
     others = [other for other in every_axis if not _is_linear(other) and not _has_ratio(axis, other)]
     arm = {other.config.name: _signal(axis, other) for other in others}
@@ -156,7 +155,7 @@ def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
 
 def _turns_on(axis: NamedAxis) -> bool:
     """Whether the angle starts again after a turn of the axis, which does not change its cosine."""
-    ratio = given_values(axis.config).get(GEAR_RATIO, 1.0)
+    ratio = gear_ratio(axis.config)
     return axis.config.angle is not None and axis.config.angle.wraps_after_a_turn(ratio)
 
 
@@ -173,7 +172,7 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
 
 def _geared(name: str, other: NamedAxis) -> Iterator[Correction]:
     """The given gear ratio of an axis as the factor of a signal; none if there is none."""
-    ratio = given_values(other.config).get(GEAR_RATIO, 1.0)
+    ratio = gear_ratio(other.config)
     if ratio != 1.0:
         reason = "the gear ratio: the motion of the arm, not of the motor"
         yield Correction((SIGNAL, name, "factor"), ratio, reason)
