@@ -51,6 +51,8 @@ class TableRoles(NamedTuple):
     switches: tuple[str, ...]
     """Columns of two values that may tell when the robot carries something"""
     unused: tuple[str, ...]
+    alone: tuple[str, ...] = ()
+    """Those that are the torque of another axis by their names, but have no motion"""
 
 
 def roles(
@@ -86,7 +88,15 @@ def roles(
     switches = _switches({name: v for name, v in moving.items() if name not in {*used, *loaded}})
     unused = tuple(name for name in columns if name not in {*used, *loads.values(), *switches})
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
-    return TableRoles(time, unit_s, tuple(axes), loads, switches, unused)
+    found = {_owner(pair.torque) for pair in pairs}
+    measured = [name for name in unused if role_with(name, unit_names[name]) in ("torque", "current")]
+    alone = tuple(name for name in measured if _owner(name) not in {"", *found})
+    return TableRoles(time, unit_s, tuple(axes), loads, switches, unused, alone)
+
+
+def _owner(name: str) -> str:
+    """The number or word of the axis in the name of a column; empty: neither."""
+    return axis_number(without_unit(name)) or own_word(without_unit(name))
 
 
 def _linear_motions(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[str, Quantity]:
@@ -94,7 +104,7 @@ def _linear_motions(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[
 
     Such a column without an axis may be the place of a tool, so the unit alone says nothing.
     """
-    owner = {name: axis_number(without_unit(name)) or own_word(without_unit(name)) for name in kinds}
+    owner = {name: _owner(name) for name in kinds}
     turning = {owner[name] for name, kind in kinds.items() if kind in ("torque", "current")}
     turning -= {"", *(owner[name] for name, kind in kinds.items() if kind in ("angle", "speed"))}
     lengths = {name for name, unit in units.items() if (known := unit_in(unit, "angle")) is not None and known.linear}

@@ -52,6 +52,25 @@ def test_exchanged_columns_are_noticed(record: Path) -> None:
     assert second.endswith("% of it: are two columns exchanged?")
 
 
+@pytest.mark.parametrize(
+    ("names", "alone"),
+    [
+        ("A1_Trq,A1_Pos,A2_Trq [Nm],Height [cm]", ["A2_Trq [Nm]"]),
+        ("A1_Trq,A1_Pos,A1_Current [A],x", []),
+        ("A1_Trq,A1_Pos,A2_TrqRef,x", []),
+    ],
+)
+def test_a_torque_whose_motion_no_name_tells_is_not_left_out_silently(
+    record: Path, names: str, alone: list[str]
+) -> None:
+    rename_columns(record, f"Time,{names}")
+    lines = shown("init", record).splitlines()
+    assert [axis.name for axis in proposed()] == ["axis1"]
+    assert [x for x in lines if "without its motion" in x] == [
+        f"{name} is a torque without its motion: add its axis to axis.toml" for name in alone
+    ]
+
+
 def test_axes_that_move_together_are_not_exchanged(record: Path) -> None:
     """The motion of the first axis explains both torques, its own one, too: it is where it belongs."""
     names, *rows = record.read_text(encoding="utf-8").splitlines()
