@@ -147,10 +147,11 @@ def _from_table(record: Path, output: Path) -> None:
             f"{apart and '; '}{apart}{fault}"
         )
     unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
+    alone = (f"{name} is a torque without its motion: add its axis to {output}" for name in found.alone)
     not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
     switches = (f"all axes: {column} may tell what the robot carries" for column in found.switches)
-    words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *switches, *unused, *not_read]
+    words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *switches, *unused, *alone, *not_read]
     lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 

@@ -219,11 +219,15 @@ _ARM, _MOTOR = 20.0, 100.0
 """Speeds [rad/s]: arms are slower than the first one and most motors faster; no arm comes near the second one."""
 
 
+_RATIO = "; if it turns an arm, add r to nominal, the angle of the arm over that of the motor"
+
+
 def _side(fastest: float) -> str:
     """Side of the gear on which this largest speed [rad/s] occurs; empty: it can be either side."""
     if fastest > _MOTOR:
-        return f"; likely of the motor, as it reaches {fastest:.3g} rad/s"
-    words = f"; likely of the arm, as it reaches {fastest:.3g} rad/s only: multiply factor by the gear ratio"
+        return f"; likely of the motor, as it reaches {fastest:.3g} rad/s{_RATIO}"
+    arm = f"; likely of the arm, as it reaches {fastest:.3g} rad/s only"
+    words = f"{arm}: for that of the motor multiply factor by the gear ratio, and add r, its inverse, to nominal"
     return words if 0 < fastest < _ARM else ""
 
 

@@ -35,6 +35,8 @@ class Table(BaseModel):
 # --- Types of values: numbers with bounds, names, paths ---------------------------------------------------------------
 
 
+GEAR_RATIO = "r"
+"""The parameter of a library drive that is the angle of the arm over that of the motor"""
 SUFFIX = ".mo"
 """A drive whose name ends with this is a Modelica file; any other is a drive of the library."""
 

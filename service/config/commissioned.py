@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import tomlkit
 from tomlkit import TOMLDocument
-from tomlkit.items import Array, InlineTable
+from tomlkit.items import Array, InlineTable, Table
 
 from monitor_core.drive import split_name
 from service.config.base_table import SUFFIX
@@ -74,7 +74,7 @@ class Found(NamedTuple):
 
 def relocated(text: str, source: Path, target: Path) -> str:
     """The text of a configuration, moved to another folder: paths are changed, files stay where they are."""
-    document = tomlkit.parse(text)
+    document = _parsed(text)
     for table, key in kept_files(document):
         table[key] = os.path.relpath(source / str(table[key]), target)
     return tomlkit.dumps(document)
@@ -82,7 +82,7 @@ def relocated(text: str, source: Path, target: Path) -> str:
 
 def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str:
     """The text of a configuration with corrected values of an axis ("robot.axis")."""
-    document = tomlkit.parse(text)
+    document = _parsed(text)
     robot, axis = _axis(document, axis_id)
     for correction in corrections:
         *tables, key = correction.key
@@ -98,7 +98,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
 
 def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     """The text of a configuration in which an axis ("robot.axis") monitors these parameters."""
-    document = tomlkit.parse(text)
+    document = _parsed(text)
     _monitor(*_axis(document, axis_id), names)
     return tomlkit.dumps(document)
 
@@ -108,7 +108,7 @@ def with_drive(text: str, axis_id: str, drive: str, monitor: Sequence[str], valu
 
     ``values``: the nominal values of the drive; a value that the axis already has takes precedence.
     """
-    document = tomlkit.parse(text)
+    document = _parsed(text)
     for robot in document["robot"]:
         for key in ("nominal", "scales", "bounds", "limits"):
             _give_to_axes(robot, "model", key)  # so that other axes are not changed
@@ -128,7 +128,7 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
 
     ``heading``: lines of comment at the top.
     """
-    document = tomlkit.parse(text)
+    document = _parsed(text)
     for robot in document["robot"]:
         for table, keys in (REPLACED_BY_NOMINAL_FILE | REPLACED_BY_THRESHOLDS_FILE).items():
             for key in keys:
@@ -145,6 +145,42 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
         if not robot["axis"]:
             del document["robot"][number]
     return "".join(f"# {line}\n" for line in heading) + tomlkit.dumps(document)
+
+
+def _parsed(text: str) -> TOMLDocument:
+    """The document, in which axes and their defaults have tables instead of dotted keys (``model.nominal.kT = 1``).
+
+    tomlkit loses such keys when others are added to them.
+    """
+    document = tomlkit.parse(text)
+    for robot in document["robot"]:
+        axes = robot["axis"]
+        for number, axis in enumerate(axes):
+            if _has_dotted(axis):
+                axes[number] = _undotted(axis)
+        if DEFAULTS in robot and _has_dotted(robot[DEFAULTS]):
+            robot[DEFAULTS] = _undotted(robot[DEFAULTS])
+    return document
+
+
+def _has_dotted(table: Any) -> bool:
+    if not isinstance(table, Table):
+        return False
+    return any(key is not None and (key.is_dotted() or _has_dotted(item)) for key, item in table.value.body)
+
+
+def _undotted(table: Any) -> Table:
+    """The table with an inline table for each name that begins dotted keys; comments of those keys are lost."""
+    found, values = tomlkit.table(), table.unwrap()
+    for key, item in table.value.body:
+        if key is None:
+            found.add(item)
+        elif key.is_dotted():
+            if key.key not in found:
+                found.append(key.key, _inline(values[key.key]))
+        elif key.key not in found:  # a table may go on what dotted keys began
+            found.append(key, _undotted(item) if _has_dotted(item) else item)
+    return found
 
 
 def _axis(document: TOMLDocument, axis_id: str) -> tuple[Any, Any]:
@@ -315,7 +351,7 @@ def connected(text: str, other: str, heading: str) -> str:
     Raises:
         KeyError: the other text lacks an axis.
     """
-    document, source = tomlkit.parse(text), tomlkit.parse(other)
+    document, source = _parsed(text), _parsed(other)
     complete = completed(source.unwrap())
     signals = {_id(robot, axis): axis for robot in complete["robot"] for axis in robot["axis"]}
     for robot in document["robot"]:

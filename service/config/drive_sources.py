@@ -24,7 +24,7 @@ from monitor_core.modeling import (
     eliminate,
 )
 from monitor_core.wording import did_you_mean
-from service.config.base_table import SUFFIX
+from service.config.base_table import GEAR_RATIO, SUFFIX
 from service.config.problems import NOT_UTF8, line_of
 
 if TYPE_CHECKING:
@@ -49,6 +49,11 @@ def model_of_axis(axis: AxisConfig, output: Output | None = None) -> Modelled:
     if m.drive in LIBRARY and m.drive_model is None:
         return _once(m.drive, measured, DRAWINGS[m.drive].flat)
     return model_called(m.drive, m.drive_model, measured)
+
+
+def has_no_gear(axis: AxisConfig) -> bool:
+    """Whether the drive is one of the library without a gear ratio as a parameter."""
+    return axis.model.drive in LIBRARY and GEAR_RATIO not in EXAMPLE_VALUES[axis.model.drive]
 
 
 def model_called(name: str, model: str | None = None, output: Output | None = None) -> Modelled:

@@ -8,9 +8,9 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, Output
 from monitor_core.monitoring import ParameterLimit
-from service.config.base_table import SUFFIX
+from service.config.base_table import GEAR_RATIO, SUFFIX
 from service.config.conditions import weight_of
-from service.config.drive_sources import model_of_axis
+from service.config.drive_sources import has_no_gear, model_of_axis
 from service.config.schema import AxisConfig
 
 SCALE = 0.5
@@ -42,7 +42,13 @@ def given_values(axis: AxisConfig) -> dict[str, float]:
     """
     drawn = model_of_axis(axis).values if axis.model.drive.endswith(SUFFIX) else {}
     found = axis.model.nominal_file
-    return {**drawn, **axis.model.nominal, **(found.values if found else {})}
+    given = {**drawn, **axis.model.nominal, **(found.values if found else {})}
+    return {name: value for name, value in given.items() if name != GEAR_RATIO or not has_no_gear(axis)}
+
+
+def gear_ratio(axis: AxisConfig) -> float:
+    """The given angle of the arm over that of the motor, also of a drive of one mass, which has no gear; 1: none."""
+    return axis.model.nominal.get(GEAR_RATIO, given_values(axis).get(GEAR_RATIO, 1.0))
 
 
 def lacking(drive: Drive, given: Collection[str]) -> list[str]:

@@ -7,7 +7,8 @@ from contextlib import suppress
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, NominalValueError, Output, split_name
 from monitor_core.modeling import ModelError
 from monitor_core.wording import did_you_mean
-from service.config.base_table import Undecidable
+from service.config.base_table import GEAR_RATIO, Undecidable
+from service.config.drive_sources import has_no_gear
 from service.config.drives import (
     axis_model,
     drive_of,
@@ -74,7 +75,11 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
     drive, path = usable_drive(axis), ("model", "nominal")
     known = {p.name: p for p in (*drive.drawn, *drive.parameters)}
     for name, value in axis.model.nominal.items():
-        if name not in known:
+        if name not in known and name == GEAR_RATIO and has_no_gear(axis):
+            # One mass has no gear; the angle of its motor still tells the pose of the arm.
+            if not 0 < abs(value) <= 1:
+                yield Finding((*path, name), _NO_RATIO)
+        elif name not in known:
             yield Finding((*path, name), _no_parameter(name, known))
         elif error := _model_error(drive, {name: value}):
             # The finding already names key and value.
@@ -85,6 +90,9 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
     given = watched_values(axis).keys()
     for name in lacking(drive, given):
         yield Finding((*path, name), f"missing ({known[name].meaning} [{known[name].unit}])")
+
+
+_NO_RATIO = "the angle of the arm over that of the motor, such as 0.02 for a gear of 50:1: above 0, and at most 1"
 
 
 def merged_values(axis: AxisConfig) -> Iterator[Finding]:

@@ -14,6 +14,7 @@ from pydantic import Field, model_validator
 from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import (
+    GEAR_RATIO,
     Factor,
     FilePath,
     Name,
@@ -41,7 +42,7 @@ from service.config.schema_model import (
 
 MOST_LATE = 10
 """Largest number of samples by which the torque may come later than the motion."""
-NEVER_IDENTIFIED = {"kT", "r"}
+NEVER_IDENTIFIED = {"kT", GEAR_RATIO}
 """Torque constant and gear ratio of a library drive, which torque and motion of the motor do not determine."""
 
 

@@ -56,6 +56,8 @@ class TableRoles(NamedTuple):
     """What is to be checked about the times, as the end of a sentence; empty: nothing"""
     apart: tuple[str, ...] = ()
     """Columns that have times of their own, which are others"""
+    alone: tuple[str, ...] = ()
+    """Those that are the torque of another axis by their names, but have no motion"""
 
 
 def roles(
@@ -82,6 +84,7 @@ def roles(
     t = None if time is None else TimeOfDay().continuous(values[time] * unit_s * 1e6) * 1e-6
     places = {name: place for place, name in enumerate(columns)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
+    kinds |= _linear_motions(kinds, unit_names)
     pairs = _pairs(moving, t, kinds, places)
     if not pairs:  # many drives export only the commanded torque
         commanded = {name: commanded_role(name) for name, kind in kinds.items() if kind == "wanted"}
@@ -93,7 +96,27 @@ def roles(
     switches = _switches({name: v for name, v in moving.items() if name not in {*used, *loaded}})
     unused = tuple(name for name in columns if name not in {*used, *loads.values(), *switches})
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
-    return TableRoles(time, unit_s, tuple(axes), loads, switches, unused, asked, tuple(apart))
+    found = {_owner(pair.torque) for pair in pairs}
+    measured = [name for name in unused if role_with(name, unit_names[name]) in ("torque", "current")]
+    alone = tuple(name for name in measured if _owner(name) not in {"", *found})
+    return TableRoles(time, unit_s, tuple(axes), loads, switches, unused, asked, tuple(apart), alone)
+
+
+def _owner(name: str) -> str:
+    """The number or word of the axis in the name of a column; empty: neither."""
+    return axis_number(without_unit(name)) or own_word(without_unit(name))
+
+
+def _linear_motions(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[str, Quantity]:
+    """Columns without a role, in a unit of length, that have the number or word of a torque without a motion.
+
+    Such a column without an axis may be the place of a tool, so the unit alone says nothing.
+    """
+    owner = {name: _owner(name) for name in kinds}
+    turning = {owner[name] for name, kind in kinds.items() if kind in ("torque", "current")}
+    turning -= {"", *(owner[name] for name, kind in kinds.items() if kind in ("angle", "speed"))}
+    lengths = {name for name, unit in units.items() if (known := unit_in(unit, "angle")) is not None and known.linear}
+    return {name: "angle" for name, kind in kinds.items() if not kind and owner[name] in turning and name in lengths}
 
 
 def _switches(columns: Mapping[str, Floats]) -> tuple[str, ...]:

@@ -67,8 +67,8 @@ class ArmSignals(NamedTuple):
     moving: Mapping[str, MotionSignals] = MappingProxyType({})
     """Of angles that do not wrap, own too, the signals of their speed and acceleration; records need not have these.
 
-    The torque of kinetic energies is then looked for, too; of the own angle alone, as of a linear axis, that of the
-    inertia of a load.
+    The torque of kinetic energies is then looked for, too: of the own angle alone that of the inertia of a load, and of
+    what is not in ``angles``, as the angle of the motor of a linear axis, that of a coupling which follows no pose.
     """
 
 
@@ -141,8 +141,9 @@ def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSi
         return found
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
     arm = [angle for angle in signals.angles if angle in moving]
-    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, arm)
-    best, energies = terms, link_energies(balance(values)) if len(arm) > 1 else None
+    beside = [angle for angle in moving if angle not in arm and angle != own]
+    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, arm, beside=beside)
+    best, energies = terms, link_energies(balance(values)) if len(moving) > 1 else None
     for load in signals.loads:
         # Terms that were found without the energies of the load stand for them, so the search begins anew.
         carrying = link_energies(balance([], load))

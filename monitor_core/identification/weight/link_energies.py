@@ -61,7 +61,8 @@ class MotionSignals(NamedTuple):
 class Energy(NamedTuple):
     """The energy f(s) v_j v_k of joints ``axes`` = (j, k); f is ``function``, s is ``angles``.
 
-    Without ``axes``: the weight f(s), which is the derivative of a potential energy; of a linear axis it has no angles.
+    Without ``axes``: the weight f(s), which is the derivative of a potential energy; without angles it follows no pose,
+    as that on a linear axis.
     ``load``: the name of the signal of a carried load by which it is multiplied; "": none.
     """
 
@@ -171,6 +172,8 @@ class EnergyBalance(WeightBalance):
         angles: names of all angles, own too, that do not wrap, from the base to the hand.
         terms: values (N,) of further terms of the torque in all parts, one after the other.
         load: name of the signal of a carried load, by which each energy may be multiplied; "": none.
+        beside: names of the angles of other axes that do not turn the arm, as linear ones, to whose acceleration the
+            axis may be coupled.
     """
 
     def __init__(
@@ -182,15 +185,16 @@ class EnergyBalance(WeightBalance):
         angles: Sequence[str],
         terms: Sequence[Floats],
         load: str = "",
+        beside: Sequence[str] = (),
     ) -> None:
         super().__init__(parts, window, scale)
         ends = np.cumsum([len(part.u) for part in parts])[:-1]
         further = [self.column(np.split(values, ends)) for values in terms]
-        self.energies = tuple(_candidates(own, angles))
+        self.energies = tuple(_candidates(own, angles, beside))
         if load:
             every = [Energy((own, own), "cos", ()), *self.energies]
-            if not angles:
-                every.append(Energy((), "cos", ()))
+            # A linear axis bears it whatever the pose; so does an axis whose motor also moves that one.
+            every.append(Energy((), "cos", ()))
             self.energies += tuple(energy._replace(load=load) for energy in every)
         columns = [self._energy_column(energy, own) for energy in self.energies]
         rows = np.column_stack([self.rows, *further, *columns])
@@ -260,7 +264,7 @@ class EnergyBalance(WeightBalance):
         return self.rate(rates) + self.column(torques)
 
 
-def _candidates(own: str, angles: Sequence[str]) -> Iterator[Energy]:
+def _candidates(own: str, angles: Sequence[str], beside: Sequence[str]) -> Iterator[Energy]:
     """Energies that may act on the axis ``own``, those with cosine and sine of the same sum one after the other."""
     for s in _sums(angles, 1 + MOST_OTHERS, 1):
         if own in {angle for _, angle in s}:
@@ -278,6 +282,8 @@ def _candidates(own: str, angles: Sequence[str]) -> Iterator[Energy]:
         both = tuple(angle for angle in angles if angle in (own, axis))
         for s in (*_sums(beyond, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)):
             yield from (Energy((own, axis), f, s) for f in ("cos", "sin"))
+    # A spindle that turns and lifts has one load for two motors.
+    yield from (Energy((own, axis), "cos", ()) for axis in beside)
 
 
 def _sums(angles: Sequence[str], most: int, most_times: int = _MOST_OF_ANGLE) -> Iterator[Sum]:

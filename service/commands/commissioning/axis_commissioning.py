@@ -17,7 +17,7 @@ import numpy as np
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import split_name
 from monitor_core.excitation import ExcitationError
-from monitor_core.identification import IdentificationError, turning_weight
+from monitor_core.identification import IdentificationError, Quality, turning_weight
 from monitor_core.modeling import ModelError
 from monitor_core.wording import listed
 from service.can.messages import DescriptionError
@@ -35,14 +35,14 @@ from service.commands.commissioning.commissioning_remedies import (
     retry,
     watched_in,
 )
-from service.commands.commissioning.link_load import link_load
+from service.commands.commissioning.link_load import link_load, motors_without_ratio
 from service.commands.commissioning.signal_proposals import Review
 from service.commands.excite import planned, torque_columns
 from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import AxisConfig, Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
-from service.config.commissioned import Correction, Found, commissioned, corrected, motion_file, pages_of
+from service.config.commissioned import SIGNAL, Correction, Found, commissioned, corrected, motion_file, pages_of
 from service.config.conditions import needed
 from service.ingest.axis_records import sha256_of, wanted
 from service.ingest.loaded_records import samples_in
@@ -119,8 +119,12 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
         found = attempts.run(progress)
     except _MISTAKES as error:
         return replace(attempts.outcome, refusal=f"not identified: {error}")
-    outcome = _with_values(order.folder, found.axis, found.report, found.outcome, attempts.taken, attempts.lacks)
-    motion = motion_for(found.report, [item.record for item in found.task.estimation])
+    report, outcome = found.report, found.outcome
+    if report.is_poor or report.result.verdict.quality is Quality.FAIR or _is_coupled(outcome, found.axis):
+        motors = motors_without_ratio(found.text, found.axis.id, order.records, order.folder)
+        outcome = replace(outcome, notes=(*outcome.notes, *_without_ratio(motors)))
+    outcome = _with_values(order.folder, found.axis, report, outcome, attempts.taken, attempts.lacks)
+    motion = motion_for(report, [item.record for item in found.task.estimation])
     if motion is None:
         return outcome
     progress("identify", "planning a motion", 0.0)
@@ -199,6 +203,22 @@ class _Attempts:
         if again.schedule:
             notes = (*notes, f"The torque shows {again.shown}. {', '.join(again.schedule)}.")
         self.outcome = replace(self.outcome, notes=notes, corrections=(*self.outcome.corrections, *again.changes))
+
+
+def _is_coupled(outcome: Outcome, axis: NamedAxis) -> bool:
+    """Whether the torque was found to follow the motion of another axis."""
+    return any(c.key[0] == SIGNAL and c.key[-1] == "axis" and c.value != axis.config.name for c in outcome.corrections)
+
+
+def _without_ratio(motors: Sequence[str]) -> Iterator[str]:
+    """What the unknown gear ratios of these axes hide; nothing if there are none."""
+    if motors:
+        yield (
+            f"The angles of {listed(motors)} turn by more than two turns, so they are those of motors, and their gear"
+            " ratios are not known. Without them only a weight is looked for that follows the pose of the arm, not the"
+            " inertia. Give the angle of the arm over that of the motor, 0.02 for a gear of 50:1, as r in"
+            " [robot.axis.model.nominal] of each of these axes, and commission again. A linear axis needs none."
+        )
 
 
 def _with_values(

@@ -16,8 +16,9 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import Term
 from monitor_core.identification import ArmSignals, LinkWeights, MotionSignals, Record, gear_ratios, link_weights
 from service.commands.commissioning.checked_axis import configured
-from service.config import Config, NamedAxis, given_values
+from service.config import Config, NamedAxis, gear_ratio
 from service.config.commissioned import SIGNAL, Correction, corrected
+from service.config.unit_names import unit_in
 from service.ingest.loaded_records import load
 
 _MUCH_LESS = 0.5
@@ -179,15 +180,50 @@ def _weights_and_ratios(r: _Recorded) -> tuple[LinkWeights | None, Mapping[str, 
     if r.own not in angles:
         angles = []
     geared = [_behind_gears(record, ratios) for record in r.records]
-    moving = {name: motion for name, motion in r.moving.items() if name in angles}
+    moving = {name: motion for name, motion in r.moving.items() if name in r.angles}
     found = link_weights(geared, ArmSignals(r.own, angles, r.loads, r.accelerations, moving))
-    if r.own in r.motors and r.own in r.moving and r.loads:
+    if r.own in r.motors and r.own in moving and r.loads:
         # It may be a linear axis, whose load follows no angle.
-        alone = ArmSignals(r.own, (), r.loads, r.accelerations, {r.own: r.moving[r.own]})
-        plain = link_weights(r.records, alone)
+        plain = link_weights(r.records, ArmSignals(r.own, (), r.loads, r.accelerations, moving))
         if plain is not None and (found is None or not _leaves_much_less(found.explained, plain.explained)):
             return plain, {}
     return found, ratios
+
+
+def motors_without_ratio(text: str, axis_id: str, records: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """The axes of the same robot, by name, whose angles are those of motors with an unknown gear ratio.
+
+    Their angles turn by more than those of an arm do.  Linear axes are not among them, if their unit tells.  None, if
+    a ratio is configured for some axis of the robot: then the others are linear.
+
+    Arguments and errors as of ``link_load``.
+    """
+    config, axis = configured(text, axis_id, folder)
+    every_axis = [*_arm(config, axis)]
+    if any(gear_ratio(other.config) != 1.0 for other in every_axis):
+        return ()
+    others = [other for other in every_axis if not _is_linear(other) and not _has_ratio(axis, other)]
+    arm = {other.config.name: _signal(axis, other) for other in others}
+    every = [change for changes in arm.values() for change in changes]
+    config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
+    loaded = [load(record, config, axis_id).record for record in records]
+    extents = {
+        name: float(np.max([_extent(record.signals.get(signal.key[1])) for record in loaded]))
+        for name, (signal, *_) in arm.items()
+    }
+    return tuple(name for name, extent in extents.items() if extent >= _MOST_TURN)
+
+
+def _is_linear(axis: NamedAxis) -> bool:
+    angle = axis.config.angle
+    unit = None if angle is None else unit_in(angle.column or angle.signal, "angle")
+    return unit is not None and unit.linear
+
+
+def _has_ratio(axis: NamedAxis, other: NamedAxis) -> bool:
+    """Whether the ratio of an axis is known: by the turn after which it restarts, or as a signal of this axis."""
+    given = any(signal.axis == other.config.name and not signal.is_derivative for signal in axis.config.signal)
+    return given or _turns_on(other)
 
 
 def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
@@ -202,7 +238,7 @@ def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
 
 def _turns_on(axis: NamedAxis) -> bool:
     """Whether the angle starts again after a turn of the axis, which does not change its cosine."""
-    ratio = given_values(axis.config).get("r", 1.0)
+    ratio = gear_ratio(axis.config)
     return axis.config.angle is not None and axis.config.angle.wraps_after_a_turn(ratio)
 
 
@@ -219,7 +255,7 @@ def _signal(axis: NamedAxis, other: NamedAxis) -> tuple[Correction, ...]:
 
 def _geared(name: str, other: NamedAxis) -> Iterator[Correction]:
     """The given gear ratio of an axis as the factor of a signal; none if there is none."""
-    ratio = given_values(other.config).get("r", 1.0)
+    ratio = gear_ratio(other.config)
     if ratio != 1.0:
         reason = "the gear ratio: the motion of the arm, not of the motor"
         yield Correction((SIGNAL, name, "factor"), ratio, reason)

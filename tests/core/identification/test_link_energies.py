@@ -158,6 +158,22 @@ def test_a_load_on_a_linear_axis_is_weight_and_inertia(rng: Generator) -> None:
     assert found.explained > 0.93
 
 
+@pytest.mark.parametrize("angles", [(), ("q1", "q3")])
+def test_two_motors_that_move_one_load_are_coupled_by_it(angles: tuple[str, ...], rng: Generator) -> None:
+    """A motor turns a spindle and so also lifts it: the load is gripped, and follows no angle, not even its own."""
+    q, v, a = motion(rng, 300.0, stops_s=4.0)
+    gripper = np.repeat(rng.permutation(np.arange(75) % 2), 400).astype(float)
+    torque = (4 + 3 * gripper) * a[0] + (0.8 + 2 * gripper) * a[1] + 20 + 15 * gripper
+    lift = replace(record(rng, 0, torque, q, v), signals={"gripper": gripper, **dict(zip(ANGLES, q, strict=True))})
+    found = link_weights([lift], ArmSignals("q1", angles, ("gripper",), moving=SIGNALS))
+    assert found is not None
+    coupled = {"q2-acceleration", "gripper * q2-acceleration"}
+    assert set(found.terms) == {"gripper", "gripper * q1-acceleration", *coupled}
+    assert found.explained > 0.93
+    alone = link_weights([lift], ArmSignals("q1", angles, ("gripper",), moving={"q1": SIGNALS["q1"]}))
+    assert alone is None or alone.explained < 0.85
+
+
 @pytest.mark.parametrize("own", [0, 1])
 def test_a_constant_inertia_follows_nothing(own: int, rng: Generator) -> None:
     q, v, a = motion(rng, 300.0)

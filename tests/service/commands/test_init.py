@@ -54,6 +54,25 @@ def test_exchanged_columns_are_noticed(record: Path) -> None:
     assert second.endswith("% of it: are two columns exchanged?")
 
 
+@pytest.mark.parametrize(
+    ("names", "alone"),
+    [
+        ("A1_Trq,A1_Pos,A2_Trq [Nm],Height [cm]", ["A2_Trq [Nm]"]),
+        ("A1_Trq,A1_Pos,A1_Current [A],x", []),
+        ("A1_Trq,A1_Pos,A2_TrqRef,x", []),
+    ],
+)
+def test_a_torque_whose_motion_no_name_tells_is_not_left_out_silently(
+    record: Path, names: str, alone: list[str]
+) -> None:
+    rename_columns(record, f"Time,{names}")
+    lines = shown("init", record).splitlines()
+    assert [axis.name for axis in proposed()] == ["axis1"]
+    assert [x for x in lines if "without its motion" in x] == [
+        f"{name} is a torque without its motion: add its axis to axis.toml" for name in alone
+    ]
+
+
 def test_axes_that_move_together_are_not_exchanged(record: Path) -> None:
     """The motion of the first axis explains both torques, its own one, too: it is where it belongs."""
     names, *rows = record.read_text(encoding="utf-8").splitlines()
@@ -134,6 +153,8 @@ def test_a_column_of_two_values_may_tell_what_is_carried(
     [
         ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
         ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
+        ("Torque_J1 [Nm],J1 [deg],Torque_J3 [Nm],J3 [mm]", ["axis1", "axis3"]),
+        ("Torque_J1 [Nm],J1 [deg],Torque_Z [Nm],Z [mm]", ["axis1", "axisZ"]),
         (
             "Band.Moment [Nm],Band.Istdrehzahl [1/min],Hub.Moment [Nm],Hub.Istdrehzahl [1/min]",
             ["band", "hub"],
@@ -444,9 +465,9 @@ def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) 
     rows = read_rows(record)
     fastest = np.quantile(np.abs(rows[10:, 2] - rows[:-10, 2]), 0.999) / 0.05
     for rad_s, words in (
-        (2.5, "of the arm, as it reaches"),
+        (2.5, "of the arm, as it reaches 2.5 rad/s only: for that of the motor multiply factor by the gear ratio"),
         (50.0, ""),
-        (250.0, "of the motor, as it reaches"),
+        (250.0, "of the motor, as it reaches 250 rad/s; if it turns an arm, add r to nominal"),
     ):
         angle = np.degrees(rows[:, 2] * rad_s / fastest)
         columns = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], angle])

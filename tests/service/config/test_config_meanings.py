@@ -9,7 +9,7 @@ from monitor_core.drive.operating_conditions import Conditions, Follow, Gate
 from monitor_core.drive.signal_terms import Term
 from monitor_core.kernel.tables import WEIGHT as WEIGHT_INPUT
 from service.config import AxisConfig, Config, ConfigErrors, conditions_of, load, needed
-from service.config.drives import axis_model, limits_of
+from service.config.drives import axis_model, gear_ratio, given_values, limits_of
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import shown
 from tests.service.config.config_texts import (
@@ -45,6 +45,22 @@ def test_values_of_a_file_of_the_configuration_and_of_merged_parameters(folder: 
     text = f'drive = "rigid.mo"\nmonitor = ["1/({MERGED})"]\n[robot.axis.model.nominal]\n"{MERGED}" = 0.002\n'
     model = axis_model(read(folder, text).axes[0].config)
     assert model.theta0.tolist() == [500]
+
+
+def test_one_mass_has_the_ratio_of_a_gear_that_is_no_part_of_its_drive(folder: Path) -> None:
+    values = {"J": 0.03, "fm": 0.01, "fc": 0.2, "tau0": 0.0, "kT": 1.0}
+    given = ", ".join(f"{name} = {value}" for name, value in values.items())
+    for ratio, text in ((0.02, ", r = 0.02"), (1.0, "")):
+        text = f'drive = "one-mass"\nmonitor = ["kT"]\nnominal = {{ {given}{text} }}\n'
+        axis = read(folder, text).axes[0].config
+        assert gear_ratio(axis) == ratio
+        assert given_values(axis) == values
+        assert axis_model(axis).nominal == values
+    three = 'drive = "three-mass"\nmonitor = ["kT"]\nnominal = { kT = 1, r = 0.02 }\n'
+    axis = read(folder, three).axes[0].config
+    assert (gear_ratio(axis), given_values(axis)) == (0.02, {"kT": 1, "r": 0.02})
+    with pytest.raises(ConfigErrors, match=r"nominal\.r = -2: the angle of the arm over that of the motor"):
+        read(folder, three.replace("three", "one").replace("0.02", "-2"))
 
 
 def test_which_model_of_a_file(folder: Path) -> None:

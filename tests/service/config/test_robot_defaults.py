@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from typing import Any
 
@@ -100,6 +100,24 @@ def text_of(config: dict[str, Any]) -> str:
     return tomlkit.dumps(config)
 
 
+def dotted(config: dict[str, Any]) -> str:
+    """The same with dotted keys, no table of an axis: ``model.nominal.kT = 1.0``."""
+    (cell,) = config["robot"]
+    tables = [("[robot.defaults]", cell.get("defaults", {})), *(("[[robot.axis]]", axis) for axis in cell["axis"])]
+    lines = [text_of({"bus": config["bus"]}), "[[robot]]", 'name = "cell"']
+    for heading, table in tables:
+        lines += [heading, "# as a user writes it", *(f"{key} = {text}" for key, text in flat(table))]
+    return "\n".join(lines) + "\n"
+
+
+def flat(table: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from ((f"{tomlkit.key(key).as_string()}.{inner}", text) for inner, text in flat(value))
+        else:
+            yield tomlkit.key(key).as_string(), tomlkit.item(value).as_string()
+
+
 @law
 @given(with_shared_keys())
 def test_a_file_with_defaults_means_what_it_means_written_out(config: dict[str, Any]) -> None:
@@ -120,8 +138,11 @@ def test_commissioning_changes_both_alike(config: dict[str, Any]) -> None:
         lambda text: with_drive(text, "cell.axis2", "one-mass", ("kT",), {"kT": 3.0, "fc": 1.0}),
     )
     for change in changes:
-        short, long = (meaning(tomllib.loads(change(text_of(c)))) for c in (config, robot()))
+        texts = (text_of(config), dotted(config), text_of(robot()))
+        short, with_dots, long = (meaning(tomllib.loads(change(text))) for text in texts)
         assert short == long
+        assert with_dots == long
+        assert "# as a user writes it" in change(dotted(config))
 
 
 @law

@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning import axis_commissioning
-from service.commands.commissioning.link_load import LinkLoad, link_load
+from service.commands.commissioning.link_load import LinkLoad, link_load, motors_without_ratio
 from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
 from service.config.commissioned import corrected
@@ -165,6 +165,24 @@ def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: C
     ratios = [c.value for c in without.signals if c.key[2] == "factor"]
     assert len(ratios) >= 2
     assert ratios == pytest.approx([R] * len(ratios), rel=1 / 3)
+
+
+def test_motors_whose_gear_ratio_nobody_gives_are_named(cell: Cell, tmp_path: Path) -> None:
+    record = write(tmp_path / "motors.csv", cell.arm.take(60.0), 1.0)
+    axes = "".join(AXIS.format(name=name, column=name) for name in AXES)
+    text = MOTORS.replace("one-mass-weight", "one-mass").replace(", r = 0.01", "")
+
+    def without_ratio(text: str) -> tuple[str, ...]:
+        return motors_without_ratio(text, "arm.elbow", [str(record)], tmp_path)
+
+    assert without_ratio(text + axes) == AXES
+    # One mass has no gear, but the angle of its motor turns links.
+    assert without_ratio(text.replace("kT = 1", "kT = 1, r = 0.01") + axes) == ()
+    # Angles of the arm need none, nor do linear axes.
+    assert without_ratio(text + axes.replace('_angle"', '_angle", factor = 0.01')) == ()
+    renamed = record.read_text(encoding="utf-8").replace("shoulder_angle", "shoulder [mm]", 1)
+    record.write_text(renamed, encoding="utf-8")
+    assert without_ratio(text + axes.replace("shoulder_angle", "shoulder [mm]")) == ("elbow",)
 
 
 ONE_MASS = """
