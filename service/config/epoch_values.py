@@ -54,7 +54,7 @@ def _written(**content: Mapping[str, float] | FoundFile | None) -> str:
 
 
 def _without_added(table: Mapping[str, Any], field: str) -> dict[str, Any]:
-    """The table without a field that it did not have at first, if the field is 0, which stands for its absence."""
+    """The table without a field that it did not have at first, if it is 0 or empty, which stands for its absence."""
     return {name: value for name, value in table.items() if name != field or value}
 
 
@@ -67,6 +67,7 @@ def fingerprint_of(axis: NamedAxis) -> str:
     config, found = axis.config, axis.config.model.thresholds_file
     thresholds = found and found.model_dump(mode="json", exclude={"path", "date"})
     if thresholds:
+        thresholds = _without_added(thresholds, "poses")
         thresholds["hypothesis"] = [_without_added(row, "size_error") for row in thresholds["hypothesis"]]
     seen = {
         "values": given_values(config),
