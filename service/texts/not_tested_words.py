@@ -27,7 +27,7 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
     """Why parameters are not tested, and what would help."""
     if reason is NotTested.SEEDING and status.remedy is not None:
         r = status.remedy
-        why = f"P(0) is not found yet, {r.left_s:.3g} of {r.seeding_s:.3g} s of motion are missing"
+        why = f"too little motion to begin with, {r.left_s:.3g} of {r.seeding_s:.3g} s are missing"
         needed = f"{r.record_s:.3g} s of motion"
         if r.memory_s is not None and r.memory_s < r.memory_now_s:
             joint = " and joint_state = true" if r.joint_state else ""
@@ -72,11 +72,11 @@ _WHY: dict[NotTested, str] = {
     NotTested.CONDITIONS: "operating conditions exclude the samples",
     NotTested.WARM_UP: "how warm the axis is after a start or a pause is not known yet; its friction tells",
     NotTested.UNIDENTIFIABLE: "the record of the nominal values does not determine them",
-    NotTested.SEEDING: "P(0) was found only shortly before the end",
+    NotTested.SEEDING: "enough motion to begin with was there only shortly before the end",
     NotTested.NOT_OBSERVED: "the motion contains almost no information",
     NotTested.UNCERTAIN: "within memory_s the motion contains so little information that a change by the whole size"
     " would not be found",
-    NotTested.BLOCKED: "P(0) is not found, because {uncertain} cannot be determined within memory_s",
+    NotTested.BLOCKED: "the tests cannot begin, because {uncertain} cannot be determined within memory_s",
     NotTested.NO_THRESHOLD: "the multi-model detector has no threshold",
 }
 _NEEDED: dict[NotTested, str] = {

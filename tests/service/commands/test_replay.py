@@ -86,7 +86,7 @@ def test_a_record_too_short_for_P0_is_not_healthy_and_the_memory_that_is_named_g
     code, text, axis = replayed(folder, P0)
     assert code == 5
     first = text.splitlines()[0]
-    assert first.startswith("Not tested: demo.axis1: kT, 1/Ja and fm are not tested: P(0) is not found yet,")
+    assert first.startswith("Not tested: demo.axis1: kT, 1/Ja and fm are not tested: too little motion to begin with,")
     assert "No alarms: nothing was tested." in text
     assert "none yet" in text
     assert axis["not_tested_in_records"] == dict.fromkeys(("kT", "1/Ja", "fm"), "seeding")

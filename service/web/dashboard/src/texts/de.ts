@@ -39,13 +39,13 @@ const NOT_TESTED: Record<NonNullable<Parameter["not_tested_reason"]>, [string, s
     "die Aufnahme für die Nennwerte bestimmt sie nicht",
     "Nennwerte aus einer Aufnahme mit mehreren Geschwindigkeiten und Beschleunigungen, oder `axiswatch identify --fix` mit einem von ihnen, der dann auf seinem Wert in der Konfiguration bleibt",
   ],
-  seeding: ["P(0) ist noch nicht gefunden", "mehr Bewegung, oder ein kürzeres memory_s"],
+  seeding: ["die Bewegung reicht noch nicht für den Anfang der Schätzung", "mehr Bewegung, oder ein kürzeres memory_s"],
   "not observed": ["die Bewegung enthält fast keine Information darüber", MOTION],
   uncertain: [
     "innerhalb von memory_s enthält die Bewegung so wenig Information, dass selbst eine Änderung um den ganzen Wert nicht gefunden würde",
     `${MOTION}; oder sie aus \`monitor\` zu nehmen`,
   ],
-  blocked: ["P(0) ist nicht gefunden, weil ein anderer Parameter innerhalb von memory_s nicht bestimmbar ist", `jenen aus \`monitor\` zu nehmen; oder ${MOTION}`],
+  blocked: ["die Prüfung kann nicht beginnen, weil ein anderer Parameter innerhalb von memory_s nicht bestimmbar ist", `jenen aus \`monitor\` zu nehmen; oder ${MOTION}`],
   "no threshold": ["der Mehrmodell-Detektor hat keine Schwelle", "eine neue Kalibrierung, `axiswatch calibrate`"],
 };
 
