@@ -137,7 +137,9 @@ def _size(alarm: RecordedAlarm) -> str:
 
 
 def _onset(axis: ReplayedAxis, alarm: RecordedAlarm) -> str:
-    """The onset, and the interval in which it lies if that is known."""
+    """The onset, and the interval in which it lies if that is known; without its earlier end, the latest onset."""
+    if alarm.onset_low_us is None and alarm.onset_high_us is not None:
+        return f"before {_when(axis, alarm.onset_high_us)}"
     ends = (("-", alarm.onset_low_us), ("+", alarm.onset_high_us))
     away = [f"{sign}{abs(t_us - alarm.onset_us) / 1e6:.1f}" for sign, t_us in ends if t_us is not None]
     within = f" ({' '.join(away)} s)" if away else ""

@@ -14,6 +14,7 @@ from service.ingest.records import Quality, Step
 from service.pipeline.alarm_recording import as_recorded
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.replay_course import Timeline, TimeUnit
+from service.reports.replay_report import alarm_table
 from service.reports.replay_result import Replay, ReplayedAxis
 from service.store.alarm_entries import Entry
 
@@ -63,6 +64,16 @@ def test_alarms_of_a_parameter_and_those_of_none() -> None:
         "\N{BLACK UP-POINTING TRIANGLE}",
         "\N{BLACK DOWN-POINTING TRIANGLE}",
     ]
+
+
+def test_an_onset_without_an_earlier_end_is_a_latest_one() -> None:
+    """A change that was there when the tests began."""
+    unknown = replace(FOUND, onset_low_us=None)
+    neither = replace(unknown, onset_high_us=None)
+    snapshot: Any = SimpleNamespace(id="cell.a1")
+    found = axis(FOUND, unknown, neither)._replace(snapshot=snapshot)
+    rows = alarm_table([found]).rows
+    assert [row[3] for row in rows] == ["30.00 s (-1.0 +1.0 s)", "before 31.00 s", "30.00 s"]
 
 
 def test_axes_of_a_robot_whose_alarms_the_same_payload_explains_name_each_other(
