@@ -110,9 +110,9 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
     if parameter == DELAY:
         return _skew(size, nominal)
     if parameter == LOAD:
-        return _payload("the axis carries {by} weight", size, "more", "less")
+        return _payload("the load on the axis is {by}", size)
     if parameter == INERTIA:  # of an axis that bears no weight
-        return _payload("the inertia that the axis moves is {by}", size, "larger", "smaller")
+        return _payload("the inertia that the axis moves is {by}", size)
     amount, more = _digits(abs(size)), "less" if size < 0 else "more"
     if parameter in SENSORS:
         if not math.isfinite(size):
@@ -152,9 +152,9 @@ def _skew(size: float, nominal: float) -> str:
     return f"the torque frame is {_ms(size)} {way}: the torque acts {acts} {side} its sample"
 
 
-def _payload(words: str, size: float, more: str, less: str) -> str:
+def _payload(words: str, size: float) -> str:
     """Message about another payload: a change of the operation, and no fault of the drive."""
-    by = less if size < 0 else more
+    by = "smaller" if size < 0 else "larger"
     if math.isfinite(size):
         by = f"{_digits(abs(100 * size))} % {by}"
     return f"{words.format(by=by)} than at its commissioning: another payload, and no fault of its drive"

@@ -89,7 +89,7 @@ LATE = "the torque frame is 0.5 ms late: the torque acts that much after its sam
 EARLY = "the torque frame is 1.2 ms early: the torque acts that much before its sample"
 USUAL = "the torque frame is {} than usual: the torque acts {} its sample"
 MOVES = "the inertia that the axis moves is {} than at its commissioning: another payload, and no fault of its drive"
-CARRIES = "the axis carries {} weight than at its commissioning: another payload, and no fault of its drive"
+CARRIES = "the load on the axis is {} than at its commissioning: another payload, and no fault of its drive"
 
 
 @pytest.mark.parametrize(
@@ -101,9 +101,9 @@ CARRIES = "the axis carries {} weight than at its commissioning: another payload
         (("delay", -0.002, 0.001, "s"), USUAL.format("2 ms earlier", "1 ms before")),
         (("delay", -0.0005, 0.001, "s"), USUAL.format("0.5 ms earlier", "0.5 ms after")),
         (("delay", float("-inf"), 0.0, "s"), "the torque frame is early, by how much is not known"),
-        (("load", 0.306, 1.0, "1"), CARRIES.format("31 % more")),
-        (("load", -0.14, 1.0, "1"), CARRIES.format("14 % less")),
-        (("load", float("-inf"), 1.0, "1"), CARRIES.format("less")),
+        (("load", 0.306, 1.0, "1"), CARRIES.format("31 % larger")),
+        (("load", -0.14, 1.0, "1"), CARRIES.format("14 % smaller")),
+        (("load", float("-inf"), 1.0, "1"), CARRIES.format("smaller")),
         (("inertia", 0.306, 1.0, "1"), MOVES.format("31 % larger")),
         (("inertia", float("-inf"), 1.0, "1"), MOVES.format("smaller")),
         (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),

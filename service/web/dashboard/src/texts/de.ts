@@ -68,7 +68,7 @@ function fact(alarm: Alarm, unit: string): string {
   if (alarm.parameter === "delay") return delayed(size, nominal);
   if (alarm.parameter === "load") {
     const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
-    return `die Achse trägt ${by}${size < 0 ? "weniger" : "mehr"} Gewicht als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
+    return `die Last an der Achse ist ${by}${size < 0 ? "kleiner" : "größer"} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
   }
   if (alarm.parameter === "inertia") {
     const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
