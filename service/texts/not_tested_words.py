@@ -83,7 +83,7 @@ _NEEDED: dict[NotTested, str] = {
     NotTested.NO_SAMPLE: "torque and motion of this axis; `axiswatch listen` shows what is received",
     NotTested.SETTLING: "samples without gaps for longer than settling_time_s",
     NotTested.CONDITIONS: "samples at which every gate is open and every signal is known and within its range",
-    NotTested.WARM_UP: f"samples for longer than P(0) takes, ten memories (memory_s) of motion; or {_COLD}",
+    NotTested.WARM_UP: f"a longer record: the estimates begin after ten memories (memory_s) of motion; or {_COLD}",
     NotTested.UNIDENTIFIABLE: "nominal values from a record of several speeds and accelerations, or from `axiswatch"
     " identify --fix` with one of them, which is then held at its value in the configuration",
     NotTested.SEEDING: "a longer record",
