@@ -48,17 +48,29 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
 
 def _within_conditions(gated_by: str) -> str:
     """What would help against the condition that excluded the last sample."""
-    if isinstance(gated_by, Sentence) and gated_by.kind == "new poses":
-        return _PROGRAM
-    if not isinstance(gated_by, Sentence) or gated_by.kind != "beyond":
+    found = {part.kind: part for part in _parts(gated_by)}
+    if not found.keys().isdisjoint(("new poses", "not calibrated")):
+        return _THESE
+    if "beyond" not in found:
         return _NEEDED[NotTested.CONDITIONS]
-    signal = gated_by.values["found"]
+    signal = found["beyond"].values["found"]
     is_heat = isinstance(signal, Sentence) and signal.values.get("name") == HEAT
     return _FARTHER + (_WIDEN if is_heat else "")
 
 
+def _parts(words: str) -> Iterator[Sentence]:
+    """The sentence, or those that are joined in it."""
+    if isinstance(words, Sentence) and words.kind == "joined":
+        for part in words.values.values():
+            yield from _parts(part)
+    elif isinstance(words, Sentence):
+        yield words
+
+
 _FARTHER = "nominal values and thresholds from records that reach this value, too"
-_PROGRAM = "nominal values and thresholds from records of this program, too: `axiswatch commission` with all of them"
+_THESE = (
+    "nominal values and thresholds from records under these conditions, too: `axiswatch commission` with all of them"
+)
 _WIDEN = '; or `outside_calibration = "widen"` in [robot.axis.detector], with which the CUSUM tests go on'
 _MORE_MOTION = "motion that accelerates and has several speeds within memory_s, or a longer memory_s"
 _COLD = '`start = "cold"` in [robot.axis.thermal], if it is cold at the beginning'
