@@ -54,7 +54,8 @@ class RangeTable(FoundTable):
 class PosesTable(FoundTable):
     """[[poses]]: a map of the poses of two axes in the calibration records.
 
-    known: cells of 10 by 10 degrees, one bit each, in hexadecimal digits; those of one row have the same first angle.
+    known: cells of 5 by 5 or 10 by 10 degrees, one bit each, in hexadecimal digits; those of a row have the same first
+    angle.
     """
 
     angles: tuple[str, str]

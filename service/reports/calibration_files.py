@@ -62,7 +62,9 @@ def _tables(calibration: Calibration) -> Iterator[str]:
         about = "# Conditions of the records (rms speed, signals): the promise holds within them.\n"
         yield about + "".join(toml_table("[[range]]", r._asdict()) for r in calibration.ranges)
     if calibration.poses:
-        about = "# Poses of the records, in cells of 10 degrees and their neighbours: nothing is tested in others.\n"
+        about = (
+            "# Poses of the records, in cells of 5 or 10 degrees and their neighbours: nothing is tested in others.\n"
+        )
         tables = [toml_table("[[poses]]", {"angles": m.angles, "known": m.to_hex()}) for m in calibration.poses]
         yield about + "".join(tables)
     monitor = made_with(result.model, result.settings)

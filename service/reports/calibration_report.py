@@ -233,7 +233,7 @@ def new_poses(poses: Sequence[PoseMap]) -> Iterator[str]:
     if angles:
         yield (
             f"The load on this axis follows {listed(list(angles))}, and is known in the poses of these records. While"
-            f" more than {percent(MOST_NEW_POSES)} of the way of the axis is in other poses (10 to 20 degrees from"
+            f" more than {percent(MOST_NEW_POSES)} of the way of the axis is in other poses (5 to 20 degrees from"
             " them), nothing is tested: record every program of the robot."
         )
 
