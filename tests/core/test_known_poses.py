@@ -67,7 +67,8 @@ def test_cells_are_fine_where_poses_come_again(seed: int) -> None:
     (program,) = found([block(a, b), block(a, 1 - b)])
     assert program.cells.shape == (72, 72)
     knots = np.linspace(0, 1, 40)
-    (random,) = found([block(*(np.interp(np.linspace(0, 1, 2000), knots, rng.uniform(0, 2, 40)) for _ in "ab"))])
+    a, b = (np.interp(np.linspace(0, 1, 2000), knots, rng.uniform(0, 2, 40)) for _ in range(2))
+    (random,) = found([block(a, b)])
     assert random.cells.shape == (36, 36)
 
 
