@@ -132,7 +132,8 @@ class Inside(NamedTuple):
 
     conditions: Bools
     """All conditions, among them the poses"""
-    poses: Bools
+    poses: Bools | None
+    """None: there is no map of the poses"""
 
 
 class CalibratedRange:
@@ -149,8 +150,10 @@ class CalibratedRange:
         values, inside = self._tracker.take(block), np.ones(block.size, np.bool_)
         for column, r in self._ranges:
             inside &= r.holds(values[:, column])
-        poses = np.ones(block.size, np.bool_) if self._new_poses is None else self._new_poses.holds(values[:, -1])
         self._last = values[-1] if block.size else self._last
+        if self._new_poses is None:
+            return Inside(inside, None)
+        poses = self._new_poses.holds(values[:, -1])
         return Inside(inside & poses, poses)
 
     @property

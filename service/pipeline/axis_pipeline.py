@@ -87,9 +87,10 @@ class AxisPipeline:
             block = self.operating.conditioned(block)
         if self._calibrated is not None:
             inside = self._calibrated.take(block)
+            block = block._replace(inside=inside.conditions)
             gate = inside.conditions if self._outside == "wait" else inside.poses
-            gate = gate if block.gate is None else block.gate & gate
-            block = block._replace(inside=inside.conditions, gate=gate)
+            if gate is not None:
+                block = block._replace(gate=gate if block.gate is None else block.gate & gate)
         return block, more
 
     @property

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Bools, Floats
 from monitor_core.drive import Conditions, Follow, Term
 from monitor_core.monitoring import MOST_NEW_POSES, CalibratedRange, ConditionTracker, PoseMap, pose_maps
 from monitor_core.samples import SampleBlock
@@ -93,17 +93,24 @@ def watch(records: list[SampleBlock]) -> CalibratedRange:
     return CalibratedRange((), ConditionTracker("speed", SETTINGS, SIGNALS, found(records)))
 
 
+def poses(calibrated: CalibratedRange, samples: SampleBlock) -> Bools:
+    inside = calibrated.take(samples)
+    assert inside.poses is not None
+    np.testing.assert_array_equal(inside.poses, inside.conditions)
+    return inside.poses
+
+
 def test_another_program_is_outside_and_the_old_one_inside_again() -> None:
     calibrated = watch([block(*line())])
-    assert calibrated.take(block(*line(), start=0)).poses.all()
-    inside = calibrated.take(block(*line(turned=1.0), start=2000))
-    assert inside.poses[0]
-    assert not inside.poses[400:].any()
-    np.testing.assert_array_equal(inside.poses, inside.conditions)
+    assert poses(calibrated, block(*line(), start=0)).all()
+    inside = poses(calibrated, block(*line(turned=1.0), start=2000))
+    assert inside[0]
+    assert not inside[400:].any()
     assert "of the way of the axis is in poses of the robot that no record" in calibrated.new_poses
     assert calibrated.outside == (calibrated.new_poses,)
-    assert calibrated.take(block(*line(), start=4000)).poses[-1]
+    assert poses(calibrated, block(*line(), start=4000))[-1]
     assert list(calibrated.outside) == []
+    assert CalibratedRange((), ConditionTracker("speed", SETTINGS, SIGNALS)).take(block(*line())).poses is None
 
 
 def test_the_share_is_that_of_the_way() -> None:
@@ -112,9 +119,9 @@ def test_the_share_is_that_of_the_way() -> None:
     for share, speed, inside in ((0.06, 1.0, True), (0.3, 1.0, False), (0.3, 0.1, True)):
         new = (np.arange(2000) % 20) < 20 * share
         calibrated = watch([block(a, b)])
-        taken = calibrated.take(block(np.where(new, a + 2.0, a), b, np.where(new, speed, 1.0)))
-        assert taken.poses[300:].all() == inside
-        assert taken.poses[300:].any() == inside
+        taken = poses(calibrated, block(np.where(new, a + 2.0, a), b, np.where(new, speed, 1.0)))
+        assert taken[300:].all() == inside
+        assert taken[300:].any() == inside
     assert 0.06 < MOST_NEW_POSES < 0.3
 
 
