@@ -117,12 +117,12 @@ def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -
     attempts = _Attempts(order, text, outcome)
     try:
         found = attempts.run(progress)
+        report, outcome = found.report, found.outcome
+        if report.is_poor or report.result.verdict.quality is Quality.FAIR or _is_coupled(outcome, found.axis):
+            motors = motors_without_ratio(found.text, found.axis.id, order.records, order.folder)
+            outcome = replace(outcome, notes=(*outcome.notes, *_without_ratio(motors)))
     except _MISTAKES as error:
         return replace(attempts.outcome, refusal=f"not identified: {error}")
-    report, outcome = found.report, found.outcome
-    if report.is_poor or report.result.verdict.quality is Quality.FAIR or _is_coupled(outcome, found.axis):
-        motors = motors_without_ratio(found.text, found.axis.id, order.records, order.folder)
-        outcome = replace(outcome, notes=(*outcome.notes, *_without_ratio(motors)))
     outcome = _with_values(order.folder, found.axis, report, outcome, attempts.taken, attempts.lacks)
     motion = motion_for(report, [item.record for item in found.task.estimation])
     if motion is None:

@@ -61,8 +61,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     candidates = _candidates(*configured(text, axis_id, folder))
     if not candidates.angles and not candidates.loads:
         return None
-    config, _ = configured(corrected(text, axis_id, candidates.searched), axis_id, folder)
-    recorded = _recorded(candidates, [load(record, config, axis_id).record for record in records])
+    recorded = _recorded(candidates, text, axis_id, records, folder)
     found, ratios = _weights_and_ratios(recorded)
     if found is None:
         return None
@@ -152,12 +151,15 @@ class _Recorded(NamedTuple):
     accelerations: Sequence[str]
 
 
-def _recorded(candidates: _Candidates, records: Sequence[Record]) -> _Recorded:
+def _recorded(candidates: _Candidates, text: str, axis_id: str, names: Sequence[str], folder: Path) -> _Recorded:
+    """The records of these names, read with the candidates as signals; other arguments as of ``link_load``."""
+    config, _ = configured(corrected(text, axis_id, candidates.searched), axis_id, folder)
+    records = [load(name, config, axis_id).record for name in names]
     ranges = {n: float(np.max([_extent(r.signals.get(n)) for r in records])) for n in candidates.names.values()}
     angles = {name: extent for name, extent in ranges.items() if math.isfinite(extent)}
 
-    def varying(names: Iterable[str]) -> list[str]:
-        return [name for name in names if all(_extent(record.signals.get(name)) > 0 for record in records)]
+    def varying(signals: Iterable[str]) -> list[str]:
+        return [name for name in signals if all(_extent(record.signals.get(name)) > 0 for record in records)]
 
     motions = {signal: candidates.motion_signals(axis) for axis, signal in candidates.names.items()}
     return _Recorded(
@@ -199,31 +201,18 @@ def motors_without_ratio(text: str, axis_id: str, records: Sequence[str], folder
     Arguments and errors as of ``link_load``.
     """
     config, axis = configured(text, axis_id, folder)
-    every_axis = [*_arm(config, axis)]
-    if any(gear_ratio(other.config) != 1.0 for other in every_axis):
+    arm = {other.config.name: other for other in _arm(config, axis)}
+    if any(gear_ratio(other.config) != 1.0 for other in arm.values()):
         return ()
-    others = [other for other in every_axis if not _is_linear(other) and not _has_ratio(axis, other)]
-    arm = {other.config.name: _signal(axis, other) for other in others}
-    every = [change for changes in arm.values() for change in changes]
-    config, axis = configured(corrected(text, axis_id, every), axis_id, folder)
-    loaded = [load(record, config, axis_id).record for record in records]
-    extents = {
-        name: float(np.max([_extent(record.signals.get(signal.key[1])) for record in loaded]))
-        for name, (signal, *_) in arm.items()
-    }
-    return tuple(name for name, extent in extents.items() if extent >= _MOST_TURN)
+    candidates = _candidates(config, axis)
+    motors = _recorded(candidates, text, axis_id, records, folder).motors
+    return tuple(name for name, angle in candidates.names.items() if angle in motors and not _is_linear(arm[name]))
 
 
 def _is_linear(axis: NamedAxis) -> bool:
     angle = axis.config.angle
     unit = None if angle is None else unit_in(angle.column or angle.signal, "angle")
     return unit is not None and unit.linear
-
-
-def _has_ratio(axis: NamedAxis, other: NamedAxis) -> bool:
-    """Whether the ratio of an axis is known: by the turn after which it restarts, or as a signal of this axis."""
-    given = any(signal.axis == other.config.name and not signal.is_derivative for signal in axis.config.signal)
-    return given or _turns_on(other)
 
 
 def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
