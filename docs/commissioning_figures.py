@@ -17,7 +17,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.plot_style import LIMIT, TEXT, ZONE, as_svg, figure
 from service.reports.replay_html import overview_picture
 from service.reports.replay_result import Replay, Replayed
-from service.simulation.robot import Fault, table_lines
+from service.simulation.robot import SimulatedFault, table_lines
 
 SECONDS, BROKEN_S, GROWN = 60.0, 30.0, 1.3
 _SEED = 7
@@ -27,7 +27,7 @@ _REQUEST = MotionRequest(seconds=3.0, torque=2.0, speed=15.0, find=("1/Ja", "fm"
 def replayed() -> Replayed:
     """The commissioned demo over a minute in which the friction of the second axis grows."""
     robot, config = load(shipped("demo.toml"), {}), load(shipped("demo/axiswatch.toml"), {})
-    fault = Fault("demo.axis2", {"fm": GROWN}, BROKEN_S)
+    fault = SimulatedFault("demo.axis2", {"fm": GROWN}, BROKEN_S)
     run = Replay(AxisMonitors(config.axes), config, True)
     with tempfile.TemporaryDirectory() as folder:
         table = Path(folder) / "cell.csv"

@@ -34,7 +34,7 @@ Monitoring:
 
 Detection:
 
-* ``MultiModelDetector, Limits``: parallel models, near the theoretical limit.
+* ``MultiModelDetector, MultiModelThresholds``: parallel models, near the theoretical limit.
 * ``least_delay``: the delay that no detector can beat (Lorden).
 
 Long-term trend:
@@ -53,7 +53,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationError, CalibrationOptions, CalibrationResult, calibrate
-    from monitor_core.detection import Alarm, Limits, MultiModelDetector
+    from monitor_core.detection import Alarm, MultiModelDetector, MultiModelThresholds
     from monitor_core.detection.multimodel.multimodel_detector import least_delay
     from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Gate, Operating, Parameter, Term
     from monitor_core.excitation import (
@@ -106,7 +106,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "calibration": "CalibrationError CalibrationOptions CalibrationResult calibrate",
-    "detection": "Alarm Limits MultiModelDetector",
+    "detection": "Alarm MultiModelDetector MultiModelThresholds",
     "detection.multimodel.multimodel_detector": "least_delay",
     "drive": "AxisModel Conditions Drive Follow Gate Operating Parameter Term",
     "excitation": "Accuracy Estimation ExcitationError ExcitationTask MotionLimits Plant crest_factor experiment "

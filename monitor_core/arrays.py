@@ -9,3 +9,5 @@ Indices = NDArray[np.uint64]
 """Unsigned, so that the compiler does not check for negative indices in the innermost loops."""
 Bools = NDArray[np.bool_]
 Complexes = NDArray[np.complex128]
+Arrays = dict[str, NDArray[np.generic]]
+"""Arrays by name, as a saved state has them."""

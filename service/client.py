@@ -34,9 +34,9 @@ class ClientError(Exception):
         return self.status is not None and 400 <= self.status < 500
 
 
-Json = dict[str, Any]
+ApiAnswer = dict[str, Any]
 """An answer of the API; its fields are in docs/openapi.json."""
-Value = str | int | float | None
+JsonValue = str | int | float | None
 
 
 class Remark(NamedTuple):
@@ -78,47 +78,49 @@ class Client:
     def __exit__(self, *_: object) -> None:
         self._http.close()
 
-    def service(self) -> Json:
+    def service(self) -> ApiAnswer:
         """Version, readiness and messages of the daemon."""
         return self._ask("GET", "service")
 
-    def alarms(self, **filters: Value) -> Json:
+    def alarms(self, **filters: JsonValue) -> ApiAnswer:
         """Alarms, the latest first; the filters are those of GET /api/v1/alarms."""
         return self._ask("GET", "alarms", filters)
 
-    def alarm(self, alarm_id: int) -> Json:
+    def alarm(self, alarm_id: int) -> ApiAnswer:
         """One alarm with its history."""
         return self._ask("GET", f"alarms/{alarm_id}")
 
-    def axis(self, axis: str) -> Json:
+    def axis(self, axis: str) -> ApiAnswer:
         """One axis; refused if the axis does not exist."""
         return self._ask("GET", f"axes/{_quoted(axis)}")
 
-    def statistics(self, since: str | None, until: str | None) -> Json:
+    def statistics(self, since: str | None, until: str | None) -> ApiAnswer:
         """The alarm load of an operator in a span of time; by default that of the API, seven days."""
         return self._ask("GET", "alarms/statistics", {"since": since, "until": until})
 
-    def act(self, alarm_id: int, action: AlarmAction, remark: Remark, **end: Value) -> Json:
+    def act(self, alarm_id: int, action: AlarmAction, remark: Remark, **end: JsonValue) -> ApiAnswer:
         """Apply an action to an alarm; end of shelving: ``duration_s``, or ``until`` (ISO 8601 with time zone)."""
         return self._ask("POST", f"alarms/{alarm_id}/{action}", body={**remark._asdict(), **end})
 
-    def change_service(self, axis: str, action: Literal["out-of-service", "return-to-service"], remark: Remark) -> Json:
+    def change_service(
+        self, axis: str, action: Literal["out-of-service", "return-to-service"], remark: Remark
+    ) -> ApiAnswer:
         """Take an axis out of service, or return it to service."""
         return self._ask("POST", f"axes/{_quoted(axis)}/{action}", body=remark._asdict())
 
-    def epochs(self, axis: str) -> Json:
+    def epochs(self, axis: str) -> ApiAnswer:
         """The epochs of an axis, the newest first."""
         return self._ask("GET", f"axes/{_quoted(axis)}/epochs")
 
-    def baseline(self, axis: str, remark: Remark, **plan: Value) -> Json:
+    def baseline(self, axis: str, remark: Remark, **plan: JsonValue) -> ApiAnswer:
         """Begin a new epoch of an axis; the plan is that of POST /api/v1/axes/{axis}/baseline."""
         return self._ask("POST", f"axes/{_quoted(axis)}/baseline", body={**remark._asdict(), **plan})
 
-    def cancel_baseline(self, axis: str, remark: Remark) -> Json:
+    def cancel_baseline(self, axis: str, remark: Remark) -> ApiAnswer:
         """End the learning window of an axis."""
         return self._ask("POST", f"axes/{_quoted(axis)}/baseline/cancel", body=remark._asdict())
 
-    def restore_epoch(self, axis: str, number: int, verify_hours: float, remark: Remark) -> Json:
+    def restore_epoch(self, axis: str, number: int, verify_hours: float, remark: Remark) -> ApiAnswer:
         """Put the values of a former epoch in force again."""
         body = {**remark._asdict(), "verify_hours": verify_hours}
         return self._ask("POST", f"axes/{_quoted(axis)}/epochs/{number}/restore", body=body)
@@ -131,16 +133,18 @@ class Client:
         """The content of a recording, a file of frames."""
         return self._send("GET", f"recordings/{_quoted(name)}").content
 
-    def history_file(self, axis: str, kind: str, **query: Value) -> bytes:
+    def history_file(self, axis: str, kind: str, **query: JsonValue) -> bytes:
         """The history of an axis as a CSV or Parquet file; parameters as of GET /api/v1/axes/{axis}/history.csv."""
         return self._send("GET", f"axes/{_quoted(axis)}/history.{kind}", query).content
 
-    def _ask(self, method: str, path: str, query: Mapping[str, Value] = {}, body: Mapping[str, Value] = {}) -> Json:
-        found: Json = self._json(self._send(method, path, query, body))
+    def _ask(
+        self, method: str, path: str, query: Mapping[str, JsonValue] = {}, body: Mapping[str, JsonValue] = {}
+    ) -> ApiAnswer:
+        found: ApiAnswer = self._json(self._send(method, path, query, body))
         return found
 
     def _send(
-        self, method: str, path: str, query: Mapping[str, Value] = {}, body: Mapping[str, Value] = {}
+        self, method: str, path: str, query: Mapping[str, JsonValue] = {}, body: Mapping[str, JsonValue] = {}
     ) -> httpx.Response:
         """Send a request; arguments that are None are not sent. Returns the answer."""
         import httpx

@@ -228,6 +228,34 @@ def test_no_two_modules_have_one_name() -> None:
     assert [name for name, count in names.items() if count > 1] == []
 
 
+OPTION = re.compile(r"\b(typer\.|Query\(|Depends\(|Path\()")
+
+
+def class_names(source: str) -> Iterator[str]:
+    """Public classes and type aliases of a module.
+
+    Left out: bodies of the API, which have the names of what they show, and options of commands and of requests.
+    """
+    for node in ast.parse(source).body:
+        match node:
+            case ast.ClassDef(name=name, bases=bases):
+                if not name.startswith("_") and not {"Body", "models.Body"} & set(map(ast.unparse, bases)):
+                    yield name
+            case ast.Assign(targets=[ast.Name(id=name)], value=value) if name[0].isupper() and not name.isupper():
+                if not OPTION.search(ast.unparse(value)):
+                    yield name
+
+
+def test_no_two_classes_have_one_name() -> None:
+    names = Counter(
+        name
+        for folder in ("monitor_core", "service")
+        for path in python_files(folder)
+        for name in class_names(path.read_text(encoding="utf-8"))
+    )
+    assert [name for name, count in names.items() if count > 1] == []
+
+
 HEAVY = {"monitor_core.modeling.modelica": "loads pymoca"}
 """Not on a face, since not every program that uses the package needs what it loads."""
 

@@ -15,7 +15,7 @@
 * ``result``: thresholds, their false-alarm rate, and the detected faults.
 """
 
-from monitor_core.calibration.calibration_procedure import CalibrationOptions, Progress, calibrate
+from monitor_core.calibration.calibration_procedure import CalibrationOptions, CalibrationProgress, calibrate
 from monitor_core.calibration.fault_trials import TrialResult
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.calibration.result import FOUND_SHARE, CalibrationResult, DetectorResult

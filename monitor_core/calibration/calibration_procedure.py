@@ -18,7 +18,7 @@ from monitor_core.calibration.copy_excursions import SAMPLES
 from monitor_core.calibration.fault_trials import TrialResult, run_trials
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
-from monitor_core.calibration.injection import Fault, changed_values
+from monitor_core.calibration.injection import InjectedFault, changed_values
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import COPY_SAMPLES
 from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
@@ -30,7 +30,7 @@ from monitor_core.calibration.record_doubts import (
     check_within,
 )
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
-from monitor_core.detection.multimodel.multimodel_detector import Limit, reason_unavailable
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold, reason_unavailable
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
@@ -40,7 +40,7 @@ WITHIN_MEMORIES = 10.0
 OBSERVED_SHARE = 2.0
 """Each change is observed for this multiple of that time."""
 
-Progress = Callable[[str, float, float], None]
+CalibrationProgress = Callable[[str, float, float], None]
 """Receives the name of the present step, the work done, and the total work."""
 PartialProgress = Callable[[float], None]
 """Receives the completed share, 0 to 1."""
@@ -78,7 +78,7 @@ def calibrate(
     settings: Settings,
     records: Sequence[SampleBlock],
     options: CalibrationOptions,
-    progress: Progress = lambda _step, _done, _total: None,
+    progress: CalibrationProgress = lambda _step, _done, _total: None,
     launch: Launcher = nullcontext,
 ) -> CalibrationResult:
     """Find thresholds that keep a false-alarm budget, from records of the healthy axis.
@@ -165,13 +165,13 @@ def _trials(
     records: Sequence[SampleBlock],
     options: CalibrationOptions,
     within_s: float,
-    limits: Sequence[Limit] | None,
+    limits: Sequence[HypothesisThreshold] | None,
     progress: PartialProgress = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
     """Detection of changes in the longest record, by the CUSUM tests or with these limits; none if it is too short."""
     longest = max(records, key=lambda record: len(record.t_us))
     faults = [
-        Fault(name, sign * size)
+        InjectedFault(name, sign * size)
         for name in axis.model.monitored
         for sign in (1, -1)
         for size in options.sizes

@@ -10,12 +10,12 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.healthy_records import first_tested
-from monitor_core.calibration.injection import Fault, inject
+from monitor_core.calibration.injection import InjectedFault, inject
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.detection import Crossing
 from monitor_core.detection.alarm import direction_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, bank_of
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold, MultiModelThresholds, bank_of
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.kernel.hypotheses import Memory
 from monitor_core.monitoring import AxisBatch, AxisMonitor
@@ -35,7 +35,7 @@ class TrialResult:
     with the identified model.  ``torque_peak``: the largest torque needed, if ``exact``.
     """
 
-    fault: Fault
+    fault: InjectedFault
     exact: bool
     delay_s: Floats  # (onsets,) time until the first alarm; inf: no alarm
     first: tuple[str, ...]  # (onsets,) name of the first alarm; "": no alarm
@@ -63,10 +63,10 @@ class FirstAlarm(NamedTuple):
 def run_trials(
     axis: MonitoredAxis,
     record: SampleBlock,
-    faults: Sequence[Fault],
+    faults: Sequence[InjectedFault],
     onsets: int,
     seconds: float,
-    limits: Sequence[Limit] | None = None,
+    limits: Sequence[HypothesisThreshold] | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
     """Start each fault at ``onsets`` samples of the record, and run a detector for ``seconds`` after each onset.
@@ -87,7 +87,7 @@ def run_trials(
         raise ValueError("the record is too short")
     at = np.unique(np.linspace(first, last, onsets).astype(np.int64))
     detector: _Tests | _Bank = _Tests(axis, record, at) if limits is None else _Bank(axis, limits, record, at)
-    results, not_found = dict[Fault, TrialResult](), set[tuple[str, bool]]()
+    results, not_found = dict[InjectedFault, TrialResult](), set[tuple[str, bool]]()
     by_size = sorted(faults, key=lambda fault: -abs(fault.size))
     for number, (fault, load, u, y) in enumerate(inject(axis, record, by_size, at, N)):
         kind = fault.parameter, fault.size > 0
@@ -146,9 +146,11 @@ def _crossings(batch: AxisBatch, blocks: Sequence[SampleBlock]) -> list[tuple[in
 class _Bank:
     """The multi-model detector from each onset on, one after the other."""
 
-    def __init__(self, axis: MonitoredAxis, limits: Sequence[Limit], record: SampleBlock, at: Ints) -> None:
+    def __init__(
+        self, axis: MonitoredAxis, limits: Sequence[HypothesisThreshold], record: SampleBlock, at: Ints
+    ) -> None:
         self._interval_s = axis.settings.interval_s
-        self._bank = bank_of(*axis, Limits(1.0, tuple(limits)))
+        self._bank = bank_of(*axis, MultiModelThresholds(1.0, tuple(limits)))
         healthy = HypothesisBank(*axis, self._bank.hypotheses, allowance=self._bank.allowance)
         self._states = list[tuple[Memory, tuple[int, ...]]]()
         for ends in pairwise([0, *at.tolist()]):

@@ -25,7 +25,7 @@ _SAME = 1e-9
 
 
 @dataclass(frozen=True)
-class Fault:
+class InjectedFault:
     """A change of a monitored parameter, as a share of its size."""
 
     parameter: str
@@ -58,8 +58,8 @@ def changed_values(model: AxisModel, name: str, change: float) -> dict[str, floa
 
 
 def inject(
-    axis: MonitoredAxis, record: SampleBlock, faults: Sequence[Fault], at: Ints, N: int
-) -> Iterator[tuple[Fault, EquivalentLoad | None, Floats, Floats | None]]:
+    axis: MonitoredAxis, record: SampleBlock, faults: Sequence[InjectedFault], at: Ints, N: int
+) -> Iterator[tuple[InjectedFault, EquivalentLoad | None, Floats, Floats | None]]:
     """Each fault, injected into the record.
 
     Yields for each fault its equivalent load if that is known exactly, with the torque of the whole record and no

@@ -24,7 +24,7 @@ from monitor_core.calibration.multimodel_healthy import (
     multimodel_statistics,
 )
 from monitor_core.calibration.multimodel_tails import LEAST_HEIGHT, TOP, ExcursionPeaks, bank_tails
-from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
 from monitor_core.samples import SampleBlock
 
 _MIN_MARGIN = 1.1
@@ -41,7 +41,7 @@ _HALVINGS = 14
 class BankLimits:
     """Limits of all hypotheses, and false alarms per sample of the detector: most likely value and 90 % interval."""
 
-    own: tuple[Limit, ...]
+    own: tuple[HypothesisThreshold, ...]
     total: float
     lower: float
     upper: float
@@ -96,7 +96,7 @@ def limits_for_budget(statistics: MultiModelStatistics, samples: float, rng: np.
     less = root(excess, -_MAX_LOG, _MAX_LOG, xtol=_LOG_TOLERANCE) if found else 0.0
     h = h_for(less)
     own = tuple(
-        Limit(hypothesis.cause, hypothesis.size, height, allowance, hypothesis.alike, size_error)
+        HypothesisThreshold(hypothesis.cause, hypothesis.size, height, allowance, hypothesis.alike, size_error)
         for hypothesis, height, allowance, size_error in zip(
             statistics.hypotheses,
             h.tolist(),

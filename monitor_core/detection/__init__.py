@@ -27,10 +27,11 @@ from monitor_core.detection.alarm import (
     Alarm,
     AlarmKey,
     Cause,
+    ChangeKind,
     DetectorName,
+    Direction,
     Doubt,
-    Kind,
-    Name,
+    FormerName,
     Reach,
     Stage,
     payload_change,
@@ -39,8 +40,8 @@ from monitor_core.detection.alarm import (
 from monitor_core.detection.cusum.cusum_evidence import Crossing
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import (
-    Limit,
-    Limits,
+    HypothesisThreshold,
     MultiModelDetector,
+    MultiModelThresholds,
     reason_unavailable,
 )

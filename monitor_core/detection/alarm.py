@@ -24,7 +24,7 @@ DIRECTIONS: tuple[Direction, Direction] = ("up", "down")
 Stage = Literal["changed", "named"]
 """changed: something has changed; named: the cause is known."""
 
-Kind = Literal["", "step", "drift", "forecast"]
+ChangeKind = Literal["", "step", "drift", "forecast"]
 """step: the change was sudden; drift: it was gradual; empty: not known.  forecast: nothing has changed yet, but a drift
 is about to reach a limit."""
 
@@ -92,7 +92,7 @@ class Reach(NamedTuple):
     high_us: int | None
 
 
-class Name(NamedTuple):
+class FormerName(NamedTuple):
     """An earlier name of an alarm, valid until a time."""
 
     until_us: int
@@ -157,7 +157,7 @@ class Alarm:
         doubt: why the name may be wrong, see ``Doubt``; empty: no doubt.
         onset_low_us: the onset lies between low and high with a probability of 90 %; None: unknown.
         onset_high_us: the other end of that interval.
-        kind: "step", "drift" or "forecast", see ``Kind``; empty: not known.
+        kind: "step", "drift" or "forecast", see ``ChangeKind``; empty: not known.
         past: earlier names.
         reaches: the limit, for a forecast.
         inside_calibration: whether the alarm was raised within the calibrated conditions; None: unknown.
@@ -178,8 +178,8 @@ class Alarm:
     doubt: Doubt = ""
     onset_low_us: int | None = None
     onset_high_us: int | None = None
-    kind: Kind = ""
-    past: tuple[Name, ...] = ()
+    kind: ChangeKind = ""
+    past: tuple[FormerName, ...] = ()
     reaches: tuple[Reach, ...] = ()
     inside_calibration: bool | None = None
     reopened_us: int | None = None
@@ -242,9 +242,9 @@ class Alarm:
         crossings = self.crossings + again.crossings
         return replace(self, ended_us=None, reopened_us=again.raised_us, crossings=crossings, **now)
 
-    def _earlier_names(self, until_us: int) -> tuple[Name, ...]:
+    def _earlier_names(self, until_us: int) -> tuple[FormerName, ...]:
         """The earlier names and the present one, valid until a time; the first name is always kept."""
-        names = (*self.past, Name(until_us, self.stage, self.parameter, self.direction))
+        names = (*self.past, FormerName(until_us, self.stage, self.parameter, self.direction))
         return names if len(names) <= MAX_EARLIER_NAMES else (names[0], *names[2 - MAX_EARLIER_NAMES :])
 
 
@@ -279,7 +279,7 @@ def alarms_from_array(array: NDArray[np.generic], causes: Collection[str]) -> li
 def _alarm(fields: dict[str, Any]) -> Alarm:
     fields |= {name: known(fields[name]) for name in ("size", "size_sd")}
     causes = tuple(Cause.read(cause) for cause in fields.pop("causes"))
-    past = tuple(Name(*name) for name in fields.pop("past"))
+    past = tuple(FormerName(*name) for name in fields.pop("past"))
     reaches = tuple(Reach(*reach) for reach in fields.pop("reaches", ()))
     return Alarm(**fields, causes=causes, past=past, reaches=reaches)
 

@@ -10,7 +10,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 
 
-class Steps(NamedTuple):
+class MeasuredSteps(NamedTuple):
     """Steps to samples (N,), each from the last sample before it whose output was measured."""
 
     interval_us: NDArray[np.int64]
@@ -29,14 +29,14 @@ class MeasuredSpeed:
         self.before: tuple[int, float] | None = None
         """Time [us] and output of the last measured sample; None: there is none yet"""
 
-    def take(self, t_us: NDArray[np.int64], y: Floats) -> Steps:
+    def take(self, t_us: NDArray[np.int64], y: Floats) -> MeasuredSteps:
         """The steps to samples with times ``t_us`` (N,) and outputs ``y`` (N,); NaN: not measured."""
         N, measured = len(t_us), np.flatnonzero(np.isfinite(y))
         interval, speed, distance = np.zeros(N, np.int64), np.full(N, math.nan), np.zeros(N)
         if not self._angle:
             speed = np.abs(y)
         if not measured.size:
-            return Steps(interval, speed, distance)
+            return MeasuredSteps(interval, speed, distance)
         t, q = t_us[measured], y[measured]
         first = (int(t[0]), float(q[0])) if self.before is None else self.before
         h = np.diff(t, prepend=np.int64(first[0]))
@@ -47,4 +47,4 @@ class MeasuredSpeed:
             with np.errstate(divide="ignore", invalid="ignore"):
                 speed[measured] = np.where(h > 0, moved / h * 1e6, math.nan)
         self.before = int(t[-1]), float(q[-1])
-        return Steps(interval, speed, distance)
+        return MeasuredSteps(interval, speed, distance)

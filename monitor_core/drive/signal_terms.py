@@ -59,7 +59,7 @@ class Factor(NamedTuple):
         return np.array([function(v) if math.isfinite(v) else math.nan for v in total.tolist()], np.float64)
 
 
-class Product(NamedTuple):
+class SignalProduct(NamedTuple):
     """A number times a product of factors."""
 
     factors: tuple[Factor, ...]
@@ -74,7 +74,7 @@ class Product(NamedTuple):
 class Term(NamedTuple):
     """A sum of products."""
 
-    products: tuple[Product, ...]
+    products: tuple[SignalProduct, ...]
 
     def __str__(self) -> str:
         first, *others = self.products
@@ -84,7 +84,7 @@ class Term(NamedTuple):
     @classmethod
     def product(cls, *factors: Factor) -> Term:
         """The term that is a product of these factors."""
-        return cls((Product(factors),))
+        return cls((SignalProduct(factors),))
 
     @classmethod
     def read(cls, text: str) -> Term:
@@ -150,7 +150,7 @@ class Term(NamedTuple):
         return first
 
 
-def _multiplied(product: Product, values: Mapping[Factor, Floats]) -> Floats:
+def _multiplied(product: SignalProduct, values: Mapping[Factor, Floats]) -> Floats:
     first, *others = (values[factor] for factor in product.factors)
     for value in others:
         first = first * value
@@ -174,13 +174,13 @@ def _addends(text: str) -> Iterator[tuple[int, str]]:
     yield sign, text[start:]
 
 
-def _product(sign: int, text: str) -> Product | None:
+def _product(sign: int, text: str) -> SignalProduct | None:
     """The product in a text, times a sign; None: it is no product."""
     parts = [part.strip() for part in text.split("*")]
     number = float(parts.pop(0)) if _NUMBER.fullmatch(parts[0]) else 1.0
     matches = [_FACTOR.fullmatch(part) for part in parts]
     factors = tuple(_factor(match) for match in matches if match is not None)
-    return Product(factors, sign * number) if parts and len(factors) == len(parts) and number else None
+    return SignalProduct(factors, sign * number) if parts and len(factors) == len(parts) and number else None
 
 
 def _factor(match: re.Match[str]) -> Factor:

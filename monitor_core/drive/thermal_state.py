@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.measured_speed import Steps
+from monitor_core.drive.measured_speed import MeasuredSteps
 
 HEAT = "heat"
 """Name of the derived signal [W]; with a thermal model no measured signal can have this name."""
@@ -157,7 +157,7 @@ class ThermalState:
         passed_us = 0 if self.since_us is None or self._now_us is None else self._now_us - self.since_us
         return math.sqrt(self._variance) * self.model.kept(max(passed_us, 0) * 1e-6)
 
-    def take(self, t_us: NDArray[np.int64], steps: Steps) -> Floats:
+    def take(self, t_us: NDArray[np.int64], steps: MeasuredSteps) -> Floats:
         """The heat [W] at samples with times ``t_us`` (N,), from the steps to them."""
         N = len(t_us)
         if not N:

@@ -25,11 +25,11 @@ _LARGE = 0.3
 _TAKES_PART = 1e-6
 """The same for a hidden direction, in which a smaller component is a rounding error."""
 
-Pair = tuple[str, str, float]
+CorrelatedPair = tuple[str, str, float]
 """Two parameters and the correlation of their estimates."""
 
 
-class Finding(NamedTuple):
+class AccuracyFinding(NamedTuple):
     """Parameters that a record does not determine, and a sentence; ``hidden``: it has no information on them."""
 
     names: tuple[str, ...]
@@ -37,7 +37,7 @@ class Finding(NamedTuple):
     sentence: str
 
 
-class Direction(NamedTuple):
+class WeakDirection(NamedTuple):
     """A joint change of parameters with little effect on the output.
 
     ``size``: its effect relative to the effects of its single parts.  ``parts``: the larger parts, in units of their
@@ -123,7 +123,7 @@ class Accuracy:
         with np.errstate(invalid="ignore"):
             return np.asarray(self.covariance / np.outer(sd, sd))
 
-    def pairs(self) -> tuple[Pair, ...]:
+    def pairs(self) -> tuple[CorrelatedPair, ...]:
         """Pairs of parameters whose estimates have a correlation above LIMIT."""
         R = self.correlations
         return tuple(
@@ -132,7 +132,7 @@ class Accuracy:
             if abs(R[i, j]) > LIMIT
         )
 
-    def directions(self) -> tuple[Direction, ...]:
+    def directions(self) -> tuple[WeakDirection, ...]:
         """Joint changes without effect on the output, then those with little effect, the worst first.
 
         Two parameters whose estimates have a correlation of LIMIT, and with no others, form one direction.
@@ -141,8 +141,8 @@ class Accuracy:
         seen = range(len(sizes) - len(self.hidden))
         weak = [k for k in reversed(seen) if sizes[k] < np.sqrt(1 - LIMIT)]
         return (
-            *(Direction(0.0, self._parts(row, _TAKES_PART)) for row in self.hidden),
-            *(Direction(float(sizes[k]), self._parts(rows[k], _LARGE)) for k in weak),
+            *(WeakDirection(0.0, self._parts(row, _TAKES_PART)) for row in self.hidden),
+            *(WeakDirection(float(sizes[k]), self._parts(rows[k], _LARGE)) for k in weak),
         )
 
     def _parts(self, row: Floats, least: float) -> tuple[tuple[str, float], ...]:
@@ -154,7 +154,7 @@ class Accuracy:
         """Sentences on the parameters that this record does not determine."""
         return tuple(finding.sentence for finding in self.findings())
 
-    def findings(self) -> tuple[Finding, ...]:
+    def findings(self) -> tuple[AccuracyFinding, ...]:
         """Findings on the parameters that this record does not determine."""
         deviations = dict(zip(self.names, self.standard_deviations.tolist(), strict=True))
         directions, pairs = self.directions(), self.pairs()
@@ -163,34 +163,36 @@ class Accuracy:
         return (*_alone(deviations, directions), *_in_pairs(deviations, apart), *_in_groups(groups, pairs))
 
 
-def _alone(deviations: Mapping[str, float], directions: Sequence[Direction]) -> Iterator[Finding]:
+def _alone(deviations: Mapping[str, float], directions: Sequence[WeakDirection]) -> Iterator[AccuracyFinding]:
     absent = [d.names[0] for d in directions if d.size == 0 and len(d.parts) == 1]
     if absent:
         verb = "have" if len(absent) > 1 else "has"
-        yield Finding(tuple(absent), True, f"{listed(absent)} {verb} no effect in this record.")
+        yield AccuracyFinding(tuple(absent), True, f"{listed(absent)} {verb} no effect in this record.")
     poor = {name: percent(sd) for name, sd in deviations.items() if POOR < sd < np.inf}
     if len(poor) == 1:
         ((name, sd),) = poor.items()
-        yield Finding((name,), False, f"{name} cannot be determined from this record (standard deviation {sd}).")
+        yield AccuracyFinding(
+            (name,), False, f"{name} cannot be determined from this record (standard deviation {sd})."
+        )
     elif poor:
         names = listed([f"{name} ({sd})" for name, sd in poor.items()])
         sentence = f"{names} cannot be determined from this record (standard deviations in brackets)."
-        yield Finding(tuple(poor), False, sentence)
+        yield AccuracyFinding(tuple(poor), False, sentence)
 
 
-def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[Pair]) -> Iterator[Finding]:
+def _in_pairs(deviations: Mapping[str, float], pairs: Sequence[CorrelatedPair]) -> Iterator[AccuracyFinding]:
     for first, second, r in pairs:
         if max(deviations[first], deviations[second]) > FAIR:
             sentence = (
                 f"{first} and {second} cannot both be determined from this record: their estimates correlate by {r:.2f}"
                 f" (standard deviations {percent(deviations[first])} and {percent(deviations[second])})."
             )
-            yield Finding((first, second), False, sentence)
+            yield AccuracyFinding((first, second), False, sentence)
 
 
-def _groups(deviations: Mapping[str, float], directions: Sequence[Direction]) -> list[Direction]:
+def _groups(deviations: Mapping[str, float], directions: Sequence[WeakDirection]) -> list[WeakDirection]:
     """Hidden directions, and weak ones of three or more, each with a parameter that the others do not explain."""
-    out: list[Direction] = []
+    out: list[WeakDirection] = []
     named: set[str] = set()
     for direction in directions:
         names, hidden = set(direction.names), direction.size == 0
@@ -201,11 +203,11 @@ def _groups(deviations: Mapping[str, float], directions: Sequence[Direction]) ->
     return out
 
 
-def _inside(pair: Pair, group: Direction) -> bool:
+def _inside(pair: CorrelatedPair, group: WeakDirection) -> bool:
     return {pair[0], pair[1]} <= set(group.names)
 
 
-def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[Finding]:
+def _in_groups(groups: Sequence[WeakDirection], pairs: Sequence[CorrelatedPair]) -> Iterator[AccuracyFinding]:
     for direction in groups:
         names = direction.names
         change = " ".join(f"{'+' if v > 0 else '-'}{name}" for name, v in direction.parts)
@@ -222,7 +224,7 @@ def _in_groups(groups: Sequence[Direction], pairs: Sequence[Pair]) -> Iterator[F
             f"{listed(names)} cannot {'both' if len(names) == 2 else 'all'} be determined from this record:"
             f" the joint change {change} {effect}."
         )
-        yield Finding(names, direction.size == 0, sentence)
+        yield AccuracyFinding(names, direction.size == 0, sentence)
 
 
 def _sparse(rows: Floats) -> Floats:

@@ -13,14 +13,14 @@ from monitor_core.drive.structure import split_name
 from monitor_core.excitation.accuracy import FAIR, Accuracy
 from monitor_core.excitation.motions import (
     ExcitationError,
+    ExperimentPhases,
     FittedMotion,
     MotionLimits,
     PlannedMotion,
-    Schedule,
     fitted,
 )
 from monitor_core.excitation.multisine_signals import Complex, Multisine, crest_factor, flattened, lines_in
-from monitor_core.excitation.planned_drive import Motion, Plant
+from monitor_core.excitation.planned_drive import DriveMotion, Plant
 from monitor_core.excitation.prediction import (
     Estimation,
     Optimum,
@@ -80,10 +80,10 @@ class ExcitationTask:
             raise ExcitationError(f"{error}: widen the band or lengthen the period") from None
 
     @cached_property
-    def schedule(self) -> Schedule:
+    def schedule(self) -> ExperimentPhases:
         """Phases of the record."""
         fade = max(self.period // 4, round(_FADE_S / self.plant.interval_s), 4)
-        return Schedule(self.period, self.periods, min(self.period, fade))
+        return ExperimentPhases(self.period, self.periods, min(self.period, fade))
 
     @property
     def frequency_hz(self) -> Floats:
@@ -129,7 +129,7 @@ class PlannedExperiment:
     held: tuple[str, ...]
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> DriveMotion:
         """Torque, angle and speed (samples,)."""
         return self.trial.fitted.motion
 

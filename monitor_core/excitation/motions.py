@@ -14,11 +14,11 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation.multisine_signals import Multisine
-from monitor_core.excitation.planned_drive import Motion, Plant
+from monitor_core.excitation.planned_drive import DriveMotion, Plant
 
 
 @dataclass(frozen=True)
-class Schedule:
+class ExperimentPhases:
     """Phases of an experiment, in samples.
 
     A warm-up of one period ``N``, whose first ``fade`` samples fade in; ``periods`` evaluated periods; ``fade`` out.
@@ -76,7 +76,7 @@ class PlannedMotion:
     """
 
     plant: Plant
-    schedule: Schedule
+    schedule: ExperimentPhases
     signal: Multisine
 
     @cached_property
@@ -122,7 +122,7 @@ class PlannedMotion:
         """Angle [rad] and speed [rad/s] (2, samples) that a controller must follow."""
         return size * self._reference
 
-    def move(self, size: float) -> Motion:
+    def move(self, size: float) -> DriveMotion:
         """The motion (samples,) with the signal scaled by a factor.
 
         Raises:
@@ -167,7 +167,7 @@ class MotionLimits:
         """The limits by quantity."""
         return {"torque": self.torque, "speed": self.speed, "angle": self.angle}
 
-    def used(self, motion: Motion) -> dict[str, float]:
+    def used(self, motion: DriveMotion) -> dict[str, float]:
         """Largest values over limits, by quantity."""
         peaks = {"torque": motion.torque, "speed": motion.speed, "angle": motion.angle}
         return {name: float(np.abs(peaks[name]).max()) / limit for name, limit in self.by_name().items()}
@@ -177,11 +177,11 @@ class FittedMotion(NamedTuple):
     """An amplitude within the limits, its motion, and the limiting quantity."""
 
     size: float
-    motion: Motion
+    motion: DriveMotion
     binding: str
 
 
-def fitted(move: Callable[[float], Motion], limits: MotionLimits, size: float) -> FittedMotion:
+def fitted(move: Callable[[float], DriveMotion], limits: MotionLimits, size: float) -> FittedMotion:
     """The largest amplitude within the limits, from a first guess, with its motion (samples,).
 
     Peaks grow with the amplitude, but not quite in proportion: friction reduces a small amplitude more.

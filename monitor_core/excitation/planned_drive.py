@@ -20,7 +20,7 @@ _SUBSTEP_S = 1e-3
 _RIGID = np.array([0.1, 0.2])  # rad/s: so slow that nothing bends
 
 
-class Motion(NamedTuple):
+class DriveMotion(NamedTuple):
     """Torque [N m], angle [rad] and speed [rad/s] at each sample (N,), and all inputs of the drive (N, m).
 
     The torque acts until the next sample.
@@ -118,7 +118,7 @@ class Plant:
     def _ratio(self) -> Floats:
         return self.drive.matrix("ratio", self.values)[:, 0]
 
-    def moved(self, forward: Floats, reference: Floats | None = None, gains: Floats | None = None) -> Motion:
+    def moved(self, forward: Floats, reference: Floats | None = None, gains: Floats | None = None) -> DriveMotion:
         """Motion from rest at angle zero, under  u = forward + kp (reference - angle) + kd (its slope - speed).
 
         Args:
@@ -138,7 +138,7 @@ class Plant:
         reference, gains = np.ascontiguousarray(reference.T), np.ascontiguousarray(gains.T)
         step_through(_Held(Ad, Bd, C, kinds, ratios, parts), _Command(forward, reference, gains), out, inputs)
         torque, angle, speed = out
-        return Motion(torque, angle, speed, inputs)
+        return DriveMotion(torque, angle, speed, inputs)
 
 
 # --- The inner loop of ``Plant.moved``, compiled ----------------------------------------------------------------------

@@ -13,11 +13,16 @@
 
 from monitor_core.identification.assessment.bode import Bode, drive_response
 from monitor_core.identification.assessment.outlook import Obstacle, Watched
-from monitor_core.identification.assessment.verdict import Basis, Effect, Measure, Quality, Verdict
+from monitor_core.identification.assessment.verdict import Effect, FitQuality, Measure, Verdict, VerdictBasis
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse
-from monitor_core.identification.greybox import LEVEL, Correlation, Estimate, Trace, fit
-from monitor_core.identification.identification_procedure import MOST_MASSES, USUAL_MASSES, Progress, identify
+from monitor_core.identification.greybox import LEVEL, ComparedRecord, Correlation, Estimate, fit
+from monitor_core.identification.identification_procedure import (
+    MOST_MASSES,
+    USUAL_MASSES,
+    IdentificationProgress,
+    identify,
+)
 from monitor_core.identification.identification_result import (
     IdentificationOptions,
     IdentificationResult,
@@ -27,14 +32,14 @@ from monitor_core.identification.identification_result import (
 )
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
-    Schedule,
+    ScheduledTerms,
     Slope,
     scheduled_terms,
     select_parameters,
     with_schedule,
     with_terms,
 )
-from monitor_core.identification.problem import Disturbance, IdentificationError, Predictor, Problem
+from monitor_core.identification.problem import Disturbance, IdentificationError, PredictorKind, Problem
 from monitor_core.identification.record_checks.known_axis import KnownAxis, known_axis
 from monitor_core.identification.record_checks.motion_checks import (
     check_record,

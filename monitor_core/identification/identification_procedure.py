@@ -11,7 +11,7 @@ from monitor_core.drive.signal_terms import Term
 from monitor_core.drive.structure import LOAD, split_name
 from monitor_core.identification.assessment.bode import bode_of
 from monitor_core.identification.assessment.outlook import Outlook, Watched
-from monitor_core.identification.assessment.verdict import Effect, Quality, Verdict, verdict_of
+from monitor_core.identification.assessment.verdict import Effect, FitQuality, Verdict, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
 from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_offset, hold_undetermined
@@ -56,7 +56,7 @@ _BETTER = 0.8
 """A repeated fit must leave less than this part of what the first fit leaves unexplained."""
 _BALANCED = "the one-step prediction hardly depends on it; value of the torque balance"
 
-Progress = Callable[[str, int, int], None]
+IdentificationProgress = Callable[[str, int, int], None]
 """Called with the present phase, its completed steps, and its largest number of steps."""
 
 
@@ -65,7 +65,7 @@ def identify(
     records: Sequence[Record],
     validation: Sequence[Record] = (),
     options: IdentificationOptions | None = None,
-    progress: Progress | None = None,
+    progress: IdentificationProgress | None = None,
 ) -> IdentificationResult:
     """Estimate the free parameters of a drive; simulate all records; compare with a black box.
 
@@ -108,7 +108,7 @@ class _Given(NamedTuple):
     records: Sequence[Record]
     validation: Sequence[Record]
     options: IdentificationOptions
-    report: Progress
+    report: IdentificationProgress
 
 
 def _with_repeats(problem: Problem, given: _Given) -> IdentificationResult:
@@ -118,7 +118,7 @@ def _with_repeats(problem: Problem, given: _Given) -> IdentificationResult:
         faster = replace(problem, min_speed=found.verdict.slow)
         if again := _unless_rejected(faster, given):
             return again
-    doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not Quality.GOOD
+    doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not FitQuality.GOOD
     if doubtful and given.options.start == "records":
         return _with_balanced_inertia(found, problem, given)
     return found
@@ -208,7 +208,9 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
     )
 
 
-def _first(problem: Problem, records: Sequence[Record], options: IdentificationOptions, report: Progress) -> Estimate:
+def _first(
+    problem: Problem, records: Sequence[Record], options: IdentificationOptions, report: IdentificationProgress
+) -> Estimate:
     """The fit to all records with constant friction, started from a fit to the parts with most motion."""
     parts = most_moving_parts(records)
     found = _best(problem, parts, options.start, report)
@@ -233,7 +235,7 @@ def _warmed(
     records: Sequence[Record],
     followers: Sequence[str],
     options: IdentificationOptions,
-    report: Progress,
+    report: IdentificationProgress,
 ) -> tuple[FoundWarmUp, Estimate, Sequence[Record], Sequence[ScheduledTerm]] | None:
     """The warm-up, the fit with it, the records with their heat, and what follows it; None: they show no warm-up."""
     assert options.thermal is not None
@@ -284,7 +286,7 @@ def _silent(*_: object) -> None:
     """No progress."""
 
 
-def _best(problem: Problem, records: Sequence[Record], start: Start, report: Progress) -> Estimate:
+def _best(problem: Problem, records: Sequence[Record], start: Start, report: IdentificationProgress) -> Estimate:
     """The fit of least cost."""
 
     def searching(done: int, most: int) -> None:
@@ -313,7 +315,7 @@ def _best(problem: Problem, records: Sequence[Record], start: Start, report: Pro
     return best_of([direct, searched])
 
 
-def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estimate:
+def _fit(problem: Problem, records: Sequence[Record], report: IdentificationProgress) -> Estimate:
     def fitting(done: int, cost: float) -> None:
         report(f"fit, sum of squares {cost:.4g}", min(done, MOST_ITERATIONS), MOST_ITERATIONS)
 
@@ -321,7 +323,7 @@ def _fit(problem: Problem, records: Sequence[Record], report: Progress) -> Estim
 
 
 def _growth(
-    problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: Progress
+    problem: Problem, records: Sequence[Record], validation: Sequence[Record], most: int, report: IdentificationProgress
 ) -> Growth:
     """Chains of one, two, .. masses, with the friction of the drive."""
     drive, values, free = problem.drive, problem.nominal, problem.free

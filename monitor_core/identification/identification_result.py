@@ -12,8 +12,8 @@ from monitor_core.drive.structure import DELAY, split_name, value_of
 from monitor_core.drive.thermal_state import ThermalStart
 from monitor_core.identification.assessment.bode import Bode
 from monitor_core.identification.assessment.outlook import Watched
-from monitor_core.identification.assessment.verdict import Quality, Verdict
-from monitor_core.identification.greybox import Estimate, Trace
+from monitor_core.identification.assessment.verdict import FitQuality, Verdict
+from monitor_core.identification.greybox import ComparedRecord, Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.gap_cuts import GapCut
@@ -134,8 +134,8 @@ class IdentificationResult:
 
     start: Problem
     estimate: Estimate
-    estimation: tuple[Trace, ...]
-    validation: tuple[Trace, ...]
+    estimation: tuple[ComparedRecord, ...]
+    validation: tuple[ComparedRecord, ...]
     bode: Bode
     colour: float
     growth: Growth | None
@@ -167,7 +167,7 @@ class IdentificationResult:
             return Rejection.NOT_IDENTIFIABLE
         if not 0 <= self.delay_s <= self.estimate.interval_s:
             return Rejection.DELAY_OUT_OF_RANGE
-        if self.verdict.quality is Quality.POOR:
+        if self.verdict.quality is FitQuality.POOR:
             return Rejection.POOR
         return None
 

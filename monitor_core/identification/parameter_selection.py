@@ -16,7 +16,7 @@ from monitor_core.modeling.identifiability import structural
 from monitor_core.modeling.statespace import StateSpace
 from monitor_core.wording import did_you_mean
 
-Schedule = Mapping[str, tuple[str, ...]]
+ScheduledTerms = Mapping[str, tuple[str, ...]]
 """Terms (a signal or a function of it) by parameter."""
 
 
@@ -55,7 +55,7 @@ def select_parameters(
     return chosen
 
 
-def with_schedule(selection: ParameterSelection, schedule: Schedule, free: Sequence[str]) -> ParameterSelection:
+def with_schedule(selection: ParameterSelection, schedule: ScheduledTerms, free: Sequence[str]) -> ParameterSelection:
     """The selection with its free parameters named as in the schedule; ``free``: names that the user gave.
 
     Raises:
@@ -169,7 +169,7 @@ class Slope(NamedTuple):
         return abs(self.slope) > 3.0 * self.sd
 
 
-def scheduled_terms(schedule: Schedule, records: Sequence[Record]) -> tuple[ScheduledTerm, ...]:
+def scheduled_terms(schedule: ScheduledTerms, records: Sequence[Record]) -> tuple[ScheduledTerm, ...]:
     """The terms of a schedule with their references and ranges in the records.
 
     Raises:

@@ -10,9 +10,9 @@ from typing import Literal
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, slope_name, split_name
 
-Predictor = Literal["output-error", "innovations"]
+PredictorKind = Literal["output-error", "innovations"]
 Loss = Literal["squares", "huber"]
-Motion = Literal["measured", "simulated"]
+MotionSource = Literal["measured", "simulated"]
 Initial = Literal["free", "first"]
 Level = Literal["torque", "slow", "time_constant"]
 
@@ -95,7 +95,7 @@ class Problem:
     drive: Drive
     nominal: Mapping[str, float]
     free: tuple[str, ...]
-    predictor: Predictor = "innovations"
+    predictor: PredictorKind = "innovations"
     speed_scale: float = 1.0
     delay_s: float = 0.0
     free_delay: bool = False
@@ -103,7 +103,7 @@ class Problem:
     K: tuple[float, ...] | None = None
     loss: Loss = "squares"
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    motion: Motion = "measured"
+    motion: MotionSource = "measured"
     initial: Initial = "free"
     varying: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     slopes: Mapping[str, float] = field(default_factory=dict)

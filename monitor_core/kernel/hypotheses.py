@@ -133,7 +133,7 @@ class Sample(NamedTuple):
     seed_left: Ints
 
 
-class Work(NamedTuple):
+class BankWork(NamedTuple):
     """Work arrays of a run."""
 
     X: Floats  # (n H,) the state, flat
@@ -161,7 +161,7 @@ def _take(k: int, block: Block, s: Sample) -> None:
 
 
 @kernel
-def _inputs(lanes: Any, T: Tables, P: Predictors, M: Memory, torque: Torques, s: Sample, w: Work) -> None:
+def _inputs(lanes: Any, T: Tables, P: Predictors, M: Memory, torque: Torques, s: Sample, w: BankWork) -> None:
     """Set the inputs over the interval before the sample, and the length of the interval."""
     for a in range(len(lanes)):
         w.over[a] = s.h[0]
@@ -174,7 +174,7 @@ def _inputs(lanes: Any, T: Tables, P: Predictors, M: Memory, torque: Torques, s:
 
 
 @kernel
-def _end_mean(lanes: Any, T: Tables, M: Memory, w: Work) -> None:
+def _end_mean(lanes: Any, T: Tables, M: Memory, w: BankWork) -> None:
     """Compute the mean speed of the interval, and restart the integral for the next one."""
     divide_by_interval(lanes, w.over, w.yhat, w.psi)
     for a in range(len(lanes)):
@@ -183,7 +183,7 @@ def _end_mean(lanes: Any, T: Tables, M: Memory, w: Work) -> None:
 
 
 @kernel
-def _forget_state(M: Memory, s: Sample, w: Work) -> None:
+def _forget_state(M: Memory, s: Sample, w: BankWork) -> None:
     """Restart with the next sample, as all hypotheses have diverged."""
     M.integers[COUNTS + DIVERGED, 0] += 1
     M.integers[LAST, 0] = NEVER
@@ -193,7 +193,7 @@ def _forget_state(M: Memory, s: Sample, w: Work) -> None:
 
 
 @kernel
-def _admit(lane: Any, P: Predictors, M: Memory, limits: OutlierConstants, s: Sample, w: Work) -> None:
+def _admit(lane: Any, P: Predictors, M: Memory, limits: OutlierConstants, s: Sample, w: BankWork) -> None:
     """Reject the sample if it is an outlier by the innovation of hypothesis 0; restart if the start was wrong."""
     roles, axis, integers = s.roles, P.axis, M.integers
     roles.moves[0], roles.learns[0], roles.tracks[0] = 1, roles.mode[0] == TRACK, roles.mode[0] == TRACK
@@ -207,7 +207,7 @@ def _admit(lane: Any, P: Predictors, M: Memory, limits: OutlierConstants, s: Sam
 
 @kernel
 def _correct(
-    lanes: Any, T: Tables, P: Predictors, M: Memory, usual: int, gains: bool, turns: bool, s: Sample, w: Work
+    lanes: Any, T: Tables, P: Predictors, M: Memory, usual: int, gains: bool, turns: bool, s: Sample, w: BankWork
 ) -> None:
     """x = x + K eps; for the first samples after a start, set x as if the axis moved rigidly."""
     mode, integers = s.roles.mode, M.integers
@@ -223,7 +223,7 @@ def _correct(
 
 
 @kernel
-def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
+def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: BankWork) -> None:
     """Update g of each hypothesis; WAIT becomes 0 if the run must stop for a decision."""
     numbers, integers = M.numbers, M.integers
     new_torque, new_output = s.u[0] != numbers[TORQUE_HELD, 0], s.y[0] != numbers[LAST_OUTPUT, 0]
@@ -239,7 +239,7 @@ def _test(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
 
 
 @kernel
-def _restart(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
+def _restart(lanes: Any, P: Predictors, M: Memory, s: Sample, w: BankWork) -> None:
     """Restart x from the measured output, as if the axis moved rigidly with it."""
     for a in range(len(lanes)):
         w.motion[a] = (s.y[0] - P.own[OFFSET, a]) / P.own[SCALE, a]
@@ -250,7 +250,7 @@ def _restart(lanes: Any, P: Predictors, M: Memory, s: Sample, w: Work) -> None:
 
 
 @kernel
-def _hold(lanes: Any, T: Tables, P: Predictors, M: Memory, weight: float, s: Sample, w: Work) -> None:
+def _hold(lanes: Any, T: Tables, P: Predictors, M: Memory, weight: float, s: Sample, w: BankWork) -> None:
     """Hold the inputs until the next sample."""
     if P.moving.size:
         for a in range(len(lanes)):
@@ -273,7 +273,7 @@ def _tally(mode: int, counts: Ints) -> None:
 
 
 @outlined
-def _record(k: int, moved: bool, tested: bool, w: Work, sums: Floats, to: BankTrace) -> None:
+def _record(k: int, moved: bool, tested: bool, w: BankWork, sums: Floats, to: BankTrace) -> None:
     for a in range(to.g.shape[1]):
         to.eps[k, a] = w.eps[a] if moved else math.nan
         to.llr[k, a] = w.llr[a] if tested else math.nan
@@ -294,8 +294,8 @@ def run_hypotheses(lanes: Any, T: Tables, P: Predictors, M: Memory, block: Block
     acting, yhat, psi, eps, llr, motion = table(m, H), floats(H), table(0, H), floats(H), floats(H), floats(H)
     # These arrays are computed later in each sample; until then they serve as scratch.
     middle = MiddleSpeed(table(m, H), yhat, eps, llr, motion, psi, psi, psi)
-    w = Work(M.x.reshape(M.x.size), floats(n * H), acting, acting.reshape(acting.size), floats(H), table(n, H), yhat,
-             psi, eps, llr, floats(H), floats(H), motion, floats(H), ints(H), ints(H), middle)  # fmt: skip
+    w = BankWork(M.x.reshape(M.x.size), floats(n * H), acting, acting.reshape(acting.size), floats(H), table(n, H),
+                 yhat, psi, eps, llr, floats(H), floats(H), motion, floats(H), ints(H), ints(H), middle)  # fmt: skip
     counts, mode, shortest = integers[COUNTS:], roles.mode, int(axis[SHORTEST, 0])
     timing = Timing(axis[GAP], axis[SETTLES], axis[INTERVAL], axis[LOST])
     limits = OutlierConstants(axis[OUTLIER], axis[OUTLIER_LEAST], axis[OUTLIER_CREDIT])

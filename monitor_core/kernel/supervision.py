@@ -48,7 +48,7 @@ class FloorConstants(NamedTuple):
     scale: Floats
 
 
-class Observation(NamedTuple):
+class ParameterInformation(NamedTuple):
     """Fields of the State with the information on the parameters."""
 
     P: Floats
@@ -87,7 +87,7 @@ def check_excitation(
 
 @kernel
 def apply_information_floor(
-    lanes: Any, con: FloorConstants, st: Observation, on: Ints, N: Floats, L: Floats, Y: Floats
+    lanes: Any, con: FloorConstants, st: ParameterInformation, on: Ints, N: Floats, L: Floats, Y: Floats
 ) -> None:
     """Once in ``span`` updates: add the information floor to P, and classify each parameter.
 

@@ -25,7 +25,7 @@ from monitor_core.kernel.state import GATED as GATED_COUNT
 from monitor_core.kernel.state import OUTLIER, PROJECTED, SEEDING, SETTLING, STARVED, USED, State
 from monitor_core.kernel.supervision import (
     FloorConstants,
-    Observation,
+    ParameterInformation,
     apply_information_floor,
     check_excitation,
     select_tests,
@@ -89,7 +89,7 @@ def update_tests(
     """Classify parameters as observed or not, run the CUSUM tests (eq. 21-23), and gather evidence for the cause."""
     tracks, d, (N, L, Y) = w.roles.tracks, w.d, w.floor
     # fmt: off
-    known = Observation(st.P, st.P_nom, st.since, st.unobserved, st.observed)
+    known = ParameterInformation(st.P, st.P_nom, st.since, st.unobserved, st.observed)
     floor = FloorConstants(con.floor, con.min_excitation, con.span, con.lam, con.scale)
     tests = TestConstants(con.theta0, con.alpha1, con.allowance, con.lam0, con.h, con.widen, con.naming_samples)
     cusum = TestState(st.theta, st.P, st.P_nom, st.shift, st.g, st.onset, st.left, st.noting)

@@ -17,12 +17,12 @@ from dataclasses import dataclass, field
 
 from monitor_core.modeling.components import COMPONENT_KINDS, join
 from monitor_core.modeling.components.fragments import End, Fragment, Joint, connect
-from monitor_core.modeling.components.uses import Part, Use, first_use, infer, sign_of
+from monitor_core.modeling.components.uses import DriveComponent, Use, first_use, infer, sign_of
 from monitor_core.modeling.flat import FlatComponent, FlatModel, FlatParameter, Origin
 from monitor_core.modeling.laurent import Laurent
 
 
-def part(kind: str, name: str, *nodes: str, **parameters: str | Laurent) -> Part:
+def part(kind: str, name: str, *nodes: str, **parameters: str | Laurent) -> DriveComponent:
     """A component of a kind of component_kinds.py: ``part("spring", "belt", "shaft", "load", c="k")``.
 
     A parameter is a name, or a Laurent sum of names; one that is not given is called "<component>.<role>".
@@ -35,7 +35,7 @@ def part(kind: str, name: str, *nodes: str, **parameters: str | Laurent) -> Part
     values = {role: Laurent.symbol(value) if isinstance(value, str) else value for role, value in given.items()}
     origin = Origin(name)
     uses = (Use(value, known.role(role).unit, origin, known.role(role)) for role, value in values.items())
-    return Part(known, name, values, origin, tuple(uses), nodes)
+    return DriveComponent(known, name, values, origin, tuple(uses), nodes)
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Drawing:
     """A drive.  ``meanings``: parameters in words, in the order of lists; the others follow as they occur."""
 
     name: str
-    components: Sequence[Part]
+    components: Sequence[DriveComponent]
     meanings: Mapping[str, str] = field(default_factory=dict)
 
     def flat(self) -> FlatModel:
@@ -86,7 +86,7 @@ class Drawing:
             yield Joint(node, tuple(at), Origin(f"node {node}"))
 
 
-def _measured(part: Part) -> Fragment:
+def _measured(part: DriveComponent) -> Fragment:
     """The equations of a part; a torque is the measured one, as drawings have no signals."""
     new = part.fragment()
     for signal in part.kind.signals_in:

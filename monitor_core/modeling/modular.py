@@ -20,14 +20,14 @@ POINTS = (*PRIMES, PRIMES[0])
 Seed = int | np.random.Generator
 
 
-class Point(NamedTuple):
+class ModularPoint(NamedTuple):
     """Values of parameters modulo a prime, none of them zero."""
 
     prime: int
     values: Mapping[str, int]
 
 
-def points_of(ss: StateSpace, seed: Seed, primes: Sequence[int] = POINTS) -> Iterator[Point]:
+def points_of(ss: StateSpace, seed: Seed, primes: Sequence[int] = POINTS) -> Iterator[ModularPoint]:
     """A point for each of the primes: all names of a state space at random, then the values of its definitions."""
     rng = np.random.default_rng(seed)
     names = {p.name for p in (*ss.parameters, *ss.drawn)}
@@ -38,11 +38,11 @@ def points_of(ss: StateSpace, seed: Seed, primes: Sequence[int] = POINTS) -> Ite
     for prime in primes:
         values = dict(zip(free, rng.integers(1, prime, len(free)).tolist(), strict=True))
         for definition in ss.definitions:
-            values[definition.name] = residue(definition.value, Point(prime, values))
-        yield Point(prime, values)
+            values[definition.name] = residue(definition.value, ModularPoint(prime, values))
+        yield ModularPoint(prime, values)
 
 
-def terms_at(entry: Laurent, point: Point) -> Iterator[tuple[int, dict[str, int]]]:
+def terms_at(entry: Laurent, point: ModularPoint) -> Iterator[tuple[int, dict[str, int]]]:
     """Value and exponents of each term."""
     for monomial, c in entry.terms.items():
         value = c.numerator * pow(c.denominator, -1, point.prime)
@@ -51,12 +51,12 @@ def terms_at(entry: Laurent, point: Point) -> Iterator[tuple[int, dict[str, int]
         yield value % point.prime, dict(monomial)
 
 
-def residue(entry: Laurent, point: Point) -> int:
+def residue(entry: Laurent, point: ModularPoint) -> int:
     """The value of a Laurent sum."""
     return sum(value for value, _ in terms_at(entry, point)) % point.prime
 
 
-def residues(ss: StateSpace, point: Point) -> list[Ints]:
+def residues(ss: StateSpace, point: ModularPoint) -> list[Ints]:
     """The values of A, B and C."""
     matrices = [np.zeros(shape, dtype=np.int64) for shape in ss.shapes]
     for matrix, entries in zip(matrices, (ss.A, ss.B, ss.C), strict=True):

@@ -19,7 +19,7 @@ _REAL = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Mode:
+class ResonantMode:
     """An oscillating pair of roots: natural frequency |s| / 2 pi, and damping ratio -Re s / |s|."""
 
     frequency_hz: float
@@ -35,8 +35,8 @@ class Resonances:
 
     poles: tuple[complex, ...]
     zeros: tuple[complex, ...]
-    resonances: tuple[Mode, ...]
-    antiresonances: tuple[Mode, ...]
+    resonances: tuple[ResonantMode, ...]
+    antiresonances: tuple[ResonantMode, ...]
 
 
 def resonances_of(ss: StateSpace, nominal: Mapping[str, float]) -> Resonances:
@@ -53,10 +53,10 @@ def resonances(A: Floats, b: Floats, c: Floats) -> Resonances:
     return Resonances(poles=poles, zeros=zeros, resonances=modes(poles), antiresonances=modes(zeros))
 
 
-def modes(roots: Iterable[complex]) -> tuple[Mode, ...]:
+def modes(roots: Iterable[complex]) -> tuple[ResonantMode, ...]:
     """The mode of each oscillating pair."""
     upper = [s for s in roots if s.imag > _REAL * abs(s)]
-    return tuple(Mode(abs(s) / (2 * math.pi), -s.real / abs(s)) for s in upper)
+    return tuple(ResonantMode(abs(s) / (2 * math.pi), -s.real / abs(s)) for s in upper)
 
 
 def zeros_of(A: Floats, b: Floats, c: Floats) -> Complexes:

@@ -12,7 +12,7 @@ from typing import NamedTuple, get_args
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import Drive, Output
-from monitor_core.modeling.drawing import Drawing, Part, part
+from monitor_core.modeling.drawing import Drawing, DriveComponent, part
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.statespace import drive_of
@@ -84,11 +84,11 @@ def _chain(name: str, links: Sequence[_Link]) -> Drawing:
 _GEARBOX = part("ideal-gear", "gear", "motor", "gear", ratio=Laurent.symbol("r", -1))
 
 
-def _weight(node: str) -> Part:
+def _weight(node: str) -> DriveComponent:
     return part("gravity", "weight", node, gc="gc", gs="gs")
 
 
-def _motor(J: str) -> list[Part]:
+def _motor(J: str) -> list[DriveComponent]:
     """The motor with this inertia, its friction and its sensor."""
     return [
         part("torque", "torque", "motor", kT="kT"),

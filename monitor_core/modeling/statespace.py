@@ -14,7 +14,7 @@ Entries = Mapping[tuple[int, int], Laurent]
 
 
 @dataclass(frozen=True, slots=True)
-class Definition:
+class SymbolicDefinition:
     """``name`` = the sum of Laurent terms ``value`` in parameters and in names defined before."""
 
     name: str
@@ -57,7 +57,7 @@ class StateSpace:
     speed_states: tuple[int, ...]
     parameters: tuple[FlatParameter, ...]
     drawn: tuple[FlatParameter, ...]
-    definitions: tuple[Definition, ...]
+    definitions: tuple[SymbolicDefinition, ...]
     report: Report
     notes: tuple[str, ...]
 

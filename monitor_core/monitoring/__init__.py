@@ -41,7 +41,7 @@ from monitor_core.monitoring.alarm_life_cycle import (
 )
 from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange
 from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
-from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.monitoring.axis_status import (
     AxisStatus,
     Observation,
@@ -53,8 +53,8 @@ from monitor_core.monitoring.calibrated_range import (
     MOST_NEW_POSES,
     RMS_SPEED,
     CalibratedRange,
+    ConditionRange,
     ConditionTracker,
-    Range,
     ranges,
 )
 from monitor_core.monitoring.fleet import AxisTrace, Fleet

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Arrays, Floats
 from monitor_core.detection.alarm import Alarm, DetectorName, alarms_from_array, alarms_to_array
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
 from monitor_core.detection.cusum.cusum_evidence import BatchEvent
@@ -35,7 +34,7 @@ from monitor_core.monitoring.axis_status import AxisStatus, DetectorStatus
 from monitor_core.monitoring.lane_status import Deviations, LaneStatus
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from monitor_core.trend.entries import Reading
+from monitor_core.trend.entries import EstimateReading
 
 _PRIME = 2**127 - 1
 _NOT_PART_OF_STATE: dict[str, Any] = {
@@ -50,7 +49,6 @@ _NOT_PART_OF_STATE: dict[str, Any] = {
     "unidentifiable": (),
 }
 """Settings that may change between two runs without making a saved state invalid, with a fixed value for the key"""
-Arrays = dict[str, NDArray[np.generic]]
 
 
 class AxisMonitor:
@@ -256,7 +254,7 @@ class AxisMonitor:
             self._open_us = max(self._open_us, last_open_us(samples))
         if self.alarm_source == "multimodel" and self.multimodel is not None:
             return self._tracker.update(multimodel, in_context(self.multimodel.interpret, samples, self.look_alike))
-        events = (event for event in cusum if not isinstance(event, Reading))
+        events = (event for event in cusum if not isinstance(event, EstimateReading))
         return self._tracker.update(events, in_context(self.cusum.interpret, samples, self.look_alike))
 
     def status(self) -> AxisStatus:

@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import DetectorName
 from monitor_core.kernel.supervision import LOST, TAKES_PART
-from monitor_core.monitoring.not_tested import MIN_TESTED_MEMORIES, NotTested, Remedy
+from monitor_core.monitoring.not_tested import MIN_TESTED_MEMORIES, NotTested, SeedingRemedy
 from monitor_core.wording import sentence
 
 
@@ -105,7 +105,7 @@ class AxisStatus:
     counters: Mapping[str, int]
     """Counts of used and rejected samples; see monitor_core.kernel.state.COUNTERS"""
     detectors: tuple[DetectorStatus, ...] = ()
-    remedy: Remedy | None = None
+    remedy: SeedingRemedy | None = None
     """What to do so that P(0) is found; None: it has been found"""
     memory_s: float = 0.0
     """Memory of the estimates [s]"""

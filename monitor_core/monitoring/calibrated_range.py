@@ -32,7 +32,7 @@ MARGIN = 0.1
 """A value counts as inside if it is beyond an end by at most this share of the width and of the ends' magnitudes."""
 
 
-class Range(NamedTuple):
+class ConditionRange(NamedTuple):
     """Lowest and highest value of a condition in the calibration records."""
 
     condition: str
@@ -116,12 +116,14 @@ class ConditionTracker:
         return np.where(steps.interval_us <= self._gap_us, steps.speed, math.nan)
 
 
-def ranges(output: Output, settings: Settings, signals: Sequence[str], records: Sequence[SampleBlock]) -> list[Range]:
+def ranges(
+    output: Output, settings: Settings, signals: Sequence[str], records: Sequence[SampleBlock]
+) -> list[ConditionRange]:
     """Ranges of the conditions in consecutive records; a condition that was never known has no range."""
     tracker = ConditionTracker(output, settings, signals)
     conditions = np.concatenate([tracker.take(record) for record in records])
     return [
-        Range(name, float(np.nanmin(values)), float(np.nanmax(values)))
+        ConditionRange(name, float(np.nanmin(values)), float(np.nanmax(values)))
         for name, values in zip(tracker.names, conditions.T, strict=True)
         if np.isfinite(values).any()
     ]
@@ -139,10 +141,10 @@ class Inside(NamedTuple):
 class CalibratedRange:
     """Tells whether an axis is within its calibrated conditions, from sample to sample."""
 
-    def __init__(self, known: Sequence[Range], tracker: ConditionTracker) -> None:
+    def __init__(self, known: Sequence[ConditionRange], tracker: ConditionTracker) -> None:
         self._tracker = tracker
         self._ranges = [(tracker.names.index(r.condition), r) for r in known if r.condition in tracker.names]
-        self._new_poses = Range(NEW_POSES, 0.0, MOST_NEW_POSES) if NEW_POSES in tracker.names else None
+        self._new_poses = ConditionRange(NEW_POSES, 0.0, MOST_NEW_POSES) if NEW_POSES in tracker.names else None
         self._last: Floats | None = None
 
     def take(self, block: SampleBlock) -> Inside:

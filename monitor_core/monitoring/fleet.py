@@ -21,7 +21,7 @@ from monitor_core.monitoring.axis_batch import AxisBatch, MoreColumns
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from monitor_core.trend.entries import Reading
+from monitor_core.trend.entries import EstimateReading
 
 _T = TypeVar("_T", bound=np.generic)
 _NO_AXIS = -1
@@ -44,7 +44,7 @@ class AxisUpdate(NamedTuple):
     """Results of a block of samples of an axis."""
 
     changes: Sequence[AlarmChange]
-    readings: Sequence[Reading]
+    readings: Sequence[EstimateReading]
     """Readings for the long-term trend"""
     trace: AxisTrace | None
     """None: not requested"""
@@ -164,7 +164,7 @@ def _axis_update(
     trace: Trace | None,
     multimodel: bool,
 ) -> AxisUpdate:
-    readings = [event for event in events if isinstance(event, Reading)]
+    readings = [event for event in events if isinstance(event, EstimateReading)]
     if trace is None:
         found = monitor.multimodel_events(block) if multimodel else ()
         return AxisUpdate(monitor.apply(events, found, block), readings, None)

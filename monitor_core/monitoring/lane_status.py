@@ -23,7 +23,7 @@ from monitor_core.monitoring.axis_status import (
     confounded,
     unidentifiable_words,
 )
-from monitor_core.monitoring.not_tested import NotTested, Remedy, remedy
+from monitor_core.monitoring.not_tested import NotTested, SeedingRemedy, remedy
 from monitor_core.monitoring.recommended_settings import time_constant
 
 _OBSERVATION = tuple(Observation)
@@ -192,7 +192,7 @@ class LaneStatus:
             return self._model.monitored
         return self._multimodel.bank.causes
 
-    def _remedy(self) -> Remedy | None:
+    def _remedy(self) -> SeedingRemedy | None:
         st, a = self._batch.state, self._lane
         if not st.seed_left[a] or self._by_models:
             return None

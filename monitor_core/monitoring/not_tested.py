@@ -31,7 +31,7 @@ class NotTested(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Remedy:
+class SeedingRemedy:
     """Ways to make an axis testable for which P(0) has not been found; times in seconds.
 
     ``seeding_s``: time of motion that finds P(0); ``left_s``: the part of it still needed.  ``record_s``: time of
@@ -48,7 +48,7 @@ class Remedy:
     joint_state: bool
 
 
-def remedy(slowest_s: float, settings: Settings, seed_left: int, moved_samples: int) -> Remedy:
+def remedy(slowest_s: float, settings: Settings, seed_left: int, moved_samples: int) -> SeedingRemedy:
     """Find the remedy for an axis for which P(0) has not been found.
 
     Args:
@@ -59,7 +59,7 @@ def remedy(slowest_s: float, settings: Settings, seed_left: int, moved_samples: 
     """
     h, memories = settings.interval_s, SEEDING_MEMORIES + TEST_MEMORIES
     memory_s, joint = fitting_memory(slowest_s, settings, moved_samples * h / memories)
-    return Remedy(
+    return SeedingRemedy(
         memory_now_s=settings.memory * h,
         seeding_s=settings.seed_updates * h,
         left_s=seed_left * h,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from monitor_core.detection.alarm import Alarm, Direction, Reach
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.trend.entries import Entry, Reading
+from monitor_core.trend.entries import EstimateReading, HistoryEntry
 from monitor_core.trend.limit_forecast import Forecast, forecast
 from monitor_core.trend.slow_history import HOUR_S, SlowHistory
 from monitor_core.trend.trend import Trend, trend_of
@@ -51,7 +51,7 @@ class ParameterTrend:
     nominal: float
     hour_s: float
     """Time in operation per entry [s]"""
-    entries: tuple[Entry, ...] = ()
+    entries: tuple[HistoryEntry, ...] = ()
     trend: Trend | None = None
     """None: there is too little data yet"""
     reaches: tuple[Reach, ...] = ()
@@ -84,7 +84,7 @@ class TrendMonitor:
         self._computed = [0] * len(model.monitored)
         self._open: dict[tuple[str, Direction], Alarm] = {}
 
-    def take(self, reading: Reading) -> bool:
+    def take(self, reading: EstimateReading) -> bool:
         """Add a reading to the histories of the parameters that it knows; returns whether an entry was completed."""
         before = sum(self.closed)
         for i, history in enumerate(self.histories):

@@ -12,9 +12,10 @@ from itertools import takewhile
 
 import numpy as np
 
+from monitor_core.arrays import Arrays
 from monitor_core.detection.alarm import Alarm
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.monitoring.axis_monitor import Arrays, AxisMonitor
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.samples import SampleBlock
 
 PAUSE_S = 600.0

@@ -8,8 +8,8 @@
 * ``limit_forecast``: forecast of the time at which a limit is reached, with its interval.
 """
 
-from monitor_core.trend.entries import Reading, thinned
-from monitor_core.trend.learning_window import PARTS, Kept, Learned, LearningWindow, WindowDoubt, WindowError
+from monitor_core.trend.entries import EstimateReading, thinned
+from monitor_core.trend.learning_window import PARTS, KeptReason, Learned, LearningWindow, WindowDoubt, WindowError
 from monitor_core.trend.limit_forecast import forecast
 from monitor_core.trend.slow_history import SlowHistory
 from monitor_core.trend.trend import Trend, trend_of

@@ -20,7 +20,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 
 
-class Reading(NamedTuple):
+class EstimateReading(NamedTuple):
     """Estimates of an axis with their variances, after a number of learned samples."""
 
     time_us: int
@@ -38,7 +38,7 @@ class Reading(NamedTuple):
     """Whether the model explains the measurements"""
 
 
-class Entry(NamedTuple):
+class HistoryEntry(NamedTuple):
     """Mean of a parameter over a stretch of time in which it was observed."""
 
     start_us: int
@@ -57,17 +57,17 @@ def inflation(n: int, rho: float) -> float:
     return (1 + rho) / (1 - rho) - 2 * rho * (1 - rho**n) / (n * (1 - rho) ** 2)
 
 
-def merged(entries: Sequence[Entry]) -> Entry:
+def merged(entries: Sequence[HistoryEntry]) -> HistoryEntry:
     """Merge consecutive entries into one, weighted by their information."""
     w = np.array([1 / e.variance for e in entries])
     first, total = entries[0].middle_us, float(w.sum())  # differences of times keep their digits
     later = float(w @ [e.middle_us - first for e in entries]) / total
     mean = float(w @ [e.mean - entries[0].mean for e in entries]) / total + entries[0].mean
     operating_s = sum(e.operating_s for e in entries)
-    return Entry(entries[0].start_us, entries[-1].end_us, first + round(later), mean, 1 / total, operating_s)
+    return HistoryEntry(entries[0].start_us, entries[-1].end_us, first + round(later), mean, 1 / total, operating_s)
 
 
-def thinned(entries: Sequence[Entry], most: int) -> list[Entry]:
+def thinned(entries: Sequence[HistoryEntry], most: int) -> list[HistoryEntry]:
     """Merge neighbours so that at most ``most`` entries remain."""
     group = -(-len(entries) // most)
     if group <= 1:
@@ -78,20 +78,20 @@ def thinned(entries: Sequence[Entry], most: int) -> list[Entry]:
     return [merged(entries[a:b]) for a, b in zip(starts, ends, strict=True)]
 
 
-def as_rows(entries: Iterable[Entry]) -> Floats:
+def as_rows(entries: Iterable[HistoryEntry]) -> Floats:
     """Entries as an array (N, 6), exact: times in microseconds since 1970 are whole numbers below 2^53."""
-    return np.array([tuple(e) for e in entries], float).reshape(-1, len(Entry._fields))
+    return np.array([tuple(e) for e in entries], float).reshape(-1, len(HistoryEntry._fields))
 
 
-def from_rows(rows: Floats) -> list[Entry]:
+def from_rows(rows: Floats) -> list[HistoryEntry]:
     """Entries from the array of ``as_rows``.
 
     Raises:
         ValueError: the rows are not valid entries.
     """
-    if rows.ndim != 2 or rows.shape[1] != len(Entry._fields) or not np.isfinite(rows).all():
+    if rows.ndim != 2 or rows.shape[1] != len(HistoryEntry._fields) or not np.isfinite(rows).all():
         raise ValueError(f"no entries of a history: numbers of shape {rows.shape}, or not finite")
-    entries = [Entry(int(r[0]), int(r[1]), int(r[2]), *(float(v) for v in r[3:])) for r in rows]
+    entries = [HistoryEntry(int(r[0]), int(r[1]), int(r[2]), *(float(v) for v in r[3:])) for r in rows]
     for e in entries:
         if not (e.start_us <= e.middle_us <= e.end_us and e.variance > 0 and e.operating_s > 0):
             raise ValueError(f"no entry of a history: {e}")

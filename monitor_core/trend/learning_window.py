@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import DELAY, LOAD, AxisModel
-from monitor_core.trend.entries import Reading, inflation
+from monitor_core.trend.entries import EstimateReading, inflation
 
 PARTS = 12
 SKIPPED = 2
@@ -44,7 +44,7 @@ class WindowDoubt(StrEnum):
     MOVED = "a parameter has moved too far from its former nominal value"
 
 
-class Kept(StrEnum):
+class KeptReason(StrEnum):
     """Reason why a parameter keeps its former nominal value."""
 
     NOT_OBSERVED = "not observed for long enough in the window"
@@ -67,7 +67,7 @@ class Learned(NamedTuple):
     """(p,) nominal values; the former value for a parameter that keeps it"""
     standard_deviation: Floats
     """(p,) NaN for a parameter that keeps its former value"""
-    kept: Mapping[str, Kept]
+    kept: Mapping[str, KeptReason]
     """Reasons of the parameters that keep their former values, by name"""
 
 
@@ -98,7 +98,7 @@ class LearningWindow:
         """Whether the window has reached its length."""
         return self.done_s >= self.length_s * (1 - 1e-9)
 
-    def take(self, reading: Reading) -> None:
+    def take(self, reading: EstimateReading) -> None:
         """Add a reading; readings after the end of the window are ignored."""
         if self.complete:
             return
@@ -148,18 +148,18 @@ class LearningWindow:
         variance = [inflation(int(k), float(self._rho[i])) / total for k, total in zip(n, w, strict=True)]
         return wd / w, np.array(variance)
 
-    def _mean(self, i: int) -> tuple[float, float, Kept | None]:
+    def _mean(self, i: int) -> tuple[float, float, KeptReason | None]:
         """Deviation from theta_0, its standard deviation, and the reason why the former value is kept, or None."""
         if self._model.monitored[i] in (DELAY, LOAD):
-            return 0.0, math.nan, Kept.BY_DEFINITION
+            return 0.0, math.nan, KeptReason.BY_DEFINITION
         means, variances = self._parts(i)
         if len(means) < FEWEST_PARTS:
-            return 0.0, math.nan, Kept.NOT_OBSERVED
+            return 0.0, math.nan, KeptReason.NOT_OBSERVED
         W = 1 / variances
         d = float(W @ means / W.sum())
         birge = float(W @ np.square(means - d)) / (len(means) - 1)
         sd = math.sqrt(max(birge, 1.0) / W.sum())
-        return d, sd, Kept.UNCERTAIN if sd > MOST_UNCERTAIN * self._model.scale[i] else None
+        return d, sd, KeptReason.UNCERTAIN if sd > MOST_UNCERTAIN * self._model.scale[i] else None
 
     def _steady(self, i: int, d: float, limit: float) -> bool:
         means, variances = self._parts(i)

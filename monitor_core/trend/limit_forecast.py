@@ -22,7 +22,7 @@ FARTHEST = 10.0
 
 _STEPS = 400
 
-State = Literal["ahead", "open", "far", "beyond"]
+ForecastState = Literal["ahead", "open", "far", "beyond"]
 """ahead: the limit will be reached within the interval; open: it will not be reached before ``low_us``, perhaps never;
 far: it will not be reached before ``low_us``, the end of the forecast; beyond: it was reached within the interval."""
 
@@ -30,7 +30,7 @@ far: it will not be reached before ``low_us``, the end of the forecast; beyond: 
 class Forecast(NamedTuple):
     """Interval in which a limit is reached, with probability COVERED; microseconds since 1970."""
 
-    state: State
+    state: ForecastState
     low_us: int
     high_us: int | None
 

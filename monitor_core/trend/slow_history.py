@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.trend.entries import Entry, as_rows, from_rows, inflation, merged
+from monitor_core.trend.entries import HistoryEntry, as_rows, from_rows, inflation, merged
 
 HOUR_S = 3600.0
 DAY = 24
@@ -44,13 +44,13 @@ class SlowHistory:
 
     def __init__(self, hour_s: float = HOUR_S) -> None:
         self.hour_s = hour_s
-        self._hours: list[Entry] = []
-        self._days: list[Entry] = []
-        self._gathering: list[Entry] = []  # hours of the newest day
+        self._hours: list[HistoryEntry] = []
+        self._days: list[HistoryEntry] = []
+        self._gathering: list[HistoryEntry] = []  # hours of the newest day
         self._open: _Open | None = None
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
+    def entries(self) -> tuple[HistoryEntry, ...]:
         """All closed entries, the oldest first."""
         day = [merged(self._gathering)] if self._gathering else []
         return (*self._days, *day, *self._hours)
@@ -85,7 +85,7 @@ class SlowHistory:
         self._open = None
         variance = inflation(o.n, correlation) / (o.w / o.n) / o.n
         middle_us = min(o.start_us + round(o.wt / o.w), o.end_us)
-        self._hours.append(Entry(o.start_us, o.end_us, middle_us, o.first + o.wx / o.w, variance, o.operating_s))
+        self._hours.append(HistoryEntry(o.start_us, o.end_us, middle_us, o.first + o.wx / o.w, variance, o.operating_s))
         self._thin(o.end_us)
         return True
 
@@ -147,7 +147,7 @@ def _added(o: _Open, t_us: int, value: float, variance: float, span_s: float) ->
     )
 
 
-def _opened(values: Floats, entries: Sequence[Entry]) -> _Open | None:
+def _opened(values: Floats, entries: Sequence[HistoryEntry]) -> _Open | None:
     if values.shape != (len(_Open._fields),) or not np.isfinite(values).all():
         return None
     start_us, end_us, first, n, *sums = (float(v) for v in values)

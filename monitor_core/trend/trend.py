@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.trend.entries import Entry, thinned
+from monitor_core.trend.entries import HistoryEntry, thinned
 from monitor_core.trend.trend_models import (
     AFTER,
     BEFORE,
@@ -96,7 +96,7 @@ class Trend(NamedTuple):
     mixture: Mixture
 
 
-def trend_of(entries: Sequence[Entry], size: float, hour_s: float) -> Trend | None:
+def trend_of(entries: Sequence[HistoryEntry], size: float, hour_s: float) -> Trend | None:
     """Trend of the entries of a parameter; None: there are too few entries, or they cover too little time.
 
     ``size``: size of the parameter, in its unit: |nominal| or its scale.  ``hour_s``: time in operation per entry [s].
@@ -162,7 +162,7 @@ def _by_noise(w: Weighed, G: int, M: int) -> Floats:
 
 
 def _summary(
-    entries: Sequence[Entry], t: Floats, w: Weighed, scale: tuple[float, float], zero_us: int, scatter: float
+    entries: Sequence[HistoryEntry], t: Floats, w: Weighed, scale: tuple[float, float], zero_us: int, scatter: float
 ) -> Trend:
     zero, size = scale
     p = np.exp(w.log_weight - w.log_weight.max())

@@ -13,7 +13,7 @@ import can
 from monitor_core.wording import sentence
 from service.can.bus import BusSettings, open_bus, reaches_hardware
 from service.can.frames import NO_FRAMES, FrameBlock, FrameFilter, concatenate_frames
-from service.can.receivers import BLOCK_S, Receiver
+from service.can.receivers import BLOCK_S, FrameReceiver
 from service.can.socket_receivers import BLOCK_FRAMES, reader_of, receiver_of
 from service.can.user_errors import BusError
 
@@ -96,7 +96,7 @@ class CanReader:
         self._queue, self._block_s = FrameQueue(config.queue_frames), min(block_s, BLOCK_S)
         self._block_frames = min(BLOCK_FRAMES, config.queue_frames // 4)
         self._bus: can.BusABC | None = None
-        self._receiver: Receiver | None = None
+        self._receiver: FrameReceiver | None = None
         self._state: str = sentence("not opened", "down: not opened yet")
         self._frames = 0
         self._dropped = dict.fromkeys(READER_REASONS, 0)
@@ -167,7 +167,7 @@ class CanReader:
                 else sentence("reader stopped", "down: the reader has stopped, which is a fault")
             )
 
-    def _read(self, receiver: Receiver) -> None:
+    def _read(self, receiver: FrameReceiver) -> None:
         """Put one block of frames into the queue."""
         block = NO_FRAMES
         try:

@@ -40,7 +40,7 @@ _SAVVYCAN = re.compile(
     rb"^(\d+),([\dA-F]{8}),(true|false),(?:[RT]x,)?(\d+),(\d+),((?:[\dA-F]{2},?)*),*\r?$",
     re.MULTILINE | re.IGNORECASE,
 )
-Text = NDArray[np.uint8]
+TextBytes = NDArray[np.uint8]
 
 
 class Parsed(NamedTuple):
@@ -156,7 +156,7 @@ def parse_lines(text: bytes) -> Parsed:
     return Parsed(frames, lines[good], channels, names, lines[errors], np.flatnonzero(odd))
 
 
-def _marked(letters: Text, starts: Ints, ends: Ints) -> tuple[Ints, _Marks]:
+def _marked(letters: TextBytes, starts: Ints, ends: Ints) -> tuple[Ints, _Marks]:
     """The lines with the right number of spaces and "#", and the positions of their parts."""
     blanks, hashes = np.flatnonzero(letters == ord(" ")), np.flatnonzero(letters == ord("#"))
     blank, mark = np.searchsorted(blanks, starts), np.searchsorted(hashes, starts)
@@ -176,7 +176,7 @@ def _marked(letters: Text, starts: Ints, ends: Ints) -> tuple[Ints, _Marks]:
     return lines[good], _Marks(*(part[good] for part in (start, stamp_end, name_end, id_end, data, end)))
 
 
-def _times(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
+def _times(letters: TextBytes, marks: _Marks) -> tuple[Ints, Bools]:
     """Times (N,) [us], and a mask of the lines whose time is in seconds with six decimals."""
     t_us = np.zeros(len(marks.start), np.int64)
     good = (letters[marks.stamp_end - 1] == ord(")")) & (letters[marks.stamp_end - 8] == ord("."))
@@ -190,7 +190,7 @@ def _times(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
     return t_us, good
 
 
-def _ids(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
+def _ids(letters: TextBytes, marks: _Marks) -> tuple[Ints, Bools]:
     """Ids (N,), and a mask of those with three or eight hexadecimal digits."""
     ids, length = np.zeros(len(marks.start), np.int64), marks.id_end - marks.name_end - 1
     good = (length == 3) | (length == 8)
@@ -201,7 +201,7 @@ def _ids(letters: Text, marks: _Marks) -> tuple[Ints, Bools]:
     return ids, good
 
 
-def _bytes(letters: Text, start: Ints, length: Ints, width: int) -> tuple[Text, Bools]:
+def _bytes(letters: TextBytes, start: Ints, length: Ints, width: int) -> tuple[TextBytes, Bools]:
     """Data (N, width), zero beyond its length, and a mask of the lines with only hexadecimal digits in it."""
     places = np.arange(2 * width)
     at = np.minimum(start[:, np.newaxis] + places, len(letters) - 1)
@@ -210,7 +210,7 @@ def _bytes(letters: Text, start: Ints, length: Ints, width: int) -> tuple[Text, 
     return (digits[:, ::2] << 4 | digits[:, 1::2]).astype(np.uint8), good
 
 
-def _names(letters: Text, marks: _Marks) -> tuple[NDArray[np.bytes_], Bools]:
+def _names(letters: TextBytes, marks: _Marks) -> tuple[NDArray[np.bytes_], Bools]:
     """Names of the buses (N,), and a mask of those that are neither empty nor too long."""
     length, places = marks.name_end - marks.stamp_end - 1, np.arange(_NAME)
     at = np.minimum(marks.stamp_end[:, np.newaxis] + 1 + places, len(letters) - 1)

@@ -18,9 +18,9 @@ from service.can.frames import FrameKey
 from service.can.messages import (
     Bits,
     DescriptionError,
-    Kind,
     MessageGroup,
     MessageSet,
+    NumberKind,
     message_of,
     read_unchanged,
     text_in,
@@ -195,7 +195,7 @@ def _mapped(known: ObjectDictionary, number: int, as_delivered: bool) -> tuple[l
     return found, ""
 
 
-def _kind(variable: ODVariable | None, length: int) -> Kind:
+def _kind(variable: ODVariable | None, length: int) -> NumberKind:
     from canopen.objectdictionary import datatypes
 
     if variable is not None and variable.data_type in datatypes.SIGNED_TYPES:

@@ -51,7 +51,7 @@ _PLAUSIBLE = (1e-9, 1e12)
 """Range of the largest magnitude of a plausible floating-point number"""
 
 
-class Part(NamedTuple):
+class BitRange(NamedTuple):
     """Some bits of an integer that is read from whole bytes."""
 
     low_bit: int
@@ -74,7 +74,7 @@ class Field(NamedTuple):
     kind: FieldKind
     bits: float
     """Mean number of bits that encode the value of one frame; small for a smooth signal"""
-    part: Part | None = None
+    part: BitRange | None = None
     """The bits of the number, if they are not whole bytes"""
 
     @property
@@ -205,7 +205,7 @@ def _readings(data: NDArray[np.uint8], start: int, end: int, order: ByteOrder) -
     first, width, length = start // 8, -(-end // 8) - start // 8, end - start
     of_bytes = length == 8 * width
     orders: tuple[ByteOrder, ...] = ("little", "big") if of_bytes and width > 1 else (order,)
-    part = None if of_bytes else Part(start % 8 if order == "little" else -end % 8, length)
+    part = None if of_bytes else BitRange(start % 8 if order == "little" else -end % 8, length)
     for each in orders:
         raw = _raw(data, first, width, each)
         numbers = raw if part is None else part.values(raw)

@@ -107,7 +107,7 @@ def united(parts: Sequence[MessageSet]) -> MessageSet:
     )
 
 
-Kind = Literal["unsigned", "signed", "float"]
+NumberKind = Literal["unsigned", "signed", "float"]
 ByteOrder = Literal["little", "big"]
 
 
@@ -118,7 +118,7 @@ class Bits(NamedTuple):
     start_bit: int
     """The lowest bit, or the highest one in big endian: 8 * byte + bit, where bit 0 is the lowest of a byte"""
     length: int
-    kind: Kind = "unsigned"
+    kind: NumberKind = "unsigned"
     byte_order: ByteOrder = "little"
     factor: float = 1.0
     offset: float = 0.0

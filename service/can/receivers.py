@@ -30,7 +30,7 @@ class Received(NamedTuple):
 NOTHING = Received(NO_FRAMES, {})
 
 
-class Receiver:
+class FrameReceiver:
     """Receives from any bus of python-can; frames that the interface drops are not counted."""
 
     name = "python-can"

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Ints
 from service.can.frames import EXTENDED, FD_BYTES, ID_BITS, STANDARD_BITS, Frame, FrameBlock
-from service.can.receivers import IDLE_S, NOTHING, Received, Receiver, Rejected
+from service.can.receivers import IDLE_S, NOTHING, FrameReceiver, Received, Rejected
 
 BLOCK_FRAMES = 256
 """Most frames of a block; a kernel may buffer only 555"""
@@ -84,7 +84,7 @@ class MMsgHdr(ctypes.Structure):
     _fields_ = (("header", _MsgHdr), ("length", ctypes.c_uint32))
 
 
-class BlockReceiver(Receiver):
+class BlockReceiver(FrameReceiver):
     """Receives blocks from the socket of a bus, with the kernel's time stamps and counter of dropped frames.
 
     While a block is collected, frames wait in the kernel, with time stamps of their receipt.  So the thread runs once
@@ -111,7 +111,7 @@ class BlockReceiver(Receiver):
         self._lengths = headers[:, MMsgHdr.length.offset :][:, :4].view("<u4")[:, 0]
 
     def read(self, most: int, stop: Event) -> Received:
-        """See Receiver."""
+        """See ``FrameReceiver``."""
         self._raise_fault()
         if not self._more:
             if not self._poll.poll(1000 * IDLE_S):
@@ -285,14 +285,14 @@ def _block(raw: NDArray[np.void], t_us: Ints) -> FrameBlock:
     return FrameBlock.from_columns(t_us, ids.astype(np.int64), lengths, raw["data"], flags.astype(np.int64))
 
 
-def receiver_of(bus: can.BusABC) -> Receiver:
+def receiver_of(bus: can.BusABC) -> FrameReceiver:
     """The receiver for this kind of bus."""
     if _FITS and isinstance(bus, SocketcanBus):
         return SocketReceiver(bus)
-    return DatagramReceiver(bus) if _FITS and isinstance(bus, UdpMulticastBus) else Receiver(bus)
+    return DatagramReceiver(bus) if _FITS and isinstance(bus, UdpMulticastBus) else FrameReceiver(bus)
 
 
 def reader_of(interface: str) -> str:
     """How frames of this interface are received, in words."""
     in_blocks = {"socketcan": SocketReceiver.name, "udp_multicast": DatagramReceiver.name}
-    return in_blocks.get(interface, Receiver.name) if _FITS else Receiver.name
+    return in_blocks.get(interface, FrameReceiver.name) if _FITS else FrameReceiver.name

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import typer
 
 from monitor_core.wording import percent, seconds_in
-from service.client import AlarmAction, Json, Remark, Value
+from service.client import AlarmAction, ApiAnswer, JsonValue, Remark
 from service.commands.daemon_options import Daemon, asks_daemon, short_time
 from service.commands.exit_codes import GROUP
 
@@ -129,7 +129,7 @@ def statistics(
     daemon.show(found, _statistics(found))
 
 
-def _statistics(found: Json) -> Iterator[str]:
+def _statistics(found: ApiAnswer) -> Iterator[str]:
     yield f"{short_time(found['since'])} to {short_time(found['until'])}"
     yield f"raised: {found['raised']}, announced: {found['announced']}"
     most = f"{found['most_in_ten_minutes']} at most"
@@ -159,20 +159,20 @@ def return_to_service(daemon: Daemon, axis: Axis, remark: Remark) -> None:
     daemon.show(found, [_service_line(found, "returned to service")])
 
 
-def _service_line(found: Json, done: str) -> str:
+def _service_line(found: ApiAnswer, done: str) -> str:
     step = found["steps"][-1]
     texts = "".join(f" ({text})" for text in (step["comment"], step["work_order"]) if text)
     return f"{found['axis']}: {done} by {step['who']} at {short_time(step['at'])}{texts}"
 
 
-def _act(daemon: Daemon, alarm_ids: Sequence[int], action: AlarmAction, remark: Remark, **end: Value) -> None:
+def _act(daemon: Daemon, alarm_ids: Sequence[int], action: AlarmAction, remark: Remark, **end: JsonValue) -> None:
     """Apply an action to each alarm; stops at the first alarm that refuses it."""
     for number in alarm_ids:
         found = daemon.client.act(number, action, remark, **end)
         daemon.show(found, [alarm_lines(found)])
 
 
-def _facts(a: Json) -> Iterator[str]:
+def _facts(a: ApiAnswer) -> Iterator[str]:
     """Onset, size and certainty of an alarm as far as they are known, its recording, and its history."""
     best = datetime.fromisoformat(a["onset"])
     ends = [("-", a["onset_low"]), ("+", a["onset_high"])]
@@ -194,7 +194,7 @@ def _facts(a: Json) -> Iterator[str]:
         yield " ".join(parts)
 
 
-def alarm_lines(a: Json) -> str:
+def alarm_lines(a: ApiAnswer) -> str:
     """An alarm in two lines: its state, and its message."""
     known = "" if a["id"] is None else f"{a['id']}"
     number = known if a["recorded"] else f"{known} not yet recorded".strip()

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from service.client import Json, Remark, Value
+from service.client import ApiAnswer, JsonValue, Remark
 from service.commands.daemon_options import Daemon, asks_daemon, short_time
 from service.commands.exit_codes import GROUP
 
@@ -59,7 +59,7 @@ def start(
         raise typer.BadParameter("give one of --hours and --nominal")
     if thresholds is not None and nominal is None:
         raise typer.BadParameter("--thresholds needs --nominal")
-    plan: dict[str, Value] = {
+    plan: dict[str, JsonValue] = {
         "mode": "files" if hours is None else "window",
         "hours": hours,
         "nominal": _text(nominal, "--nominal"),
@@ -110,7 +110,7 @@ def _text(path: Path | None, option: str) -> str | None:
         raise typer.BadParameter(f"cannot read {path}: {why}", param_hint=option) from None
 
 
-def _lines(e: Json) -> Iterator[str]:
+def _lines(e: ApiAnswer) -> Iterator[str]:
     """Lines about an epoch: its state, the source of its values, comments, its values."""
     head = f"epoch {e['number']}: {e['state'].replace('_', ' ')}"
     if e["length_s"] is not None:

@@ -22,13 +22,13 @@ from service.commands.options import (
     configuration,
     starting_as,
 )
-from service.commands.output_files import Files
+from service.commands.output_files import ResultFiles
 from service.commands.progress import steps_bar
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from monitor_core.calibration import CalibrationOptions, Progress
+    from monitor_core.calibration import CalibrationOptions, CalibrationProgress
     from monitor_core.detection import DetectorName
     from service.config import Config, NamedAxis
     from service.reports.calibration_report import Calibration
@@ -79,7 +79,7 @@ def calibrate(
     parameter are found how soon, and under which name. Records that are too short for the budget, in which the axis
     does not move, or in which something changes, are refused with the place.
     """
-    files = Files.chosen(output, report, json)
+    files = ResultFiles.chosen(output, report, json)
     files.check(force, "thresholds")
     wanted = seconds_of(budget), within, _sizes(sizes), onsets
     read = starting_as(configuration(config, without_bus=True, thresholds=False), thermal)
@@ -114,7 +114,7 @@ def calibrate_axis(
     texts: Sequence[str],
     options: CalibrationOptions,
     provenance: Provenance,
-    progress: Progress = lambda _step, _done, _total: None,
+    progress: CalibrationProgress = lambda _step, _done, _total: None,
 ) -> Calibration:
     """Read the records of a configured axis as the daemon would, and calibrate it on two cores.
 

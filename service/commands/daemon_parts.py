@@ -17,17 +17,17 @@ from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.schema_links import LinksConfig
 from service.links.link_secrets import LinkSecretError
-from service.pipeline.alarm_recording import Alarms, alarm_groups, alarm_rules, quantities
+from service.pipeline.alarm_recording import AlarmRecorder, alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.epochs_at_start import EpochsInForce, epochs_in_force, resume_monitors
 from service.pipeline.history_recording import HistoryRecording
-from service.pipeline.kernel_cache import EARLY, CacheFiller, Shape, batch_shape
+from service.pipeline.kernel_cache import EARLY, CacheFiller, KernelShape, batch_shape
 from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Extracts, Recording, RecordingFolder
-from service.pipeline.reloading import Part, ReloadError, Reloading
+from service.pipeline.reloading import ReloadedPart, ReloadError, Reloading
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.pipeline.wall_clock import WallClock
 from service.pipeline.worker import Compiled, Worker
@@ -84,7 +84,7 @@ class DaemonParts:
         self.links.start()
         self.baselines.start()
 
-    def reloading(self, further: Sequence[Part]) -> Reloading:
+    def reloading(self, further: Sequence[ReloadedPart]) -> Reloading:
         """Object that applies a new configuration; ``further``: other parts to replace."""
         return Reloading(self.config, self.worker, self.baselines, self.buses, self.state.journal, now_us, further)
 
@@ -130,13 +130,13 @@ def _open_state(config: Config, stack: ExitStack) -> _State:
 
 def _restored(
     config: Config, monitors: AxisMonitors, state: _State, saver: Checkpointer, clock: WallClock
-) -> tuple[Alarms, tuple[str, ...]]:
+) -> tuple[AlarmRecorder, tuple[str, ...]]:
     """Make the alarms of the journal agree with the restored monitors; returns messages for the operator."""
     restored = resume_monitors(monitors, state.begun, state.checkpoints, state.journal, now_us())
     saver.saved_us = restored.checkpoint_us
     known = quantities(monitors.by_id)
     state.journal.group(alarm_groups(config.axes))
-    alarms = Alarms(state.journal, known, rules=alarm_rules(config.axes, known), wall=clock)
+    alarms = AlarmRecorder(state.journal, known, rules=alarm_rules(config.axes, known), wall=clock)
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     messages = (*state.begun.messages, *restored.messages)
@@ -181,11 +181,11 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
             monitors = AxisMonitors(config.axes)
             shapes = {batch_shape(lanes) for lanes in monitors.batch_sizes}
             if needs_cyclic_clock(config):
-                shapes.add(Shape.CYCLIC_CLOCK)
+                shapes.add(KernelShape.CYCLIC_CLOCK)
             if filler.fill(shapes):
                 monitors.compile()
                 compiled.estimates.set_result(None)
-            if filler.fill({Shape.MULTIMODEL} if monitors.multimodel else ()):
+            if filler.fill({KernelShape.MULTIMODEL} if monitors.multimodel else ()):
                 monitors.compile_multimodel()
                 compiled.multimodel.set_result(None)
         except BaseException as error:

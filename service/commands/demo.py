@@ -25,7 +25,7 @@ from service.config import Config
 from service.config.commissioned import connected, relocated
 from service.config.drive_sources import shipped
 from service.config.schema import WebConfig
-from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender, table_lines
+from service.simulation.robot import SimulatedFault, SimulatedRobot, run_robot, sender, table_lines
 
 log = structlog.get_logger(__name__)
 
@@ -88,7 +88,7 @@ def demo(
     broken = robot.axes[min(1, count - 1)]
     if fault_axis is not None:
         broken = axis_named(robot.axes, fault_axis, "--fault-axis")
-    wanted = Fault(broken.id, factors(fault or ["fm=1.3"]), fault_after)
+    wanted = SimulatedFault(broken.id, factors(fault or ["fm=1.3"]), fault_after)
     with explained():  # a fault that cannot be simulated is refused before minutes of work
         SimulatedRobot(robot, faults=[wanted])
     commissioned = shipped(COMMISSIONED)
@@ -124,7 +124,7 @@ def _monitored(commissioned: Config, robot: Config, port: int | None, state_dir:
     )
 
 
-def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
+def _run(config: Config, file: Path, moved: Config, fault: SimulatedFault) -> None:
     """Run the daemon with ``config``, read from ``file``; the robot ``moved`` starts when its bus is being read.
 
     An error in one of them ends both.
@@ -152,7 +152,7 @@ def _run(config: Config, file: Path, moved: Config, fault: Fault) -> None:
 
 
 def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: threading.Event) -> None:
-    def happened(fault: Fault) -> None:
+    def happened(fault: SimulatedFault) -> None:
         log.info("the fault begins", axis=fault.axis_id, factors=dict(fault.factors))
 
     ready.wait()
@@ -166,7 +166,7 @@ def _move(robot: SimulatedRobot, config: Config, ready: threading.Event, stop: t
         log.warning("this machine is too busy: the simulated robot left out samples", samples=sent.left_out)
 
 
-def _print_welcome(url: str, fault: Fault, monitored: str) -> None:
+def _print_welcome(url: str, fault: SimulatedFault, monitored: str) -> None:
     console = Console(highlight=False, soft_wrap=True)
     console.print(f"[bold]dashboard: {url}[/]   (API: {url}docs, metrics: {url}metrics)")
     console.print(f"monitored: {monitored}")

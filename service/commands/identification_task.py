@@ -17,13 +17,13 @@ from monitor_core.identification import (
     GapCut,
     IdentificationError,
     IdentificationOptions,
+    IdentificationProgress,
     KnownAxis,
     ParameterSelection,
-    Predictor,
+    PredictorKind,
     Problem,
-    Progress,
     Record,
-    Schedule,
+    ScheduledTerms,
     Start,
     check_record,
     cut_at_gaps,
@@ -77,7 +77,7 @@ class Request:
 
     free: tuple[str, ...] = ()
     fix: tuple[str, ...] = ()
-    predictor: Predictor | None = None
+    predictor: PredictorKind | None = None
     delay: bool = False
     disturbance_s: float | None = None
     robust: bool = False
@@ -108,7 +108,7 @@ class IdentificationTask:
             options=replace(self.options, thermal=None),
         )
 
-    def run(self, provenance: Provenance, progress: Progress | None = None) -> IdentificationReport:
+    def run(self, provenance: Provenance, progress: IdentificationProgress | None = None) -> IdentificationReport:
         """Identify the axis.
 
         Raises:
@@ -221,7 +221,7 @@ def _start(unknown: Sequence[str], selection: ParameterSelection, requested: Sta
 # --- parameters that follow signals -----------------------------------------------------------------------
 
 
-def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
+def read_schedule(texts: Sequence[str], axis: AxisConfig) -> ScheduledTerms:
     """Parse a schedule as the user writes it: "fm: temperature", "Ja: payload, cos(angle2)".
 
     Raises:
@@ -246,7 +246,7 @@ def read_schedule(texts: Sequence[str], axis: AxisConfig) -> Schedule:
     return schedule
 
 
-def _thermal_start(request: Request, axis: AxisConfig, drive: Drive, schedule: Schedule) -> ThermalStart | None:
+def _thermal_start(request: Request, axis: AxisConfig, drive: Drive, schedule: ScheduledTerms) -> ThermalStart | None:
     """Thermal state at the start of the first record; None: no parameter depends on heat."""
     named = any(signal.name == HEAT for signal in axis.signal)
     if request.thermal is None:
@@ -272,7 +272,7 @@ def _problem(
     selection: ParameterSelection,
     used: Sequence[Loaded],
     request: Request,
-    schedule: Schedule,
+    schedule: ScheduledTerms,
     speed_scale: float,
 ) -> Problem:
     predictor = predictor_of(axis.config)
@@ -301,7 +301,7 @@ def _speed_scales(
     return tuple(ratio * scale for scale in speed_scales(records))
 
 
-def _disturbance(kind: Predictor, used: Sequence[Loaded], time_constant_s: float | None) -> Disturbance | None:
+def _disturbance(kind: PredictorKind, used: Sequence[Loaded], time_constant_s: float | None) -> Disturbance | None:
     """The slow disturbance of the torque; None: only white noise of unknown level."""
     if time_constant_s is None:
         return None

@@ -19,7 +19,7 @@ from service.commands.options import (
     configuration,
     names_in,
 )
-from service.commands.output_files import Files
+from service.commands.output_files import ResultFiles
 from service.commands.progress import steps_bar
 
 Free = Annotated[
@@ -117,7 +117,7 @@ def identify(
     says what can be watched with these values, the second one how good the fit is. With a poor fit, or one that does
     not converge, no nominal values are written, and the exit code is 2; --force writes those of a poor fit.
     """
-    files = Files.chosen(output, report, json)
+    files = ResultFiles.chosen(output, report, json)
     files.check(force, "nominal values")
     read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from service.ingest.column_roles import TableRoles
     from service.ingest.live_roles import BusRoles
     from service.ingest.signal_roles import LoadSignal
-    from service.ingest.table_files import Table
+    from service.ingest.table_files import TableFile
 
 RecordFile = Annotated[
     Path,
@@ -318,7 +318,7 @@ def logged(log: Path) -> Mapping[str, FrameBlock]:
     return {name: concatenate_frames(parts) for name, parts in blocks.items()}
 
 
-def _together(table: Table, names: Sequence[str]) -> Mapping[str, Floats]:
+def _together(table: TableFile, names: Sequence[str]) -> Mapping[str, Floats]:
     """The columns at the rows in which each of them has a number."""
     parts = [rows.columns for rows in table.rows(names)]
     return {name: np.concatenate([np.zeros(0), *(part[name] for part in parts)]) for name in names}
@@ -328,7 +328,7 @@ _NEARLY = 0.5
 """A column with a number in fewer rows is left out, so that it costs no rows of the others."""
 
 
-def _read(table: Table) -> tuple[Mapping[str, Floats], float | None, Mapping[str, str]]:
+def _read(table: TableFile) -> tuple[Mapping[str, Floats], float | None, Mapping[str, str]]:
     """The long numeric columns; the sample interval, if a variable states it; faults of the other columns."""
     from service.ingest.table_files import MatTable
 

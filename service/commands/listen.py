@@ -22,7 +22,7 @@ from service.commands.progress import announced
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.unit_names import UNITS
-from service.ingest.bus_samples import Carried, Ingest, Values
+from service.ingest.bus_samples import Carried, Ingest, QuantityValues
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
 from service.texts.instants import now_us
 
@@ -49,7 +49,7 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
         live = None
         if console.is_terminal:
             live = stack.enter_context(Live(console=console, auto_refresh=False, transient=False))
-        latest, due = Latest(read), time.monotonic() + _LINES_S
+        latest, due = LatestValues(read), time.monotonic() + _LINES_S
         readers = [bus.reader for bus in buses]
         for block in rounds(readers, math.inf if seconds is None else seconds, stop):
             for bus, frames in zip(buses, block, strict=True):
@@ -150,7 +150,7 @@ def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
 
 @dataclass
 class _Reception:
-    values: Values
+    values: QuantityValues
     count: int
     first_us: int
 
@@ -164,7 +164,7 @@ class _Reception:
         return (self.count - 1) / span_us * 1e6 if span_us > 0 else 0.0
 
 
-class Latest:
+class LatestValues:
     """The latest received value of each quantity of each axis."""
 
     def __init__(self, config: Config) -> None:
@@ -176,7 +176,7 @@ class Latest:
             for quantity in ("torque", axis.config.output, *counter, *further):
                 self._seen[axis.id, quantity] = None
 
-    def add(self, values: Values) -> None:
+    def add(self, values: QuantityValues) -> None:
         """Store newer values."""
         key, count = (values.axis_id, values.quantity), len(values.t_us)
         seen = self._seen.get(key)
@@ -199,7 +199,7 @@ class Latest:
             yield (axis_id, quantity, si, signal, f"{v.physical[-1]:.6g}", f"{seen.rate_hz:.1f} Hz", old)
 
 
-def table(latest: Latest, at_us: int, buses: Sequence[str], stamped: Stamped) -> RenderableType:
+def table(latest: LatestValues, at_us: int, buses: Sequence[str], stamped: Stamped) -> RenderableType:
     """The table for a terminal."""
     rows = Table(*_COLUMNS)
     for row in latest.rows(at_us):
@@ -209,7 +209,7 @@ def table(latest: Latest, at_us: int, buses: Sequence[str], stamped: Stamped) ->
     return Group(rows, *map(escape, buses))
 
 
-def lines(latest: Latest, at_us: int, buses: Sequence[str], stamped: Stamped) -> Iterator[str]:
+def lines(latest: LatestValues, at_us: int, buses: Sequence[str], stamped: Stamped) -> Iterator[str]:
     """Lines for a file or a pipe; tabulators separate the columns."""
     yield from buses
     for row in (*latest.rows(at_us), *_stamp_rows(stamped)):

@@ -13,7 +13,7 @@ from typer.core import TyperGroup
 
 from monitor_core.wording import did_you_mean
 from service.commands.exit_codes import EPILOG, GROUP
-from service.pipeline.kernel_cache import EARLY, Shape, choose
+from service.pipeline.kernel_cache import EARLY, KernelShape, choose
 
 PANELS = {
     "A first robot": ("demo", "init", "commission", "run"),
@@ -115,7 +115,7 @@ def main() -> None:
     choose(os.environ)
     if sys.argv[1:2] in (["demo"], ["run"]) and {"-h", "--help"}.isdisjoint(sys.argv):
         # At a cold start the compiler starts now instead of after this process has imported its libraries.
-        EARLY.begin(Shape.FEW_AXES)
+        EARLY.begin(KernelShape.FEW_AXES)
     try:
         app()
     except SystemExit as end:

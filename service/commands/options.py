@@ -15,7 +15,7 @@ from rich.text import Text
 
 from service.can.bus import BusSettings, reaches_hardware
 from service.commands.exit_codes import MISTAKE
-from service.config import Config, ConfigErrors, NamedAxis, Problem, load
+from service.config import Config, ConfigErrors, ConfigProblem, NamedAxis, load
 
 if TYPE_CHECKING:
     from service.config.schema import BusConfig
@@ -143,7 +143,7 @@ def starting_as(config: Config, start: Literal["cold", "unknown"] | None) -> Con
     return config.model_copy(update={"robot": tuple(robots)})
 
 
-def _line(problem: Problem) -> Text:
+def _line(problem: ConfigProblem) -> Text:
     """``file:line: key = value: message`` with place and key in colour."""
     text = Text(str(problem))
     text.stylize("cyan", 0, len(problem.place))
@@ -180,7 +180,7 @@ def bus_named(text: str, messages: Path | None = None) -> BusConfig:
     Raises:
         typer.BadParameter: the text has another form, or the interface does not exist.
     """
-    from service.config.base_table import Reading
+    from service.config.base_table import ReadingContext
     from service.config.bus_rules import usable_bus
     from service.config.schema import BusConfig
 
@@ -198,7 +198,7 @@ def bus_named(text: str, messages: Path | None = None) -> BusConfig:
     values: dict[str, object] = {"name": name, "interface": interface, "channel": channel, "options": options}
     if messages is not None:
         values["messages"] = str(messages.resolve())
-    bus = BusConfig.model_validate(values, context=Reading(Path.cwd()))
+    bus = BusConfig.model_validate(values, context=ReadingContext(Path.cwd()))
     for finding in usable_bus(bus):
         if finding.path != ("messages",):  # that is reported as a file
             raise typer.BadParameter(f"{text}: {finding.message}", param_hint="--bus")

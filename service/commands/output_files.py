@@ -22,7 +22,7 @@ _WIDE = 160
 """Line width without a terminal; at 80 characters the numbers of a table would be broken."""
 
 
-class Files(NamedTuple):
+class ResultFiles(NamedTuple):
     """The output file of each result; ``json`` is None if not requested."""
 
     values: Path
@@ -30,7 +30,7 @@ class Files(NamedTuple):
     json: Path | None
 
     @classmethod
-    def chosen(cls, values: Path, report: Path | None, json: Path | None) -> Files:
+    def chosen(cls, values: Path, report: Path | None, json: Path | None) -> ResultFiles:
         """Output files with the report beside the values, unless another path is given."""
         return cls(values, report or values.parent / "report.html", json)
 

@@ -18,8 +18,8 @@ from service.commands.options import LOG_KINDS, ConfigPath, SendYes, configurati
 from service.commands.progress import progress_bar
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
-from service.ingest.encode import FrameEncoder, Values
-from service.ingest.records import LogRecord, Record, Step, read_record
+from service.ingest.encode import FrameEncoder, SampleValues
+from service.ingest.records import FileRecord, LogRecord, RecordStep, read_record
 
 RecordPath = Annotated[
     Path, typer.Argument(metavar="RECORD", help=f"Table (.csv .parquet .mat) or CAN log ({LOG_KINDS}).")
@@ -82,7 +82,7 @@ class PlayFrame(NamedTuple):
     late_s: float = 0.0  # how much later than it should it was sent
 
 
-def play_record(record: Record, config: Config) -> Iterator[PlayFrame]:
+def play_record(record: FileRecord, config: Config) -> Iterator[PlayFrame]:
     """The frames of a record: those of a CAN log unchanged, rows of a table encoded with the messages of the bus.
 
     Raises:
@@ -92,7 +92,7 @@ def play_record(record: Record, config: Config) -> Iterator[PlayFrame]:
     return _log_frames(record) if isinstance(record, LogRecord) else encode_table(record, config)
 
 
-def encode_table(record: Record, config: Config) -> Iterator[PlayFrame]:
+def encode_table(record: FileRecord, config: Config) -> Iterator[PlayFrame]:
     """The frames that carry the samples of a record; sample counters follow the time."""
     encoders = {bus.name: FrameEncoder(config, bus.name) for bus in config.bus}
     interval_us = min(axis.config.sample_interval_s for axis in config.axes) * 1e6
@@ -142,9 +142,9 @@ def _wait(wait_s: float, stop: threading.Event) -> None:
         time.sleep(wait_s)  # a fifth of the work of an Event: matters at 2000 frames a second
 
 
-def _by_time(step: Step) -> Iterator[tuple[int, dict[str, Values]]]:
+def _by_time(step: RecordStep) -> Iterator[tuple[int, dict[str, SampleValues]]]:
     """The samples of all axes in order of time; samples of the same time together."""
-    rows: dict[int, dict[str, Values]] = {}
+    rows: dict[int, dict[str, SampleValues]] = {}
     for axis_id, block in step.samples.items():
         signals = np.zeros((len(block.t_us), 0)) if block.signals is None else block.signals
         columns = (block.t_us, block.u, block.y, signals)

@@ -11,7 +11,7 @@ from service.can.bus import open_buses
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Seconds, SendYes, axis_named, configuration, confirm_sending
 from service.commands.signal_handling import stopped_by_signals
-from service.simulation.robot import Fault, SimulatedRobot, run_robot, sender
+from service.simulation.robot import SimulatedFault, SimulatedRobot, run_robot, sender
 
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of motion and noise, to repeat a run.")]
 
@@ -70,12 +70,12 @@ def simulate(
     faults = []
     if fault:
         where = read.axes[0] if fault_axis is None else axis_named(read.axes, fault_axis, "--fault-axis")
-        faults.append(Fault(where.id, factors(fault), fault_after))
+        faults.append(SimulatedFault(where.id, factors(fault), fault_after))
     console = Console(highlight=False, soft_wrap=True)
     with explained(), stopped_by_signals() as stop:
         robot = SimulatedRobot(read, seed, faults)
 
-        def happened(fault: Fault) -> None:
+        def happened(fault: SimulatedFault) -> None:
             console.print(f"{fault.axis_id}: {in_words(fault.factors)}")
 
         confirm_sending(read.bus, yes)

@@ -10,7 +10,7 @@ from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
 from service.config.drives import not_identified, watched_values
 from service.config.model_rules import usable_drive
-from service.config.problems import Finding
+from service.config.problems import CheckFinding
 from service.config.schema import AxisConfig, RobotConfig
 from service.config.toml_lines import Keys
 from service.texts.alarm_words import SENSORS
@@ -19,59 +19,59 @@ _NEARLY = 1e-3
 """Tolerance of a whole number of turns: the accuracy with which a user may have written 2 pi."""
 
 
-def motion(axis: AxisConfig) -> Iterator[Finding]:
+def motion(axis: AxisConfig) -> Iterator[CheckFinding]:
     """An axis has either an angle or a speed."""
     if axis.angle is not None and axis.speed is not None:
         message = "give angle or speed, not both: the angle gives better estimates, unless its resolution is coarse"
-        yield Finding(("speed",), message)
+        yield CheckFinding(("speed",), message)
     if axis.angle is None and axis.speed is None:
-        yield Finding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
+        yield CheckFinding(("angle",), "missing: an axis needs a table angle (motor angle) or speed (motor speed)")
 
 
-def defaults_without_name(robot: RobotConfig) -> Iterator[Finding]:
+def defaults_without_name(robot: RobotConfig) -> Iterator[CheckFinding]:
     """The defaults of a robot must not contain a name."""
     if "name" in robot.defaults:
-        yield Finding(("defaults", "name"), "remove this: each axis has a name of its own")
+        yield CheckFinding(("defaults", "name"), "remove this: each axis has a name of its own")
 
 
-def torque_constant(axis: AxisConfig) -> Iterator[Finding]:
+def torque_constant(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The torque constant is not zero."""
     if axis.torque.kT_Nm_per_A == 0:
-        yield Finding(("torque", "kT_Nm_per_A"), "must not be 0: no current would make a torque")
+        yield CheckFinding(("torque", "kT_Nm_per_A"), "must not be 0: no current would make a torque")
 
 
-def times(axis: AxisConfig) -> Iterator[Finding]:
+def times(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Torque delay, pairing tolerance and longest gap fit the sample interval."""
     h = axis.sample_interval_s
     if axis.torque_delay_s > h:
-        yield Finding(("torque_delay_s",), f"must be at most sample_interval_s = {h}")
+        yield CheckFinding(("torque_delay_s",), f"must be at most sample_interval_s = {h}")
     if axis.pairing_tolerance_s >= h / 2:
         message = f"must be below half of sample_interval_s = {h}: values of different samples would pair"
-        yield Finding(("pairing_tolerance_s",), message)
+        yield CheckFinding(("pairing_tolerance_s",), message)
     if axis.max_gap_s < h:
         message = f"must be at least sample_interval_s = {h}: every interval would be a gap"
-        yield Finding(("max_gap_s",), message)
+        yield CheckFinding(("max_gap_s",), message)
 
 
-def clock(axis: AxisConfig) -> Iterator[Finding]:
+def clock(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Message and signal of the counter are both given; a cyclic clock needs frames of a bus, and no counter."""
     if axis.time.counter_message is not None and axis.time.counter_signal is None:
-        yield Finding(("time", "counter_signal"), "missing: it is needed with counter_message")
+        yield CheckFinding(("time", "counter_signal"), "missing: it is needed with counter_message")
     if axis.time.counter_signal is not None and axis.time.counter_message is None:
-        yield Finding(("time", "counter_signal"), "is on a bus, but angle or speed is not: give counter_message")
+        yield CheckFinding(("time", "counter_signal"), "is on a bus, but angle or speed is not: give counter_message")
     if axis.time.clock == "cyclic" and axis.time.counter_signal is not None:
         message = "the counter gives the times: remove this, or"
-        yield Finding(("time", "clock"), message, ("time", "counter_signal"))
+        yield CheckFinding(("time", "clock"), message, ("time", "counter_signal"))
     elif axis.time.clock == "cyclic" and axis.records_only:
         message = (
             "is the clock of frames on a bus; the rows of a table have the times of time.column, or are"
             " sample_interval_s apart without it: remove this, and where the times scatter but the rows are regular,"
             " time.column, too"
         )
-        yield Finding(("time", "clock"), message)
+        yield CheckFinding(("time", "clock"), message)
 
 
-def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
+def wrapping_under_gravity(axis: AxisConfig) -> Iterator[CheckFinding]:
     """If gravity acts, an angle that wraps must still determine the position of the arm."""
     if axis.angle is None or axis.angle.wrap_period is None:
         return
@@ -88,22 +88,22 @@ def wrapping_under_gravity(axis: AxisConfig) -> Iterator[Finding]:
                 f"gravity depends on the position of the arm, and the angle wraps after {turns:.3g} of its turns:"
                 " send an angle that does not wrap"
             )
-            yield Finding(("angle", "wrap_period"), message)
+            yield CheckFinding(("angle", "wrap_period"), message)
             return
 
 
-def predictor(axis: AxisConfig) -> Iterator[Finding]:
+def predictor(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The predictor fits the measured quantity."""
     if (found := axis.model.nominal_file) is not None:
         if found.predictor.kind == "output-error" and axis.output == "angle":
             message = "found by output error, which diverges with the angle: identify it with innovations"
-            yield Finding(("model", "nominal_file"), message)
+            yield CheckFinding(("model", "nominal_file"), message)
     elif axis.estimator.predictor == "output-error" and axis.output == "angle":
         message = 'needs speed; from the angle without a gain it diverges: use "innovations"'
-        yield Finding(("estimator", "predictor"), message)
+        yield CheckFinding(("estimator", "predictor"), message)
 
 
-def noises(axis: AxisConfig) -> Iterator[Finding]:
+def noises(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The noises are given from which the filter gain and lambda_0 are computed."""
     e = axis.estimator
     if axis.model.nominal_file is not None or axis.records_only:
@@ -113,31 +113,31 @@ def noises(axis: AxisConfig) -> Iterator[Finding]:
     output_noise = e.output_noise or step_noise(axis)
     if e.predictor == "output-error":
         if e.innovation_variance is None and output_noise is None:
-            yield Finding(("estimator", "output_noise"), "missing: give output_noise or innovation_variance")
+            yield CheckFinding(("estimator", "output_noise"), "missing: give output_noise or innovation_variance")
         return
     for name, value in (("torque_noise", e.torque_noise), ("output_noise", output_noise)):
         if value is None:
             message = "missing: the filter gain needs torque_noise and output_noise"
-            yield Finding(("estimator", name), message)
+            yield CheckFinding(("estimator", name), message)
 
 
-def memory(axis: AxisConfig) -> Iterator[Finding]:
+def memory(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The memory has enough samples."""
     memory_s, least = axis.estimator.memory_s, MIN_MEMORY_SAMPLES * axis.sample_interval_s
     if memory_s is not None and memory_s < least:
         message = f"must be at least {MIN_MEMORY_SAMPLES} sample intervals, {least:g} s"
-        yield Finding(("estimator", "memory_s"), message)
+        yield CheckFinding(("estimator", "memory_s"), message)
 
 
-def initial_p(axis: AxisConfig) -> Iterator[Finding]:
+def initial_p(axis: AxisConfig) -> Iterator[CheckFinding]:
     """P(0) is given for all monitored parameters or for none."""
     given = axis.estimator.initial_p
     for name in axis.model.monitor:
         if given and name not in given:
-            yield Finding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
+            yield CheckFinding(("estimator", "initial_p", name), "missing: give all monitored parameters, or none")
 
 
-def alarm_names(axis: AxisConfig) -> Iterator[Finding]:
+def alarm_names(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Alarm settings name monitored parameters, sensor faults, or the causes that indicate another payload."""
     known = [*dict.fromkeys([*axis.model.monitor, *SENSORS, DELAY, LOAD, PAYLOAD_INERTIA])]
     given: list[tuple[Keys, str]] = [(("priorities", name), name) for name in axis.alarms.priorities]
@@ -145,64 +145,64 @@ def alarm_names(axis: AxisConfig) -> Iterator[Finding]:
         given += [((key, i), name) for i, name in enumerate(getattr(axis.alarms, key))]
     for place, name in given:
         if name not in known:
-            yield Finding(("alarms", *place), f"no alarm has this name: {did_you_mean(name, known)}")
+            yield CheckFinding(("alarms", *place), f"no alarm has this name: {did_you_mean(name, known)}")
 
 
-def off_delay(axis: AxisConfig) -> Iterator[Finding]:
+def off_delay(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The off-delay is short enough that an alarm whose cause returns within it is reopened."""
     most_s = REOPEN_MEMORIES * axis.memory_s
     if (axis.alarms.off_delay_s or 0.0) > most_s:
         message = f"must be at most {REOPEN_MEMORIES} memory lengths, {most_s:g} s: what is back later is another alarm"
-        yield Finding(("alarms", "off_delay_s"), message)
+        yield CheckFinding(("alarms", "off_delay_s"), message)
 
 
 # --- A CANopen drive: the values that determine its units are given, not guessed --------------------------------------
 
 
-def torque_of_drive(axis: AxisConfig) -> Iterator[Finding]:
+def torque_of_drive(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Either the rated torque, or the rated current and the torque constant, are given."""
     drive, kT = axis.canopen, axis.torque.kT_Nm_per_A
     if drive is None:
         return
     if drive.rated_torque_Nm is None and drive.rated_current_A is None:
-        yield Finding(
+        yield CheckFinding(
             ("canopen", "rated_torque_Nm"),
             "missing: object 0x6077 is in thousandths of the rated torque of the motor, which is not guessed: read"
             " object 0x6076 (mN m) with the tool of the drive, and compare the data sheet of the motor; or use the"
             " current, object 0x6078: give rated_current_A (object 0x6075, mA) and torque.kT_Nm_per_A",
         )
     if drive.rated_torque_Nm is not None and drive.rated_current_A is not None:
-        yield Finding(("canopen", "rated_current_A"), "give the rated torque or the rated current, not both")
+        yield CheckFinding(("canopen", "rated_current_A"), "give the rated torque or the rated current, not both")
     elif drive.rated_current_A is not None and kT is None:
-        yield Finding(
+        yield CheckFinding(
             ("torque", "kT_Nm_per_A"),
             "missing: the current, object 0x6078, makes no torque without torque = { kT_Nm_per_A = ... }, the torque"
             " constant of the motor (data sheet) [N m/A]",
         )
     elif drive.rated_torque_Nm is not None and kT is not None:
-        yield Finding(("torque", "kT_Nm_per_A"), "object 0x6077 is a torque: remove this, or give rated_current_A")
+        yield CheckFinding(("torque", "kT_Nm_per_A"), "object 0x6077 is a torque: remove this, or give rated_current_A")
 
 
-def motion_of_drive(axis: AxisConfig) -> Iterator[Finding]:
+def motion_of_drive(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The units of position and velocity are given."""
     drive = axis.canopen
     if drive is None:
         return
     if drive.motion == "speed" and drive.speed_unit is None:
-        yield Finding(
+        yield CheckFinding(
             ("canopen", "speed_unit"),
             'missing: object 0x606C is in a unit of the drive: "counts/s" or "rpm"; see the manual of the drive; of'
             " another unit give speed = { factor = ... }, too, which makes it rad/s of the motor",
         )
     counts = drive.motion == "angle" or drive.speed_unit == "counts/s"
     if counts and drive.counts_per_turn is None:
-        yield Finding(
+        yield CheckFinding(
             ("canopen", "counts_per_turn"),
             "missing: the position is in counts: see the data sheet of the encoder, or object 0x608F; 360000 if the"
             " drive converts to thousandths of a degree",
         )
     if drive.side == "arm" and drive.motor_turns is None:
-        yield Finding(
+        yield CheckFinding(
             ("canopen", "motor_turns"),
             'missing: with side = "arm" it tells how often the motor turns for one turn of the arm (data sheet of the'
             " gear)",

@@ -4,7 +4,13 @@ import math
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from monitor_core.detection import DetectorName, Limit, Limits, MultiModelDetector, reason_unavailable
+from monitor_core.detection import (
+    DetectorName,
+    HypothesisThreshold,
+    MultiModelDetector,
+    MultiModelThresholds,
+    reason_unavailable,
+)
 from monitor_core.drive import HEAT, AxisModel, Term
 from monitor_core.monitoring import MonitoringOptions, recommended_settings
 from monitor_core.settings import Settings
@@ -52,7 +58,7 @@ def unknown_of(axis: AxisConfig) -> list[str]:
     return missing
 
 
-class Predictor(NamedTuple):
+class PredictorSettings(NamedTuple):
     """Settings of the predictor of an axis.  None: not known.  An empty gain is computed from the noises."""
 
     kind: Literal["innovations", "output-error"]
@@ -65,20 +71,20 @@ class Predictor(NamedTuple):
     friction_speed_scale: float
 
 
-def predictor_of(axis: AxisConfig) -> Predictor:
+def predictor_of(axis: AxisConfig) -> PredictorSettings:
     """The predictor of an axis, from its nominal file or from the configuration.
 
     A cross-check ensures that the two do not contradict each other.
     """
     e, found = axis.estimator, axis.model.nominal_file
     if found is None:
-        return Predictor(
+        return PredictorSettings(
             e.predictor, (), e.innovation_variance, 0.0,
             e.torque_noise, e.output_noise or step_noise(axis),
             axis.torque_delay_s, axis.model.friction_speed_scale,
         )  # fmt: skip
     p, noise = found.predictor, found.noise
-    return Predictor(
+    return PredictorSettings(
         p.kind, p.gain, p.lam0, p.largest_error,
         e.torque_noise or noise.torque or None, e.output_noise or noise.output or None,
         p.torque_delay_s, found.drive.friction_speed_scale,
@@ -188,10 +194,13 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     if source == "cusum" and not wanted.shadow:
         return Detectors("cusum", None, "")
     limits = tuple(
-        Limit(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike, h.size_error) for h in found
+        HypothesisThreshold(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike, h.size_error)
+        for h in found
     )
     try:
-        multimodel = MultiModelDetector(model, settings, Limits(wanted.budget_s / settings.interval_s, limits))
+        multimodel = MultiModelDetector(
+            model, settings, MultiModelThresholds(wanted.budget_s / settings.interval_s, limits)
+        )
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None
     why = "h from its records" if found else f"guaranteed h, 1 in {duration(wanted.budget_s)}"

@@ -14,14 +14,14 @@ class Undecidable(LookupError):  # noqa: N818 - it only ends a cross-check, user
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class ReadingContext:
     """Context of reading: relative paths start at ``folder``; ``thresholds``: whether to read threshold files."""
 
     folder: Path
     thresholds: bool = True
 
 
-class Table(BaseModel):
+class TomlTable(BaseModel):
     """A TOML table: immutable; unknown keys are errors.  The docstring of a key is shown with mistakes in that key."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
@@ -50,9 +50,9 @@ def _not_zero(value: float) -> float:
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Real, Field(gt=0)]
 NotNegative = Annotated[Real, Field(ge=0)]
-Factor = Annotated[Real, AfterValidator(_not_zero)]
-Text = Annotated[str, Field(min_length=1)]
-Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
+NonZero = Annotated[Real, AfterValidator(_not_zero)]
+NonEmptyText = Annotated[str, Field(min_length=1)]
+PlainName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")]
 
 
 def from_folder(value: object, info: ValidationInfo) -> Path:
@@ -63,7 +63,7 @@ def from_folder(value: object, info: ValidationInfo) -> Path:
     """
     if not isinstance(value, str | Path) or value == "" or "\0" in str(value):
         raise ValueError("must be a path in quotes")
-    return info.context.folder / value if isinstance(info.context, Reading) else Path(value)
+    return info.context.folder / value if isinstance(info.context, ReadingContext) else Path(value)
 
 
 FilePath = Annotated[Path, BeforeValidator(from_folder)]

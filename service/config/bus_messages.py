@@ -27,11 +27,11 @@ def messages_of(config: Config, bus: str) -> MessageSet:
     return united(parts)
 
 
-Files = frozenset[tuple[Path, int, int]]
+FileVersions = frozenset[tuple[Path, int, int]]
 """Files with the times of their last change [ns] and their sizes"""
 
 
-def files_of(config: Config, bus: str) -> Files:
+def files_of(config: Config, bus: str) -> FileVersions:
     """The files that describe the messages of a bus.
 
     Raises:

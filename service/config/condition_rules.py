@@ -19,12 +19,12 @@ from service.config.conditions import (
 )
 from service.config.drives import holds_weight, not_identified, watches_load
 from service.config.model_rules import decided_model, usable_drive
-from service.config.problems import Finding
+from service.config.problems import CheckFinding
 from service.config.schema import AxisConfig, RobotConfig
 from service.config.toml_lines import Keys
 
 
-def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
+def signals_of_axes(robot: RobotConfig) -> Iterator[CheckFinding]:
     """A signal that is the motion of another axis refers to an axis of the same robot on the same bus."""
     for k, axis in enumerate(robot.axis):
         others = {other.name: other for other in robot.axis}
@@ -33,19 +33,19 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
             if s.axis is None:
                 continue
             if s.axis not in others:
-                yield Finding(path, f"no axis of that name: {did_you_mean(s.axis, others)}")
+                yield CheckFinding(path, f"no axis of that name: {did_you_mean(s.axis, others)}")
                 continue
             other = others[s.axis]
             angle = other.angle
             derivative = "a speed" if s.speed else "an acceleration"
             if s.is_derivative and angle is None:
-                yield Finding(path, f"the speed of {s.axis} is measured: {derivative} is that of an angle")
+                yield CheckFinding(path, f"the speed of {s.axis} is measured: {derivative} is that of an angle")
             if s.is_derivative and not other.is_sampled_as(axis):
                 message = (
                     f"it is sampled every {other.sample_interval_s:g} s, this axis every {axis.sample_interval_s:g} s:"
                     f" {derivative} is taken from samples that come with those of this axis"
                 )
-                yield Finding(path, message)
+                yield CheckFinding(path, message)
             # An angle that wraps after a whole turn is possible, as its cosine is continuous.
             goes_on = angle is None or angle.wrap_period is None or angle.wraps_after_a_turn(s.factor)
             if angle is not None and angle.wrap_period is not None and (s.is_derivative or not goes_on):
@@ -53,49 +53,49 @@ def signals_of_axes(robot: RobotConfig) -> Iterator[Finding]:
                     f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle"
                     " that does not wrap, from a message"
                 )
-                yield Finding(path, message)
+                yield CheckFinding(path, message)
             if axis.bus != other.bus:
                 message = (
                     f"it is on the bus {other.bus}, this axis on {axis.bus}: signals come from an axis's own bus, where"
                     " their order is certain"
                 )
-                yield Finding(path, message)
+                yield CheckFinding(path, message)
 
 
-def sources(axis: AxisConfig) -> Iterator[Finding]:
+def sources(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Auxiliary signals have different names, and each has one source."""
     yield from same_names("signal", axis.signal)
     if axis.model.nominal_file is not None and axis.model.nominal_file.thermal is not None:
         for n, s in enumerate(axis.signal):
             if s.name == HEAT:
                 message = f"the nominal_file calls the heat of the axis {HEAT}: give this signal another name"
-                yield Finding(("signal", n, "name"), message)
+                yield CheckFinding(("signal", n, "name"), message)
     for n, s in enumerate(axis.signal):
         path: Keys = ("signal", n)
         if s.speed and s.acceleration:
-            yield Finding((*path, "speed"), "it is an acceleration: remove this, or", (*path, "acceleration"))
+            yield CheckFinding((*path, "speed"), "it is an acceleration: remove this, or", (*path, "acceleration"))
         if s.axis is not None:
             for key in ("message", "signal"):
                 if getattr(s, key) is not None:
                     message = "it is the motion of another axis: remove this, or"
-                    yield Finding((*path, key), message, (*path, "axis"))
+                    yield CheckFinding((*path, key), message, (*path, "axis"))
         elif (s.message is None) != (s.signal is None):
             missing = "message" if s.message is None else "signal"
-            yield Finding((*path, missing), "missing: message and signal go together")
+            yield CheckFinding((*path, missing), "missing: message and signal go together")
         elif s.message is None and s.column is None:
-            yield Finding((*path, "column"), "missing: it is either in a column or in a message and signal")
+            yield CheckFinding((*path, "column"), "missing: it is either in a column or in a message and signal")
 
 
-def gates(axis: AxisConfig) -> Iterator[Finding]:
+def gates(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A gate has one condition on a signal of the axis."""
     for k, gate in enumerate(axis.gate):
         path: Keys = ("gate", k)
         if problem := _no_signal(gate.signal, axis):
-            yield Finding((*path, "signal"), problem)
+            yield CheckFinding((*path, "signal"), problem)
         given = [key for key in ("equals", "above", "below") if getattr(gate, key) is not None]
         if len(given) != 1:
             key = given[1] if given else "equals"
-            yield Finding((*path, key), "a gate has one of equals, above and below")
+            yield CheckFinding((*path, key), "a gate has one of equals, above and below")
 
 
 def _no_signal(name: str, axis: AxisConfig) -> str:
@@ -107,22 +107,22 @@ def _no_signal(name: str, axis: AxisConfig) -> str:
         return str(error)
 
 
-def schedules(axis: AxisConfig) -> Iterator[Finding]:
+def schedules(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A schedule uses a signal of the axis or a function of it; no two are the same; ranges have ordered ends."""
     seen = dict[tuple[str, str], Keys]()
     for path, v in varying_of(axis):
         if v.range is not None and not v.range[0] < v.range[1]:
-            yield Finding(_key(path, "range"), "must be [lowest, highest] with lowest < highest")
+            yield CheckFinding(_key(path, "range"), "must be [lowest, highest] with lowest < highest")
         try:
             term = str(term_of(v.signal, signal_names(axis)))
         except ValueError as error:
-            yield Finding(_key(path, "signal"), f"{v.parameter} follows {v.signal}: {error}")
+            yield CheckFinding(_key(path, "signal"), f"{v.parameter} follows {v.signal}: {error}")
             continue
         if (first := seen.setdefault((v.parameter, term), path)) != path:
-            yield Finding(_key(path, "signal"), f"{v.parameter} follows {term} already by", first)
+            yield CheckFinding(_key(path, "signal"), f"{v.parameter} follows {term} already by", first)
 
 
-def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
+def scheduled_parameters(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A scheduled parameter is monitored; its slopes are all of the parameter or all of its reciprocal."""
     monitored = {split_name(name)[0] for name in axis.model.monitor}
     first, weight = dict[str, str](), _weight(axis)
@@ -135,29 +135,29 @@ def scheduled_parameters(axis: AxisConfig) -> Iterator[Finding]:
                 f"{v.parameter} follows {v.signal}, but only a monitored parameter can follow: add it to monitor, or"
                 " identify it without"
             )
-            yield Finding(key, message)
+            yield CheckFinding(key, message)
         elif (other := first.setdefault(base, v.parameter)) != v.parameter:
-            yield Finding(key, f"slopes of both {v.parameter} and {other}: give one of them")
+            yield CheckFinding(key, f"slopes of both {v.parameter} and {other}: give one of them")
 
 
-def load(axis: AxisConfig) -> Iterator[Finding]:
+def load(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A monitored load needs a weight that follows the pose; its nominal value is 1."""
     usable_drive(axis)
     if f"1/{LOAD}" in axis.model.monitor and holds_weight(axis):
         place = ("model", "monitor", axis.model.monitor.index(f"1/{LOAD}"))
-        yield Finding(place, f'the load is monitored as it is: write "{LOAD}"')
+        yield CheckFinding(place, f'the load is monitored as it is: write "{LOAD}"')
     if not watches_load(axis):
         return
     if LOAD in axis.model.nominal:
         message = "is relative to the nominal weight, so its nominal value is 1: remove this"
-        yield Finding(("model", "nominal", LOAD), message)
+        yield CheckFinding(("model", "nominal", LOAD), message)
     to_come = axis.records_only and axis.model.nominal_file is None
     if not load_torques(axis) and not to_come and not not_identified(axis):
         message = (
             "no constant torque follows the pose, so there is no weight to compare the load with: find it with"
             ' `axiswatch identify --schedule "tau0: cos(angle)"`'
         )
-        yield Finding(("model", "monitor", axis.model.monitor.index(LOAD)), message)
+        yield CheckFinding(("model", "monitor", axis.model.monitor.index(LOAD)), message)
 
 
 def _weight(axis: AxisConfig) -> tuple[Schedule, ...]:
@@ -165,14 +165,14 @@ def _weight(axis: AxisConfig) -> tuple[Schedule, ...]:
     return weight_of(axis)
 
 
-def values_at_ends(axis: AxisConfig) -> Iterator[Finding]:
+def values_at_ends(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Scheduled nominal values stay within their bounds over the whole range of each signal."""
     model, weight = decided_model(axis), _weight(axis)
     for path, v in varying_of(axis):
         for end in v.range or ():
             if v not in weight and _leaves_bounds(model, follow_of(v), end):
                 message = f"{v.parameter} would leave its bounds at {v.signal} = {end:g}"
-                yield Finding(_key(path, "slope"), message)
+                yield CheckFinding(_key(path, "slope"), message)
 
 
 def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
@@ -183,7 +183,7 @@ def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
     return bool(np.isnan(shift).any())
 
 
-def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
+def on_the_bus(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The signals that a monitored axis needs are on its bus."""
     if axis.records_only:
         return
@@ -192,10 +192,10 @@ def on_the_bus(axis: AxisConfig) -> Iterator[Finding]:
     for n, s in enumerate(axis.signal):
         if s.axis is None and s.message is None and s.name in purposes:
             message = f"missing: {purposes[s.name]}, so it must be on the bus of the axis"
-            yield Finding(("signal", n, "message"), message)
+            yield CheckFinding(("signal", n, "message"), message)
 
 
-def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
+def others_stand_still(axis: AxisConfig) -> Iterator[CheckFinding]:
     """If the configuration says that the other axes stand still, nothing follows their motion."""
     if axis.model.conditions is None:
         return
@@ -203,7 +203,7 @@ def others_stand_still(axis: AxisConfig) -> Iterator[Finding]:
     for path, v in varying_of(axis):
         for other in [moving[signal] for signal in _signals(v, axis) if signal in moving][:1]:
             message = f"but {v.parameter} follows the motion of {other}, by"
-            yield Finding(("model", "conditions"), message, path)
+            yield CheckFinding(("model", "conditions"), message, path)
 
 
 def _signals(v: Schedule, axis: AxisConfig) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from monitor_core.drive import split_name
 from service.config.axis_settings import AxisError, axis_settings, monitored_model, predictor_of
-from service.config.base_table import Table
+from service.config.base_table import TomlTable
 from service.config.conditions import needed
 from service.config.drives import drive_of, given_values, plain_drive_of
 from service.config.found_file import FoundFile, FoundFileError, found_in
@@ -26,7 +26,7 @@ from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_TH
 from service.config.thresholds_file import ThresholdsFile, made_with
 
 _OWN = ("nominal", "nominal_file", "thresholds_file")
-_T = TypeVar("_T", bound=Table)
+_T = TypeVar("_T", bound=TomlTable)
 
 
 class EpochValuesError(ValueError):

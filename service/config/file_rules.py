@@ -15,7 +15,7 @@ from service.config.drives import plain_drive_of
 from service.config.found_file import alike
 from service.config.model_rules import usable_drive, with_merged
 from service.config.nominal_file import NominalFile, structure_of
-from service.config.problems import Finding
+from service.config.problems import CheckFinding
 from service.config.schema import AxisConfig
 from service.config.thresholds_file import ThresholdsFile
 from service.config.toml_lines import Keys
@@ -30,17 +30,17 @@ _INTERVAL = 0.01
 # --- Nominal values ---------------------------------------------------------------------------------------------------
 
 
-def same_axis(axis: AxisConfig) -> Iterator[Finding]:
+def same_axis(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The nominal file was identified with the quantity and interval of this axis."""
     found, measured = _nominal(axis), _measured(axis)
     if found.drive.output != measured:
-        yield Finding(NOMINAL, f"found with the {found.drive.output}, but this axis measures the {measured}")
+        yield CheckFinding(NOMINAL, f"found with the {found.drive.output}, but this axis measures the {measured}")
     found_s, own_s = found.predictor.interval_s, axis.sample_interval_s
     if not math.isclose(found_s, own_s, rel_tol=_INTERVAL):
-        yield Finding(NOMINAL, f"found with samples every {found_s:g} s, but sample_interval_s = {own_s:g}")
+        yield CheckFinding(NOMINAL, f"found with samples every {found_s:g} s, but sample_interval_s = {own_s:g}")
 
 
-def same_drive(axis: AxisConfig) -> Iterator[Finding]:
+def same_drive(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The nominal file was identified with this drive, and has all its values."""
     found = _nominal(axis)
     if found.drive.output != _measured(axis):
@@ -54,12 +54,12 @@ def same_drive(axis: AxisConfig) -> Iterator[Finding]:
             f"found with the drive {found.drive.name} (structure {found.drive.structure}), but this axis has"
             f" {drive.name} ({structure}): identify it again"
         )
-        yield Finding(NOMINAL, message)
+        yield CheckFinding(NOMINAL, message)
     elif missing:
-        yield Finding(NOMINAL, f"has no value of {', '.join(missing)}")
+        yield CheckFinding(NOMINAL, f"has no value of {', '.join(missing)}")
 
 
-def same_values(axis: AxisConfig) -> Iterator[Finding]:
+def same_values(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Nominal values that are also in the configuration equal those of the file, also for merged parameters."""
     found, given = _nominal(axis), with_merged(axis.model.nominal, usable_drive(axis))
     other = [name for name, value in found.values.items() if name in given and not alike(given[name], value)]
@@ -69,10 +69,10 @@ def same_values(axis: AxisConfig) -> Iterator[Finding]:
             f"{name} = {given[name]:g}, but {found.path.name} has {found.values[name]:.6g}{more}: remove what is in"
             " the file, or"
         )
-        yield Finding(("model", "nominal"), message, NOMINAL)
+        yield CheckFinding(("model", "nominal"), message, NOMINAL)
 
 
-def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
+def same_predictor(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Settings of the predictor that are also in the configuration equal those of the file."""
     found = _nominal(axis)
     p, noise = found.predictor, found.noise
@@ -88,10 +88,10 @@ def same_predictor(axis: AxisConfig) -> Iterator[Finding]:
         given, right = _given(axis, path), rights[-1]
         if given is not None and not any(alike(given, value) for value in rights):
             shown = f"{right:.6g}" if isinstance(right, float) else right or "none"
-            yield Finding(path, f"but {found.path.name} has {shown}: remove this, or", NOMINAL)
+            yield CheckFinding(path, f"but {found.path.name} has {shown}: remove this, or", NOMINAL)
 
 
-def initial_p(axis: AxisConfig) -> Iterator[Finding]:
+def initial_p(axis: AxisConfig) -> Iterator[CheckFinding]:
     """P(0) is not configured, as it belongs to the former predictor and nominal values."""
     found = _nominal(axis)
     if axis.estimator.initial_p:
@@ -99,46 +99,46 @@ def initial_p(axis: AxisConfig) -> Iterator[Finding]:
             f"belongs to the predictor that it was found with, not to the one in {found.path.name}: remove it, and P(0)"
             " is found from the first samples, or remove"
         )
-        yield Finding(("estimator", "initial_p"), message, NOMINAL)
+        yield CheckFinding(("estimator", "initial_p"), message, NOMINAL)
 
 
-def distinguishable(axis: AxisConfig) -> Iterator[Finding]:
+def distinguishable(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The multi-model detector needs nominal values that distinguish the parameters."""
     if axis.detector.alarm_source == "multimodel" and (doubtful := unidentifiable_pairs(axis)):
         pairs = ", ".join(" and ".join(pair) for pair in doubtful)
-        yield Finding(SOURCE, f"the nominal values cannot distinguish {pairs}: identify the axis again")
+        yield CheckFinding(SOURCE, f"the nominal values cannot distinguish {pairs}: identify the axis again")
 
 
 # --- Thresholds -------------------------------------------------------------------------------------------------------
 
 
-def same_parameters(axis: AxisConfig) -> Iterator[Finding]:
+def same_parameters(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The thresholds file has a threshold for each monitored parameter, and no others."""
     names = [entry.parameter for entry in _thresholds(axis).threshold]
     if names != list(axis.model.monitor):
         watched = ", ".join(axis.model.monitor)
         message = f"has thresholds of {', '.join(names)}, but {watched} are monitored: calibrate again"
-        yield Finding(THRESHOLDS, message)
+        yield CheckFinding(THRESHOLDS, message)
 
 
-def thresholds_given_once(axis: AxisConfig) -> Iterator[Finding]:
+def thresholds_given_once(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Thresholds that are also in the configuration equal those of the thresholds file."""
     found = _thresholds(axis)
     for key in ("alpha_1", "alpha_2"):
         given = _given(axis, ("detector", key))
         if given is not None and any(getattr(threshold, key) != given for threshold in found.threshold):
             message = f"but {found.path.name} has one for each parameter: remove this, or"
-            yield Finding(("detector", key), message, THRESHOLDS)
+            yield CheckFinding(("detector", key), message, THRESHOLDS)
 
 
-def multimodel_thresholds(axis: AxisConfig) -> Iterator[Finding]:
+def multimodel_thresholds(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The multi-model detector as alarm source needs its thresholds in the file; these exclude a configured budget."""
     found = _thresholds(axis)
     of_it = "thresholds of the multi-model detector"
     if axis.detector.alarm_source == "multimodel" and not found.hypothesis:
-        yield Finding(SOURCE, f'{found.path.name} has no {of_it}: calibrate again, or use "cusum"')
+        yield CheckFinding(SOURCE, f'{found.path.name} has no {of_it}: calibrate again, or use "cusum"')
     if found.hypothesis and _given(axis, ("detector", "budget_s")) is not None:
-        yield Finding(("detector", "budget_s"), f"{found.path.name} has {of_it}: remove this, or", THRESHOLDS)
+        yield CheckFinding(("detector", "budget_s"), f"{found.path.name} has {of_it}: remove this, or", THRESHOLDS)
 
 
 # --- Common functions -------------------------------------------------------------------------------------------------

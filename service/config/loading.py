@@ -20,12 +20,12 @@ from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
 from service.config.axis_rules import AXIS_RULES, defaults_without_name
-from service.config.base_table import Reading, Table, Undecidable, hint
+from service.config.base_table import ReadingContext, TomlTable, Undecidable, hint
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.file_rules import FILE_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
-from service.config.problems import NOT_UTF8, ConfigErrors, Finding, Problem, dotted, line_of, shown
+from service.config.problems import NOT_UTF8, CheckFinding, ConfigErrors, ConfigProblem, dotted, line_of, shown
 from service.config.robot_defaults import origin
 from service.config.schema import AxisConfig, Config
 from service.config.schema_links import LINK_RULES, certificate_and_key, concealed
@@ -59,7 +59,7 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
     over = {key: _Override(name, value) for name, value in environ.items() if (key := _path(name))}
     _override(values, over)
     _default_state_dir(values, environ)
-    config, found = _read(values, Reading(path.absolute().parent, thresholds))
+    config, found = _read(values, ReadingContext(path.absolute().parent, thresholds))
     found += _unknown_sections(over)
     if config is None or found:
         raise ConfigErrors(_problems(path, positions(text), over, values, found))
@@ -71,9 +71,9 @@ def _text(path: Path) -> str:
         return path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         reason = f"cannot read the configuration: {error.strerror}"
-        raise ConfigErrors([Problem(path, None, "", None, reason)]) from None
+        raise ConfigErrors([ConfigProblem(path, None, "", None, reason)]) from None
     except UnicodeDecodeError as error:
-        raise ConfigErrors([Problem(path, line_of(error), "", None, NOT_UTF8)]) from None
+        raise ConfigErrors([ConfigProblem(path, line_of(error), "", None, NOT_UTF8)]) from None
 
 
 def _values(path: Path, text: str) -> dict[str, Any]:
@@ -86,36 +86,36 @@ def _values(path: Path, text: str) -> dict[str, Any]:
         line, column = len(lines), len(lines[-1]) + 1
         if at and at["line"]:
             line, column = int(at["line"]), int(at["column"])
-        raise ConfigErrors([Problem(path, line, "", None, message, column)]) from None
+        raise ConfigErrors([ConfigProblem(path, line, "", None, message, column)]) from None
 
 
-def _read(values: dict[str, Any], reading: Reading) -> tuple[Config | None, list[Finding]]:
+def _read(values: dict[str, Any], reading: ReadingContext) -> tuple[Config | None, list[CheckFinding]]:
     """The configuration, if the schema accepts it, and the problems: of the schema, otherwise of the cross-checks."""
     try:
         config = Config.model_validate(values, context=reading)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        return None, [Finding(e["loc"], _message(e)) for e in found if not _is_consequence(e)]
+        return None, [CheckFinding(e["loc"], _message(e)) for e in found if not _is_consequence(e)]
     return config, list(crosscheck(config))
 
 
 def _problems(
-    path: Path, where: Mapping[Keys, int], over: _Overrides, values: dict[str, Any], found: Iterable[Finding]
-) -> list[Problem]:
+    path: Path, where: Mapping[Keys, int], over: _Overrides, values: dict[str, Any], found: Iterable[CheckFinding]
+) -> list[ConfigProblem]:
     problems = []
     for finding in dict.fromkeys(_at_origin(finding, where) for finding in found):
         message = finding.message
         if finding.other:
             message += f" {dotted(finding.other)} in line {nearest(where, finding.other)}"
         if (override := over.get(finding.path[:2])) is not None:
-            problems.append(Problem(None, None, override.variable, override.text, message))
+            problems.append(ConfigProblem(None, None, override.variable, override.text, message))
         else:
             line, value = nearest(where, finding.path), _shown_at(values, finding.path)
-            problems.append(Problem(path, line, dotted(finding.path), value, message))
+            problems.append(ConfigProblem(path, line, dotted(finding.path), value, message))
     return sorted(problems, key=lambda problem: problem.line or 0)
 
 
-def _at_origin(finding: Finding, where: Mapping[Keys, int]) -> Finding:
+def _at_origin(finding: CheckFinding, where: Mapping[Keys, int]) -> CheckFinding:
     """The finding with the path where the file has the value: in an axis, or in the defaults of its robot."""
     path = origin(finding.path, where)
     other = None if finding.other is None else origin(finding.other, where)
@@ -173,11 +173,11 @@ def _typed(section: str, key: str, text: str) -> Any:
         return text
 
 
-def _unknown_sections(over: _Overrides) -> Iterator[Finding]:
+def _unknown_sections(over: _Overrides) -> Iterator[CheckFinding]:
     known = [f"{PREFIX}{section.upper()}__..." for section in SECTIONS]
     for path, override in over.items():
         if path[0] not in SECTIONS:
-            yield Finding(path, f"no such setting: {did_you_mean(override.variable, known)}")
+            yield CheckFinding(path, f"no such setting: {did_you_mean(override.variable, known)}")
 
 
 # --- Validation errors of pydantic in the terms of the file format, with the meaning of the key -----------------------
@@ -232,7 +232,7 @@ def _limits(error: ErrorDetails) -> dict[str, Any]:
     return {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
 
 
-def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[Table] | None]:
+def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[TomlTable] | None]:
     """The innermost key of a path that the schema knows, and its table."""
     key, table, inner = "", None, table_in(Config)
     for part in path:
@@ -243,9 +243,9 @@ def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[Table] | None
     return key, table
 
 
-def table_in(annotation: Any) -> type[Table] | None:
+def table_in(annotation: Any) -> type[TomlTable] | None:
     """The table in an annotation such as ``tuple[AxisConfig, ...]``."""
-    if isinstance(annotation, type) and issubclass(annotation, Table):
+    if isinstance(annotation, type) and issubclass(annotation, TomlTable):
         return annotation
     return next(filter(None, map(table_in, get_args(annotation))), None)
 
@@ -256,10 +256,10 @@ def table_in(annotation: Any) -> type[Table] | None:
 
 
 T = TypeVar("T")
-Rule = Callable[[T], Iterator[Finding]]
+Rule = Callable[[T], Iterator[CheckFinding]]
 
 
-def crosscheck(config: Config) -> Iterator[Finding]:
+def crosscheck(config: Config) -> Iterator[CheckFinding]:
     """The findings of all cross-checks."""
     yield from _run(CONFIG_RULES, config, ())
     yield from _run(LINK_RULES, config.links, ("links",))
@@ -273,14 +273,14 @@ def crosscheck(config: Config) -> Iterator[Finding]:
             yield from (found.inside(("robot", i, "axis", k)) for found in axis_findings(axis))
 
 
-def axis_findings(axis: AxisConfig) -> Iterator[Finding]:
+def axis_findings(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The findings of all cross-checks of one axis."""
     yield from _run((*AXIS_RULES, *FILE_RULES), axis, ())
     yield from _run(MODEL_RULES, axis, (), last=complete_model)
     yield from _run(CONDITION_RULES, axis, (), last=values_at_ends)
 
 
-def _run(rules: Iterable[Rule[T]], table: T, path: Keys, last: Rule[T] | None = None) -> Iterator[Finding]:
+def _run(rules: Iterable[Rule[T]], table: T, path: Keys, last: Rule[T] | None = None) -> Iterator[CheckFinding]:
     """The findings of rules; ``last`` runs only if all of them could be checked and found nothing."""
     clean = True
     for rule in rules:

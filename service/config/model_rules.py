@@ -21,7 +21,7 @@ from service.config.drives import (
     watched_values,
     watches_skew,
 )
-from service.config.problems import Finding
+from service.config.problems import CheckFinding
 from service.config.schema import AxisConfig
 from service.config.toml_lines import Keys
 
@@ -32,13 +32,13 @@ DRIVE: Keys = ("model", "drive")
 # --- The drive --------------------------------------------------------------------------------------------------------
 
 
-def possible_drive(axis: AxisConfig) -> Iterator[Finding]:
+def possible_drive(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The drive can be modelled, and its inputs can be computed from the measured quantities."""
     try:
         if wrong := _model_error(watched_drive(axis, _measured(axis)), {}):
-            yield Finding(DRIVE, str(wrong))
+            yield CheckFinding(DRIVE, str(wrong))
     except ModelError as error:
-        yield Finding(DRIVE, str(error))
+        yield CheckFinding(DRIVE, str(error))
 
 
 def usable_drive(axis: AxisConfig) -> Drive:
@@ -70,7 +70,7 @@ def _model_error(
 # --- Nominal values ---------------------------------------------------------------------------------------------------
 
 
-def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
+def nominal_values(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Nominal values are possible and belong to parameters of the drive; a monitored drive needs all of them."""
     drive, path = usable_drive(axis), ("model", "nominal")
     known = {p.name: p for p in (*drive.drawn, *drive.parameters)}
@@ -78,24 +78,24 @@ def nominal_values(axis: AxisConfig) -> Iterator[Finding]:
         if name not in known and name == GEAR_RATIO and has_no_gear(axis):
             # One mass has no gear; the angle of its motor still tells the pose of the arm.
             if not 0 < abs(value) <= 1:
-                yield Finding((*path, name), _NO_RATIO)
+                yield CheckFinding((*path, name), _NO_RATIO)
         elif name not in known:
-            yield Finding((*path, name), _no_parameter(name, known))
+            yield CheckFinding((*path, name), _no_parameter(name, known))
         elif error := _model_error(drive, {name: value}):
             # The finding already names key and value.
             reason = error.reason if isinstance(error, NominalValueError) else str(error)
-            yield Finding((*path, name), reason)
+            yield CheckFinding((*path, name), reason)
     if axis.to_be_identified:  # identification will find the missing values
         return
     given = watched_values(axis).keys()
     for name in lacking(drive, given):
-        yield Finding((*path, name), f"missing ({known[name].meaning} [{known[name].unit}])")
+        yield CheckFinding((*path, name), f"missing ({known[name].meaning} [{known[name].unit}])")
 
 
 _NO_RATIO = "the angle of the arm over that of the motor, such as 0.02 for a gear of 50:1: above 0, and at most 1"
 
 
-def merged_values(axis: AxisConfig) -> Iterator[Finding]:
+def merged_values(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The given value of a merged parameter agrees with the values of its parts."""
     given = axis.model.nominal
     for merged in usable_drive(axis).definitions:
@@ -104,7 +104,7 @@ def merged_values(axis: AxisConfig) -> Iterator[Finding]:
                 value = merged.value(given)
                 if not math.isclose(value, given[merged.name], rel_tol=_SAME):
                     message = f"is given twice: {', '.join(sorted(merged.names))} make {value:.6g}"
-                    yield Finding(("model", "nominal", merged.name), message)
+                    yield CheckFinding(("model", "nominal", merged.name), message)
 
 
 def _nominal(axis: AxisConfig, drive: Drive) -> dict[str, float]:
@@ -130,7 +130,7 @@ def _no_parameter(name: str, known: Iterable[str]) -> str:
 # --- Monitored parameters ---------------------------------------------------------------------------------------------
 
 
-def monitored(axis: AxisConfig) -> Iterator[Finding]:
+def monitored(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Monitored parameters exist, are listed once, and have a size: a nominal value or a scale."""
     drive, seen, scales = usable_drive(axis), set[str](), scales_of(axis)
     nominal = _nominal(axis, drive)
@@ -139,19 +139,19 @@ def monitored(axis: AxisConfig) -> Iterator[Finding]:
         path = ("model", "monitor", i)
         base, inverse = split_name(name)
         if base not in names and name == LOAD:
-            yield Finding(path, "acts as a constant torque does, and the drive has none: add a torque offset")
+            yield CheckFinding(path, "acts as a constant torque does, and the drive has none: add a torque offset")
         elif base not in names:
             known = [f"1/{n}" for n in names] if inverse else [*names, DELAY]
             drawn = any(p.name == base for p in drive.drawn)
-            yield Finding(path, _why_not(drive, base) if drawn else _no_parameter(name, known))
+            yield CheckFinding(path, _why_not(drive, base) if drawn else _no_parameter(name, known))
         elif base in seen:
-            yield Finding(path, f"{base} is monitored twice")
+            yield CheckFinding(path, f"{base} is monitored twice")
         elif base in nominal:
             value = {base: nominal[base]}
             # Report why it has no size; another check reports an impossible value.
             error = None if _model_error(drive, value) else _model_error(drive, value, name, scales)
             if error is not None:
-                yield Finding(path, str(error))
+                yield CheckFinding(path, str(error))
         seen.add(base)
 
 
@@ -164,7 +164,7 @@ def _why_not(drive: Drive, name: str) -> str:
     raise AssertionError(name)
 
 
-def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
+def scales_and_bounds(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Scales, bounds and P(0) are given for monitored parameters only."""
     model = axis.model
     tables: tuple[tuple[Keys, Iterable[str]], ...] = (
@@ -175,10 +175,10 @@ def scales_and_bounds(axis: AxisConfig) -> Iterator[Finding]:
     for path, names in tables:
         for name in names:
             if name not in model.monitor:
-                yield Finding((*path, name), f"not monitored: {did_you_mean(name, model.monitor)}")
+                yield CheckFinding((*path, name), f"not monitored: {did_you_mean(name, model.monitor)}")
 
 
-def bounds(axis: AxisConfig) -> Iterator[Finding]:
+def bounds(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The nominal value lies between the bounds, and a positive parameter stays positive."""
     drive = usable_drive(axis)
     nominal = _nominal(axis, drive)
@@ -190,36 +190,36 @@ def bounds(axis: AxisConfig) -> Iterator[Finding]:
         least = 0.0 if drive.parameter(name).positive else -math.inf
         if not least <= lower < value < upper or lower == least:
             need = "0 < lower < nominal < upper" if least == 0 else "lower < nominal < upper"
-            yield Finding(("model", "bounds", name), f"must be [lower, upper] with {need} = {value}")
+            yield CheckFinding(("model", "bounds", name), f"must be [lower, upper] with {need} = {value}")
 
 
-def complete_model(axis: AxisConfig) -> Iterator[Finding]:
+def complete_model(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The model can be made.  This finds faults in drawn or merged values that no other rule checks."""
     try:
         axis_model(axis)
     except KeyError:  # a wrong value, which counts as missing here
         return
     except ValueError as error:
-        yield Finding(DRIVE, str(error))
+        yield CheckFinding(DRIVE, str(error))
 
 
 # --- Limits of the long-term trend ------------------------------------------------------------------------------------
 
 
-def limited(axis: AxisConfig) -> Iterator[Finding]:
+def limited(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A limit belongs to a monitored parameter or its reciprocal, not to both."""
     monitor, seen = axis.model.monitor, dict[str, str]()
     for name in axis.model.limits:
         own = monitored_as(name, monitor)
         if own is None:
-            yield Finding(("model", "limits", name), f"not monitored: {did_you_mean(name, monitor)}")
+            yield CheckFinding(("model", "limits", name), f"not monitored: {did_you_mean(name, monitor)}")
         elif own in seen:
-            yield Finding(("model", "limits", name), "has one already, by", ("model", "limits", seen[own]))
+            yield CheckFinding(("model", "limits", name), "has one already, by", ("model", "limits", seen[own]))
         else:
             seen[own] = name
 
 
-def sides(axis: AxisConfig) -> Iterator[Finding]:
+def sides(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Limits lie on the right side of the nominal value, and within the bounds of the estimate."""
     model = decided_model(axis)
     for name, values in axis.model.limits.items():
@@ -235,7 +235,7 @@ def sides(axis: AxisConfig) -> Iterator[Finding]:
         else:
             message = _wrong_side(values, 1 / nominal, 1 / high, 1 / low)
         if message:
-            yield Finding(("model", "limits", name), message)
+            yield CheckFinding(("model", "limits", name), message)
 
 
 def _wrong_side(values: tuple[float, ...], nominal: float, low: float, high: float) -> str:
@@ -263,7 +263,7 @@ def decided_model(axis: AxisConfig) -> AxisModel:
 # --- Skew between torque and motion -----------------------------------------------------------------------------------
 
 
-def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
+def torque_skew(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A monitored delay is that of the torque; its nominal value is given once and is below one interval.
 
     A torque with a larger delay would belong to another sample.
@@ -273,20 +273,20 @@ def torque_skew(axis: AxisConfig) -> Iterator[Finding]:
     h, bounds = axis.sample_interval_s, axis.model.bounds.get(DELAY)
     place: Keys = ("model", "monitor", axis.model.monitor.index(DELAY))
     if bounds is not None and max(map(abs, bounds)) > h:
-        yield Finding(("model", "bounds", DELAY), f"must be within sample_interval_s, [{-h}, {h}]")
+        yield CheckFinding(("model", "bounds", DELAY), f"must be within sample_interval_s, [{-h}, {h}]")
     if nominal_skew(axis) >= h:
         message = (
             f"a delay is monitored up to sample_interval_s = {h}, which is its nominal value here: no increase of it"
             " could be seen"
         )
-        yield Finding(place, message)
+        yield CheckFinding(place, message)
     usable_drive(axis)
     if has_own_delay(drive_of(axis)):
         message = "is how late the torque acts, but the drive has a parameter of that name: rename that one"
-        yield Finding(place, message)
+        yield CheckFinding(place, message)
     elif DELAY in axis.model.nominal:
         message = "its nominal value is torque_delay_s of the axis: remove this"
-        yield Finding(("model", "nominal", DELAY), message)
+        yield CheckFinding(("model", "nominal", DELAY), message)
 
 
 MODEL_RULES = (

@@ -17,20 +17,20 @@ _LONGEST_VALUE = 60
 _LONGEST_DECIMAL = 128
 
 
-class Finding(NamedTuple):
+class CheckFinding(NamedTuple):
     """A mistake at a path of the file; if ``other`` is given, its place is added to the end of the message."""
 
     path: Keys
     message: str
     other: Keys | None = None
 
-    def inside(self, table: Keys) -> Finding:
+    def inside(self, table: Keys) -> CheckFinding:
         """The finding with a path relative to the file."""
-        return Finding((*table, *self.path), self.message, self.other and (*table, *self.other))
+        return CheckFinding((*table, *self.path), self.message, self.other and (*table, *self.other))
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class ConfigProblem:
     """One problem.  ``key``: dotted, with array elements counted from 1: robot[1].axis[2].torque.message.
 
     ``line``: None for the whole file.  ``file``: None for the environment; ``key`` is then the variable.  ``value``: as
@@ -61,7 +61,7 @@ class Problem:
 class ConfigErrors(Exception):  # noqa: N818 - several errors
     """The configuration cannot be used; with all problems found in it."""
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
+    def __init__(self, problems: Sequence[ConfigProblem]) -> None:
         super().__init__("\n".join(map(str, problems)))
         self.problems = list(problems)
 

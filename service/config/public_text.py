@@ -10,7 +10,7 @@ import tomlkit
 from pydantic import BaseModel
 
 from service.config.found_file import FoundFile
-from service.config.problems import Problem
+from service.config.problems import ConfigProblem
 from service.config.robot_defaults import DEFAULTS
 from service.config.schema import Config
 
@@ -28,7 +28,7 @@ def public_text(config: Config, folder: Path) -> str:
     return tomlkit.dumps(_shown_table(config, folder))
 
 
-def public_problem(problem: Problem) -> str:
+def public_problem(problem: ConfigProblem) -> str:
     """A mistake in a configuration without its value, which may be a secret at the wrong place, and without folders."""
     file = problem.file
     place = problem.place if file is None else problem.place.replace(str(file), file.name, 1)

@@ -24,7 +24,7 @@ from service.config.bus_messages import messages_of
 from service.config.conditions import load_torques, varying_of
 from service.config.drives import axis_model, not_identified
 from service.config.schema import AxisConfig, Config, NamedAxis
-from service.config.unit_names import UNITS, Quantity, unit_passed_over
+from service.config.unit_names import UNITS, MeasuredQuantity, unit_passed_over
 
 _KnownOn = Callable[[str], MessageSet]
 """Function that returns the messages of a bus by its name"""
@@ -159,8 +159,8 @@ def _exact_times(axis: NamedAxis) -> Iterator[str]:
 def _other_unit(axis: NamedAxis, known_on: _KnownOn) -> Iterator[str]:
     """A signal with a unit, by its description or column name, that no factor converts."""
     config = axis.config
-    motion: Quantity = "angle" if config.angle is not None else "speed"
-    quantities: tuple[Quantity, ...] = ("torque", motion)
+    motion: MeasuredQuantity = "angle" if config.angle is not None else "speed"
+    quantities: tuple[MeasuredQuantity, ...] = ("torque", motion)
     for quantity, source in zip(quantities, (config.torque, config.motion), strict=True):
         place, text = f"column {source.column}", source.column or ""
         if not config.records_only:

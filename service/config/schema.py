@@ -15,14 +15,14 @@ from monitor_core.drive import Output, ThermalStart, Unwatched
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import (
     GEAR_RATIO,
-    Factor,
     FilePath,
-    Name,
+    NonEmptyText,
+    NonZero,
     NotNegative,
+    PlainName,
     Positive,
     Real,
-    Table,
-    Text,
+    TomlTable,
     Undecidable,
     written,
 )
@@ -46,18 +46,18 @@ NEVER_IDENTIFIED = {"kT", GEAR_RATIO}
 """Torque constant and gear ratio of a library drive, which torque and motion of the motor do not determine."""
 
 
-class SignalConfig(Table):
+class SignalConfig(TomlTable):
     """[robot.axis.angle], .speed, .torque: source of a quantity; without a bus only ``column`` is given."""
 
-    message: Text = ""
+    message: NonEmptyText = ""
     """name of the message on the bus"""
-    signal: Text = ""
+    signal: NonEmptyText = ""
     """name of the signal in that message"""
-    factor: Factor = 1.0
+    factor: NonZero = 1.0
     """SI value = factor * signal + offset; a negative factor reverses the direction"""
     offset: Real = 0.0
     """SI value = factor * signal + offset"""
-    column: Text | None = None
+    column: NonEmptyText | None = None
     """column (.csv, .parquet) or variable (.mat) in records"""
 
     @property
@@ -106,24 +106,24 @@ class SpeedConfig(SignalConfig):
     """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
 
 
-class FurtherSignalConfig(Table):
+class FurtherSignalConfig(TomlTable):
     """[[robot.axis.signal]]: an auxiliary signal of the axis or of the robot, or the motion of another axis."""
 
-    name: Name
+    name: PlainName
     """name by which the configuration refers to it: letters, digits, - and _"""
-    axis: Text | None = None
+    axis: NonEmptyText | None = None
     """it is the angle (or speed) of this other axis of the robot, in place of a message"""
     speed: bool = False
     """it is the speed of that axis [rad/s], taken from its angle; that axis may be this one"""
     acceleration: bool = False
     """it is the acceleration of that axis [rad/s^2], from values that come with the samples of this axis"""
-    message: Text | None = None
+    message: NonEmptyText | None = None
     """name of the message on the bus"""
-    signal: Text | None = None
+    signal: NonEmptyText | None = None
     """name of the signal in that message"""
-    column: Text | None = None
+    column: NonEmptyText | None = None
     """column (.csv, .parquet) or variable (.mat) in records"""
-    factor: Factor = 1.0
+    factor: NonZero = 1.0
     """value = factor * signal + offset"""
     offset: Real = 0.0
     """value = factor * signal + offset"""
@@ -141,10 +141,10 @@ class FurtherSignalConfig(Table):
         return self.speed or self.acceleration
 
 
-class GateConfig(Table):
+class GateConfig(TomlTable):
     """[[robot.axis.gate]]: a condition for learning; the signal is one of [[robot.axis.signal]]."""
 
-    signal: Text
+    signal: NonEmptyText
     """name of a signal; estimates and tests wait while it has another value"""
     equals: tuple[Real, ...] | None = Field(None, min_length=1)
     """open while the signal is one of these"""
@@ -154,23 +154,23 @@ class GateConfig(Table):
     """open while the signal is less than this"""
 
 
-class TimeConfig(Table):
+class TimeConfig(TomlTable):
     """[robot.axis.time]: source of the time of a sample."""
 
-    column: Text | None = None
+    column: NonEmptyText | None = None
     """column of the time in records; without it rows are sample_interval_s apart"""
     factor: Positive = 1.0
     """seconds = factor * column: 0.001 for milliseconds"""
-    counter_message: Text | None = None
+    counter_message: NonEmptyText | None = None
     """message that carries the sample counter; if not given, that of angle or speed"""
-    counter_signal: Text | None = None
+    counter_signal: NonEmptyText | None = None
     """sample counter; with it sample times are whole intervals, free of receipt jitter"""
     clock: Literal["receipt", "cyclic"] = "receipt"
     """without a counter: "receipt", the times of receipt, or "cyclic": the controller samples every sample_interval_s
     by its own clock, which is fitted to the times of receipt"""
 
 
-class ThermalConfig(Table):
+class ThermalConfig(TomlTable):
     """[robot.axis.thermal]: warm-up of an axis whose friction follows its heat, without thermometer (nominal_file)."""
 
     start: ThermalStart = "unknown"
@@ -184,7 +184,7 @@ class ThermalConfig(Table):
 # --- Service, buses, robots, axes -------------------------------------------------------------------------------------
 
 
-class ServiceConfig(Table):
+class ServiceConfig(TomlTable):
     """[service]: the state directory, history and recordings of the daemon."""
 
     state_dir: FilePath = Field(Path("state"), validate_default=True)
@@ -219,13 +219,13 @@ class ServiceConfig(Table):
 
 _HOST = r"[A-Za-z0-9._-]+|[0-9A-Fa-f.]*(?::[0-9A-Fa-f.]*){2,}"
 """A name, an IPv4 address, or an IPv6 address (with two colons or more)."""
-Host = Annotated[Text, written(_HOST, "a name or an address, without port, brackets or path")]
+Host = Annotated[NonEmptyText, written(_HOST, "a name or an address, without port, brackets or path")]
 
 
-class WebConfig(Table):
+class WebConfig(TomlTable):
     """[web]: address and TLS of the REST API, the metrics and the page."""
 
-    host: Text = "127.0.0.1"
+    host: NonEmptyText = "127.0.0.1"
     """address to listen on; any but 127.0.0.1, such as 0.0.0.0 for all interfaces, needs tokens and TLS"""
     port: Annotated[int, Field(strict=True)] = Field(8080, ge=0, le=65535)
     """TCP port; 0 for any free one"""
@@ -246,10 +246,10 @@ _LAST_PGN = 0x3FFFF
 FLOAT_BITS = (16, 32, 64)
 
 
-class BitsConfig(Table):
+class BitsConfig(TomlTable):
     """[[bus.message.signal]]: a signal by its bits."""
 
-    name: Text
+    name: NonEmptyText
     """name of the signal"""
     start_bit: Annotated[int, Field(strict=True)] = Field(ge=0, lt=8 * MAX_BYTES)
     """lowest bit, or highest bit in big endian: 8 * byte + bit, both from 0; bit 0 is the lowest of a byte"""
@@ -259,16 +259,16 @@ class BitsConfig(Table):
     """kind of number: "unsigned", "signed" or "float" (16, 32 or 64 bits)"""
     byte_order: Literal["little", "big"] = "little"
     """"little": lowest byte first (Intel); "big": highest byte first (Motorola)"""
-    factor: Factor = 1.0
+    factor: NonZero = 1.0
     """value = factor * number + offset"""
     offset: Real = 0.0
     """value = factor * number + offset"""
 
 
-class MessageConfig(Table):
+class MessageConfig(TomlTable):
     """[[bus.message]]: a message by its identifier."""
 
-    name: Text
+    name: NonEmptyText
     """name by which axes refer to the message"""
     id: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=_LAST_ID)
     """identifier, such as 0x181; or pgn"""
@@ -289,14 +289,14 @@ class MessageConfig(Table):
         return self.extended
 
 
-class BusConfig(Table):
+class BusConfig(TomlTable):
     """[[bus]]: one CAN bus."""
 
-    name: Name
+    name: PlainName
     """name by which axes refer to the bus: letters, digits, - and _"""
-    interface: Text = "socketcan"
+    interface: NonEmptyText = "socketcan"
     """python-can interface: socketcan, virtual, pcan, ..."""
-    channel: Text
+    channel: NonEmptyText
     """channel of that interface, e.g. can0"""
     messages: FilePath | None = None
     """file that describes the messages on the bus: .dbc, .kcd, .sym or .arxml, relative to this file"""
@@ -312,12 +312,12 @@ _TOGETHER = 0.01
 """Between the sample intervals of axes that are sampled together."""
 
 
-class AxisConfig(Table):
+class AxisConfig(TomlTable):
     """[[robot.axis]]: one axis, the source of its samples and its monitoring."""
 
-    name: Name
+    name: PlainName
     """name of the axis: letters, digits, - and _"""
-    bus: Text = ""
+    bus: NonEmptyText = ""
     """name of a [[bus]]; default: the only one"""
     canopen: CanopenConfig | None = None
     """its drive is a CANopen drive (CiA 402), [robot.axis.canopen]: torque and motion follow from the EDS"""
@@ -420,10 +420,10 @@ def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Furthe
         yield s.model_copy(update=place)
 
 
-class RobotConfig(Table):
+class RobotConfig(TomlTable):
     """[[robot]]: a name for a group of axes."""
 
-    name: Name
+    name: PlainName
     """name of the robot: letters, digits, - and _"""
     defaults: dict[str, Any] = Field(default_factory=dict)
     """[robot.defaults], keys of all axes of the robot; an axis that has a key of its own keeps it"""
@@ -445,7 +445,7 @@ class NamedAxis(NamedTuple):
     """Whether these values are those of the configuration"""
 
 
-class Config(Table):
+class Config(TomlTable):
     """The whole file."""
 
     service: ServiceConfig = Field(default_factory=lambda: ServiceConfig.model_validate({}))

@@ -13,8 +13,8 @@ from urllib.parse import urlsplit
 from pydantic import AfterValidator, Field
 
 from monitor_core.monitoring import PRIORITIES, Priority
-from service.config.base_table import FilePath, Name, Positive, Real, Table, Text, written
-from service.config.problems import Finding
+from service.config.base_table import FilePath, NonEmptyText, PlainName, Positive, Real, TomlTable, written
+from service.config.problems import CheckFinding
 from service.config.toml_lines import Keys
 
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
@@ -44,7 +44,7 @@ def is_local(host: str) -> bool:
         return host == "localhost"
 
 
-class AlarmLimits(Table):
+class AlarmLimits(TomlTable):
     """Common keys of all links: which alarms a link delivers, and for how long it tries."""
 
     max_age_s: Annotated[Positive, Field(ge=60, le=2_592_000)] = 86400.0
@@ -56,9 +56,9 @@ class AlarmLimits(Table):
 class WebhookConfig(AlarmLimits):
     """[[links.webhook]]: sends each transition of an alarm, signed, to an address."""
 
-    name: Name
+    name: PlainName
     """name of the link: letters, digits, - and _"""
-    url: Annotated[Text, AfterValidator(_https)]
+    url: Annotated[NonEmptyText, AfterValidator(_https)]
     """https://HOST/PATH; only the host is shown to users"""
     secret_file: FilePath | None = None
     """file whose text is the key of the signature, at least 16 characters"""
@@ -73,11 +73,11 @@ class WebhookConfig(AlarmLimits):
 class ServerLink(AlarmLimits):
     """A link to a server to which the daemon logs in."""
 
-    host: Text
+    host: NonEmptyText
     """name or address of the server"""
     ca_file: FilePath | None = None
     """PEM file of the authority that has signed the server's certificate; default: the authorities of the system"""
-    user: Text | None = None
+    user: NonEmptyText | None = None
     """name by which the daemon logs in"""
     password_file: FilePath | None = None
     """file whose text is the password"""
@@ -122,7 +122,7 @@ class SmtpConfig(ServerLink):
 class OpcUaConfig(AlarmLimits):
     """[links.opcua]: an OPC UA server with the axes as nodes and the alarms as conditions."""
 
-    host: Text = "127.0.0.1"
+    host: NonEmptyText = "127.0.0.1"
     """address to listen on; any but 127.0.0.1, such as 0.0.0.0 for all interfaces, needs a certificate"""
     port: Port = 4840
     """TCP port to listen on"""
@@ -136,7 +136,7 @@ class OpcUaConfig(AlarmLimits):
     """time between two updates of changed values [s]"""
 
 
-class LinksConfig(Table):
+class LinksConfig(TomlTable):
     """[links]: the plant links, to which alarms and states are sent."""
 
     webhook: tuple[WebhookConfig, ...] = ()
@@ -183,18 +183,18 @@ RESERVED = ("mqtt", "smtp", "opcua")
 """Names of the links that cannot be named by the user."""
 
 
-def link_names(links: LinksConfig) -> Iterator[Finding]:
+def link_names(links: LinksConfig) -> Iterator[CheckFinding]:
     """Each link has a unique name, which status and metrics use."""
     first: dict[str, Keys] = {}
     for i, hook in enumerate(links.webhook):
         path: Keys = ("webhook", i, "name")
         if hook.name in RESERVED:
-            yield Finding(path, f"is the name of [links.{hook.name}]: choose another one")
+            yield CheckFinding(path, f"is the name of [links.{hook.name}]: choose another one")
         elif (taken := first.setdefault(hook.name, path)) != path:
-            yield Finding(path, "must differ from the name of", taken[:-1])
+            yield CheckFinding(path, "must differ from the name of", taken[:-1])
 
 
-def link_secrets(links: LinksConfig) -> Iterator[Finding]:
+def link_secrets(links: LinksConfig) -> Iterator[CheckFinding]:
     """A secret has a source.
 
     The start checks whether it can be read, as a user who checks the file may not be allowed.
@@ -202,46 +202,46 @@ def link_secrets(links: LinksConfig) -> Iterator[Finding]:
     for i, hook in enumerate(links.webhook):
         if hook.secret_file is None and hook.secret_env is None:
             message = "missing: give secret_file or secret_env, the key of the signature"
-            yield Finding(("webhook", i, "secret_file"), message)
+            yield CheckFinding(("webhook", i, "secret_file"), message)
     for name, link in (("mqtt", links.mqtt), ("smtp", links.smtp)):
         if link is None:
             continue
         given = link.password_file is not None or link.password_env is not None
         if given and link.user is None:
-            yield Finding((name, "user"), "missing: it is needed with a password")
+            yield CheckFinding((name, "user"), "missing: it is needed with a password")
         elif link.user is not None and not given:
             message = "missing: give password_file or password_env with user"
-            yield Finding((name, "password_file"), message)
+            yield CheckFinding((name, "password_file"), message)
 
 
-def link_encryption(links: LinksConfig) -> Iterator[Finding]:
+def link_encryption(links: LinksConfig) -> Iterator[CheckFinding]:
     """Passwords and messages cross no network unencrypted; OPC UA is encrypted for other machines."""
     mqtt, smtp, opcua = links.mqtt, links.smtp, links.opcua
     if mqtt is not None and not mqtt.tls and mqtt.user is not None and not is_local(mqtt.host):
-        yield Finding(("mqtt", "tls"), "the password would cross the network in the clear: use TLS")
+        yield CheckFinding(("mqtt", "tls"), "the password would cross the network in the clear: use TLS")
     if smtp is not None and smtp.security == "none" and (smtp.user is not None or not is_local(smtp.host)):
         message = 'is possible only to this machine and without user: use "starttls" or "tls"'
-        yield Finding(("smtp", "security"), message)
+        yield CheckFinding(("smtp", "security"), message)
     if opcua is not None and not is_local(opcua.host) and opcua.certificate is None and opcua.key is None:
         message = 'other machines reach this host: give certificate and key, or host = "127.0.0.1"'
-        yield Finding(("opcua", "host"), message)
+        yield CheckFinding(("opcua", "host"), message)
 
 
-def link_extras(links: LinksConfig) -> Iterator[Finding]:
+def link_extras(links: LinksConfig) -> Iterator[CheckFinding]:
     """The packages that a link needs are installed."""
     for name, package in (("mqtt", "aiomqtt"), ("opcua", "asyncua")):
         if getattr(links, name) is not None and find_spec(package) is None:
-            yield Finding((name,), f"needs another package: pip install axiswatch[{name}]")
+            yield CheckFinding((name,), f"needs another package: pip install axiswatch[{name}]")
 
 
-def certificate_and_key(table: Any) -> Iterator[Finding]:
+def certificate_and_key(table: Any) -> Iterator[CheckFinding]:
     """A certificate in [web] or [links.opcua] has its key; ``table`` None: the table does not exist.
 
     The start checks whether they fit, as a user who checks the file may not be allowed to read the key.
     """
     for given, lacking in (("certificate", "key"), ("key", "certificate")):
         if getattr(table, given, None) is not None and getattr(table, lacking) is None:
-            yield Finding((lacking,), f"missing: it belongs to {given}")
+            yield CheckFinding((lacking,), f"missing: it belongs to {given}")
 
 
 LINK_RULES = (link_names, link_secrets, link_encryption, link_extras)

@@ -8,13 +8,13 @@ from monitor_core.monitoring import REOPEN_MEMORIES, AlarmRules, Priority
 from monitor_core.wording import seconds_in
 from service.config.base_table import (
     DriveName,
-    Name,
+    NonEmptyText,
     NotNegative,
+    PlainName,
     Positive,
-    Reading,
+    ReadingContext,
     Real,
-    Table,
-    Text,
+    TomlTable,
     from_folder,
 )
 from service.config.found_file import read_found
@@ -22,12 +22,12 @@ from service.config.nominal_file import NominalFile
 from service.config.thresholds_file import ThresholdsFile
 
 
-class ScheduleConfig(Table):
+class ScheduleConfig(TomlTable):
     """[[robot.axis.model.schedule]]: nominal value = value of the model + slope * (signal - reference)."""
 
-    parameter: Text
+    parameter: NonEmptyText
     """a monitored parameter, such as "fm" or "Ja", or its reciprocal"""
-    signal: Text
+    signal: NonEmptyText
     """a signal of [[robot.axis.signal]]; cos, sin or square of a signal or a sum, as in cos(angle2 + angle3); or a
     product, as in payload * cos(angle2)"""
     slope: Real
@@ -51,19 +51,19 @@ def _nominal_file(value: object, info: ValidationInfo) -> NominalFile:
 
 
 def _thresholds_file(value: object, info: ValidationInfo) -> ThresholdsFile | None:
-    if isinstance(info.context, Reading) and not info.context.thresholds:
+    if isinstance(info.context, ReadingContext) and not info.context.thresholds:
         return None
     return read_found(ThresholdsFile, from_folder(value, info))
 
 
-class ModelConfig(Table):
+class ModelConfig(TomlTable):
     """[robot.axis.model]: the drive, its nominal values, and the monitored parameters."""
 
     drive: DriveName = "three-mass"
     """name of a library drive, or of a Modelica file, "....mo" """
-    drive_model: Text | None = None
+    drive_model: NonEmptyText | None = None
     """name of the model, if the Modelica file has more than one"""
-    monitor: tuple[Text, ...] = Field(min_length=1)
+    monitor: tuple[NonEmptyText, ...] = Field(min_length=1)
     """parameters to estimate, e.g. ["kT", "1/Ja", "fm"]"""
     friction_speed_scale: Positive = 1.0
     """Coulomb friction is fc tanh(speed at its flange / friction_speed_scale) [rad/s]"""
@@ -100,7 +100,7 @@ def _none_or_three(value: float) -> float:
     return value
 
 
-class EstimatorConfig(Table):
+class EstimatorConfig(TomlTable):
     """[robot.axis.estimator]: the recursive prediction error method."""
 
     predictor: Literal["innovations", "output-error"] = "innovations"
@@ -126,7 +126,7 @@ class EstimatorConfig(Table):
     """diagonal of P(0) by parameter; default from the first samples"""
 
 
-class DetectorConfig(Table):
+class DetectorConfig(TomlTable):
     """[robot.axis.detector]: the alarm source, and the CUSUM tests."""
 
     alarm_source: Literal["multimodel", "cusum"] | None = None
@@ -156,7 +156,7 @@ def _time(value: object) -> object:
     return seconds_in(value)
 
 
-class TrendConfig(Table):
+class TrendConfig(TomlTable):
     """[robot.axis.trend]: the long-term trend of the parameters, and forecasts."""
 
     interval_s: Positive = Field(3600.0, le=86400)
@@ -169,20 +169,20 @@ DEFAULT_OFF_DELAY_S = 60.0
 """The off-delays that ISA-18.2 suggests as first values are up to a minute."""
 
 
-class AlarmsConfig(Table):
+class AlarmsConfig(TomlTable):
     """[robot.axis.alarms]: priority of the alarms of an axis, and which ones are latched or hidden."""
 
     priority: Priority = "medium"
     """priority of its alarms: "low", "medium" or "high" """
     priorities: dict[str, Priority] = Field(default_factory=dict)
     """name = priority, of monitored parameters or sensor faults with another priority"""
-    latched: tuple[Text, ...] = ()
+    latched: tuple[NonEmptyText, ...] = ()
     """parameters or sensor faults whose alarm stays active until it is acknowledged, even if its cause is gone"""
-    suppressed: tuple[Text, ...] = ()
+    suppressed: tuple[NonEmptyText, ...] = ()
     """parameters or sensor faults whose alarms are recorded, but not announced"""
     out_of_service: bool = Field(False, strict=True)
     """for maintenance: all alarms of the axis are recorded, but not announced"""
-    group: Name | None = None
+    group: PlainName | None = None
     """name of a group of axes; the first of several alarms in a group is marked; default: the name of the robot"""
     off_delay_s: NotNegative | None = None
     """an alarm returns to normal when its cause has been absent for this time [s]; if the cause is back sooner, that is

@@ -13,7 +13,7 @@ from service.config.base_table import NotNegative, Positive, Real
 from service.config.found_file import FoundFile, FoundTable, alike
 from service.config.nominal_file import structure_of
 
-Entry = bool | float | str | list[float] | list[str]
+TomlValue = bool | float | str | list[float] | list[str]
 
 
 class ThresholdTable(FoundTable):
@@ -78,7 +78,7 @@ class ThresholdsFile(FoundFile):
     kind: Literal["thresholds"]
     axis: str
     date: str
-    made_with: dict[str, Entry]
+    made_with: dict[str, TomlValue]
     nominal: dict[str, Real]
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
     hypothesis: tuple[HypothesisTable, ...] = ()
@@ -92,7 +92,7 @@ class ThresholdsFile(FoundFile):
 # --- Thresholds belong to the nominal values and the estimator settings of one monitor --------------------------------
 
 
-def made_with(model: AxisModel, settings: Settings) -> dict[str, Entry]:
+def made_with(model: AxisModel, settings: Settings) -> dict[str, TomlValue]:
     """The settings that thresholds depend on, without nominal values, by the names of the configuration."""
     return {
         "drive": structure_of(model.drive),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Literal, NamedTuple
 
-Quantity = Literal["torque", "angle", "speed"]
+MeasuredQuantity = Literal["torque", "angle", "speed"]
 UNITS: Mapping[str, str] = MappingProxyType({"torque": "N m", "angle": "rad", "speed": "rad/s"})
 """SI units of the measured quantities of an axis"""
 
@@ -32,7 +32,7 @@ class Unit(NamedTuple):
 _DEGREE, _TURN = math.pi / 180, 2 * math.pi
 _COUNTS = Unit("counts", None)
 _PATH = Unit("mm of a linear axis", None, linear=True)
-_TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
+_TABLE: Mapping[MeasuredQuantity, Mapping[str, Unit]] = MappingProxyType(
     {
         "angle": {
             **dict.fromkeys(("rad", "radian", "radians"), Unit("radians", 1.0)),
@@ -62,7 +62,7 @@ _TABLE: Mapping[Quantity, Mapping[str, Unit]] = MappingProxyType(
 )
 
 
-def unit_in(text: str, quantity: Quantity) -> Unit | None:
+def unit_in(text: str, quantity: MeasuredQuantity) -> Unit | None:
     """The unit of a quantity in a name like "A1_Pos_deg" or "speed [1/min]"; None: the name has none."""
     at_once = re.sub(r"[\s.*·]", "", text)  # "mN m", "N*m"
     words = [at_once, *re.findall(r"[^\W\d_]+(?:/[^\W\d_]+)?|[°‰%](?:/\w+)?|1/min|min-1", text)]
@@ -78,7 +78,7 @@ def current_in(text: str) -> float | None:
     return _AMPERES.get(text.strip().lower())
 
 
-def unit_passed_over(text: str, quantity: Quantity, factor: float, current: bool = False) -> Unit | None:
+def unit_passed_over(text: str, quantity: MeasuredQuantity, factor: float, current: bool = False) -> Unit | None:
     """A non-SI unit in a name or description that no factor converts; None: there is none.
 
     ``current``: the torque signal is a current, which the torque constant converts from A.
@@ -87,7 +87,7 @@ def unit_passed_over(text: str, quantity: Quantity, factor: float, current: bool
     return None if unit is None or unit.factor in (None, 1.0) or abs(factor) != 1 else unit
 
 
-def unit_as_recorded(text: str, quantity: Quantity, factor: float) -> Unit | None:
+def unit_as_recorded(text: str, quantity: MeasuredQuantity, factor: float) -> Unit | None:
     """A unit that depends on the drive and that no factor converts; None: there is none."""
     unit = unit_in(text, quantity)
     return None if unit is None or unit.factor is not None or abs(factor) != 1 else unit

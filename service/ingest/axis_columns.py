@@ -10,7 +10,7 @@ from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
 from service.config.schema import AxisConfig, FurtherSignalConfig, SignalConfig
-from service.ingest.csv_tables import Rows
+from service.ingest.csv_tables import CsvRows
 from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldColumns
 
@@ -76,7 +76,7 @@ class AxisColumns:
         wanted |= {self._time: "time"} if self._time is not None else {}
         return {column: f"the {purpose} of axis {self._id}" for column, purpose in wanted.items()}
 
-    def samples(self, rows: Rows, first_row: int, sound: Bools | None = None) -> SampleBlock:
+    def samples(self, rows: CsvRows, first_row: int, sound: Bools | None = None) -> SampleBlock:
         """Make the samples of these rows; ``first_row``: number of the first row in the file.
 
         ``sound``: mask of the rows to use (N,); None: all.
@@ -100,7 +100,7 @@ class AxisColumns:
         self.dropped["unpaired"] = self._late.unpaired
         return block
 
-    def quantities(self, rows: Rows) -> tuple[Floats, Floats]:
+    def quantities(self, rows: CsvRows) -> tuple[Floats, Floats]:
         """Torque and motion in these rows, in SI units."""
         torque = _si(self._config.torque, rows.columns[self._torque])
         return torque, _si(self._config.motion, rows.columns[self._motion])
@@ -110,7 +110,7 @@ class AxisColumns:
         limits = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS[self._config.output]
         return np.asarray((abs(torque) > limits[0]) | (abs(motion) > limits[1]), np.bool_)
 
-    def _times(self, rows: Rows, first_row: int, count: int) -> Floats:
+    def _times(self, rows: CsvRows, first_row: int, count: int) -> Floats:
         """Times of the rows, rounded to whole us."""
         if self._time is not None:
             return np.rint(self._day.continuous(rows.columns[self._time] * self._time_unit_us))

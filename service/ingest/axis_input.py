@@ -12,7 +12,7 @@ from service.can.frames import FrameKey
 from service.can.messages import find_signal
 from service.config.schema import FurtherSignalConfig, NamedAxis
 from service.ingest.late_values import LateValues
-from service.ingest.quantities import HeldSignal, Quantity, quantity_of
+from service.ingest.quantities import AxisQuantity, HeldSignal, quantity_of
 from service.ingest.timestamp_jitter import Stamps, stamps_of
 
 _CYCLIC_PATIENCE = 4.0
@@ -36,7 +36,7 @@ class AxisInput:
         self.motion = quantity_of(config.output, config.motion, decoder)
         self.held = [HeldSignal(source, decoder, config.sample_interval_s) for source in signals]
         """The auxiliary signals of the samples, in this order."""
-        self.counter: Quantity | None = None
+        self.counter: AxisQuantity | None = None
         self._late = LateValues(config, signals)
         self.keys = {self.torque.key, self.motion.key}
         """Keys of the frames that carry values of this axis"""
@@ -44,7 +44,7 @@ class AxisInput:
         clocks = sampling.counter_clock(interval_s, 1), sampling.counter_clock(interval_s, 1)
         message, signal = config.time.counter_message, config.time.counter_signal
         if message and signal:
-            self.counter = Quantity("counter", decoder.want(message, signal), message, signal)
+            self.counter = AxisQuantity("counter", decoder.want(message, signal), message, signal)
             _, counter = find_signal(decoder.known, message, signal)
             kind = sampling.COUNTER
             clocks = sampling.counter_clock(interval_s, counter.length, counter.offset), clocks[1]
@@ -59,7 +59,7 @@ class AxisInput:
         self._stream = sampling.Stream(kind, clocks, pairing, sampling.new_meter(interval_s), sampling.new_scratch())
 
     @property
-    def sampled(self) -> tuple[Quantity, ...]:
+    def sampled(self) -> tuple[AxisQuantity, ...]:
         """Torque, motion, and the counter if there is one."""
         return (self.torque, self.motion, *([self.counter] if self.counter else []))
 

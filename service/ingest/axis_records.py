@@ -18,7 +18,7 @@ from service.config.bus_messages import messages_of
 from service.config.schema import Config, FurtherSignalConfig, NamedAxis, TimeConfig
 from service.config.unit_names import UNITS
 from service.ingest.axis_columns import AxisColumns, TimeOfDay
-from service.ingest.csv_tables import Rows
+from service.ingest.csv_tables import CsvRows
 from service.ingest.records import LogRecord, is_table, samples_of
 from service.ingest.table_files import check_columns, open_table
 from service.ingest.torn_rows import ahead, torn
@@ -66,7 +66,7 @@ def sha256_of(path: Path) -> str:
         raise RecordError(f"cannot read {path}: {error.strerror}") from None
 
 
-Progress = Callable[[float], None]
+ReadProgress = Callable[[float], None]
 """Called with the part of the file that has been read, 0 to 1."""
 
 
@@ -104,7 +104,7 @@ def axis_record(
     config: Config,
     axis: NamedAxis,
     signals: Sequence[FurtherSignalConfig],
-    progress: Progress = lambda _: None,
+    progress: ReadProgress = lambda _: None,
 ) -> AxisRecord:
     """Read the samples of an axis, with these auxiliary signals and continuous angles, from a table or a CAN log.
 
@@ -124,7 +124,7 @@ def axis_record(
 
 
 def _log_record(
-    path: Path, config: Config, axis: NamedAxis, signals: Sequence[FurtherSignalConfig], progress: Progress
+    path: Path, config: Config, axis: NamedAxis, signals: Sequence[FurtherSignalConfig], progress: ReadProgress
 ) -> AxisRecord:
     if axis.config.records_only:
         raise RecordError(
@@ -137,7 +137,7 @@ def _log_record(
 
 
 def _table_record(
-    path: Path, axis: NamedAxis, signals: Sequence[FurtherSignalConfig], progress: Progress
+    path: Path, axis: NamedAxis, signals: Sequence[FurtherSignalConfig], progress: ReadProgress
 ) -> AxisRecord:
     """Samples from a .csv, .parquet or .mat file.
 
@@ -156,7 +156,7 @@ def _table_record(
     for block in table.rows(names):
         blocks.append(block)
         progress(block.done)
-    rows = Rows({n: np.concatenate([np.zeros(0), *(b.columns[n] for b in blocks)]) for n in names}, 1.0)
+    rows = CsvRows({n: np.concatenate([np.zeros(0), *(b.columns[n] for b in blocks)]) for n in names}, 1.0)
     refused = _refused(rows, columns, axis.config.time)
     samples = columns.samples(rows, 0, ~np.any(list(refused.values()), axis=0))
     counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
@@ -164,7 +164,7 @@ def _table_record(
     return AxisRecord(samples, columns.dropped | counts, table.left_out)
 
 
-def _refused(rows: Rows, columns: AxisColumns, time: TimeConfig) -> dict[str, Bools]:
+def _refused(rows: CsvRows, columns: AxisColumns, time: TimeConfig) -> dict[str, Bools]:
     """Masks of the rows (N,) that cannot be trusted, by reason; a missing number is not absurd."""
     absurd = columns.absurd(*columns.quantities(rows))
     for values in rows.columns.values():

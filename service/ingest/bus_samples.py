@@ -21,7 +21,7 @@ def carried_by(config: Config) -> Carried:
     return {axis.id: needed(axis) for axis in config.axes}
 
 
-class Values(NamedTuple):
+class QuantityValues(NamedTuple):
     """The decoded values of one quantity before pairing, in order of receipt."""
 
     axis_id: str
@@ -76,7 +76,7 @@ class Ingest:
         """Take frames; returns the samples that they complete, by axis, in the order of their times."""
         return self._samples(self.decoder.decode(frames))
 
-    def feed_values(self, frames: FrameBlock) -> Iterator[Values]:
+    def feed_values(self, frames: FrameBlock) -> Iterator[QuantityValues]:
         """The decoded values of these frames, to inspect a bus.  Counts, pairs and measures times like ``feed``."""
         decoded = self.decoder.decode(frames)
         self._samples(decoded)
@@ -87,7 +87,7 @@ class Ingest:
                 raw, (si, there) = found.signals[q.signal], q.column(found.signals)
                 if there.any():
                     t_us = found.t_us[there]
-                    yield Values(axis.id, q.name, q.message, q.signal, t_us, raw.values[there], si[there])
+                    yield QuantityValues(axis.id, q.name, q.message, q.signal, t_us, raw.values[there], si[there])
 
     def flush(self) -> dict[str, SampleBlock]:
         """End the input: returns samples that were held; values without a partner are counted as dropped."""

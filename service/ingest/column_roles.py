@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
-from service.config.unit_names import Quantity, current_in, unit_in, unit_of, without_unit
+from service.config.unit_names import MeasuredQuantity, current_in, unit_in, unit_of, without_unit
 from service.ingest.axis_columns import TimeOfDay
 from service.ingest.roles_by_name import (
     axis_name,
@@ -26,7 +26,7 @@ from service.ingest.roles_by_name import (
     role_with,
     words_in,
 )
-from service.ingest.roles_by_values import MOST, Named, Pair, axes_by_values, changes
+from service.ingest.roles_by_values import MOST, Named, SignalPair, axes_by_values, changes
 from service.ingest.signal_roles import AxisRoles, Confidence, SignalRole
 
 _MOST_ROWS = 20_000
@@ -107,7 +107,7 @@ def _owner(name: str) -> str:
     return axis_number(without_unit(name)) or own_word(without_unit(name))
 
 
-def _linear_motions(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[str, Quantity]:
+def _linear_motions(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[str, MeasuredQuantity]:
     """Columns without a role, in a unit of length, that have the number or word of a torque without a motion.
 
     Such a column without an axis may be the place of a tool, so the unit alone says nothing.
@@ -139,7 +139,7 @@ def _axis_of(column: str, axes: Sequence[str]) -> str:
     return next((name for name in named if name in axes), "")
 
 
-def _axis(pair: Pair, kinds: Mapping[str, str], units: Mapping[str, str]) -> AxisRoles:
+def _axis(pair: SignalPair, kinds: Mapping[str, str], units: Mapping[str, str]) -> AxisRoles:
     torque = _role(pair.torque, "torque", kinds[pair.torque], units[pair.torque])
     motion = _role(pair.motion, pair.output, kinds[pair.motion], units[pair.motion])
     return AxisRoles(
@@ -154,7 +154,7 @@ def _axis(pair: Pair, kinds: Mapping[str, str], units: Mapping[str, str]) -> Axi
     )
 
 
-def _role(column: str, quantity: Quantity, kind: str, unit: str) -> SignalRole:
+def _role(column: str, quantity: MeasuredQuantity, kind: str, unit: str) -> SignalRole:
     """A column as a quantity; ``kind``: its role by name and unit."""
     current = kind == "current"
     known = None if current else unit_in(unit, quantity) or unit_in(column, quantity)
@@ -165,7 +165,7 @@ def _role(column: str, quantity: Quantity, kind: str, unit: str) -> SignalRole:
 
 def _pairs(
     moving: Mapping[str, Floats], t: Floats | None, kinds: Mapping[str, str], places: Mapping[str, int]
-) -> list[Pair]:
+) -> list[SignalPair]:
     of_axis = owners(
         {name: axis_number(without_unit(name)) for name in moving},
         {name: own_word(name) for name in moving},

@@ -31,19 +31,19 @@ _UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
-class Rows(NamedTuple):
+class CsvRows(NamedTuple):
     """Columns by name, with NaN for an empty cell; ``done``: part of the file that has been read, 0 to 1."""
 
     columns: Mapping[str, Floats]
     done: float
 
 
-def in_blocks(columns: Mapping[str, Floats]) -> Iterator[Rows]:
+def in_blocks(columns: Mapping[str, Floats]) -> Iterator[CsvRows]:
     """The rows of columns of equal length (N,), in blocks."""
     total = len(next(iter(columns.values())))
     for i in range(0, total, ROWS):
         block = {name: column[i : i + ROWS] for name, column in columns.items()}
-        yield Rows(block, min(1.0, (i + ROWS) / total))
+        yield CsvRows(block, min(1.0, (i + ROWS) / total))
 
 
 class CsvTable:
@@ -86,7 +86,7 @@ class CsvTable:
         self.left_out: list[str] = []
         """Lines that could not be read, with line number and fault; complete when all rows have been read"""
 
-    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+    def rows(self, names: Sequence[str]) -> Iterator[CsvRows]:
         """Read the rows of these columns, which must exist, in blocks.
 
         A torn last line is left out, and so are unreadable lines, up to one in a hundred; see ``left_out``.
@@ -100,7 +100,7 @@ class CsvTable:
                 for batch in self._reader(file, names):
                     columns = {name: self._column(name, batch) for name in names}
                     read += batch.num_rows
-                    yield Rows(columns, min(1.0, file.tell() / size))
+                    yield CsvRows(columns, min(1.0, file.tell() / size))
                 return
             except pa.ArrowException:
                 pass  # a faulty line, which must be named, or thousands separators
@@ -117,7 +117,7 @@ class CsvTable:
             raise pa.ArrowInvalid(str(error)) from None
         return np.asarray(known[cells.indices.to_numpy()])
 
-    def _rows_by_line(self, names: Sequence[str], skipped: int) -> Iterator[Rows]:
+    def _rows_by_line(self, names: Sequence[str], skipped: int) -> Iterator[CsvRows]:
         """Read the remaining rows line by line, after arrow has failed; this is slower.
 
         ``skipped``: rows already read.
@@ -143,8 +143,8 @@ class CsvTable:
             yield self._block(names, cells)
 
     @staticmethod
-    def _block(names: Sequence[str], cells: list[list[float]]) -> Rows:
-        return Rows(dict(zip(names, np.array(cells, np.float64).T, strict=True)), 1.0)
+    def _block(names: Sequence[str], cells: list[list[float]]) -> CsvRows:
+        return CsvRows(dict(zip(names, np.array(cells, np.float64).T, strict=True)), 1.0)
 
     def _lines(self) -> Iterator[tuple[int, list[str], bool]]:
         """Each non-empty line below the names: its number, its cells, and whether the file ends within it."""
@@ -275,7 +275,7 @@ class LongTable:
         """Units of the columns by name, if the rows have them."""
         return self._units if self._columns else {}
 
-    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+    def rows(self, names: Sequence[str]) -> Iterator[CsvRows]:
         """See CsvTable."""
         return in_blocks({name: self._columns[name] for name in names})
 

@@ -11,14 +11,14 @@ from service.can.user_errors import IngestError
 from service.config.schema import Config
 from service.ingest.axis_input import AxisInput
 from service.ingest.bus_samples import Ingest
-from service.ingest.quantities import Quantity
+from service.ingest.quantities import AxisQuantity
 
 Raw = dict[str, int | float]
 Page = tuple[tuple[str, int], ...]
-Values = tuple[float, float] | tuple[float, float, tuple[float, ...]]
+SampleValues = tuple[float, float] | tuple[float, float, tuple[float, ...]]
 """Torque [N m], motion [rad or rad/s], and the auxiliary signals of the axis, if known."""
 
-_QuantityRaw = tuple[Quantity, int | float]
+_QuantityRaw = tuple[AxisQuantity, int | float]
 
 
 class Encoded(NamedTuple):
@@ -48,7 +48,7 @@ class FrameEncoder:
             for axis in self._axes.values()
         }
 
-    def encode(self, values: Mapping[str, Values], count: int) -> list[Encoded]:
+    def encode(self, values: Mapping[str, SampleValues], count: int) -> list[Encoded]:
         """The frames of one sample: first the auxiliary signals, then torque and motion.
 
         ``values``: by axis; axes of other buses are ignored.  ``count``: value of the sample counters; it wraps.
@@ -79,7 +79,7 @@ class FrameEncoder:
             negative = signal.is_signed and raw >> (signal.length - 1)
             yield axis.counter, raw - (1 << signal.length) if negative else raw
 
-    def _raw(self, axis_id: str, quantity: Quantity, value: float) -> int | float:
+    def _raw(self, axis_id: str, quantity: AxisQuantity, value: float) -> int | float:
         signal = self._signal(quantity)
         raw = signal.scaled_to_raw(_wrapped((value - quantity.offset) / quantity.factor, quantity, signal))
         if signal.is_float:
@@ -92,11 +92,11 @@ class FrameEncoder:
             )
         return raw
 
-    def _signal(self, quantity: Quantity) -> Signal:
+    def _signal(self, quantity: AxisQuantity) -> Signal:
         return self._messages[quantity.key].get_signal_by_name(quantity.signal)
 
 
-def _wrapped(value: float, quantity: Quantity, signal: Signal) -> float:
+def _wrapped(value: float, quantity: AxisQuantity, signal: Signal) -> float:
     """An angle wrapped into its period, which starts at zero, or at minus half a period for a signed signal."""
     if quantity.wrap_period is None:
         return value

@@ -15,9 +15,9 @@ from service.can.decoder import Decoder
 from service.can.frames import FrameBlock, FrameKey
 from service.can.inferred_layout import counts_frames
 from service.can.messages import DescriptionError, Message, MessageSet, Signal
-from service.config.unit_names import Quantity
+from service.config.unit_names import MeasuredQuantity
 from service.ingest.roles_by_name import role_of
-from service.ingest.roles_by_values import Named, Pair, axes_by_values, changes
+from service.ingest.roles_by_values import Named, SignalPair, axes_by_values, changes
 from service.ingest.signal_roles import (
     AxisRoles,
     SignalRole,
@@ -48,7 +48,7 @@ _TURN_FACTORS = {360.0: math.pi / 180, 1.0: 2 * math.pi}
 _TURN_TOLERANCE = 1e-3
 
 
-class Series(NamedTuple):
+class SignalSeries(NamedTuple):
     """The values of a signal (N,), with their times (N,) [s]."""
 
     t: Floats
@@ -117,23 +117,23 @@ def _decoder(known: MessageSet) -> tuple[Decoder, dict[FrameKey, Message]]:
     return decoder, messages
 
 
-def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, Series]:
+def _series(decoder: Decoder, frames: FrameBlock) -> dict[str, SignalSeries]:
     """The series of all received signals, by "Message.Signal"."""
     decoded = decoder.decode(frames)
     began_us = min((int(found.t_us[0]) for found in decoded.values()), default=0)
-    series = dict[str, Series]()
+    series = dict[str, SignalSeries]()
     for key, found in decoded.items():
         t = np.asarray((found.t_us - began_us) * 1e-6, np.float64)
         for name, (values, there) in found.signals.items():
             if there.any():
-                series[f"{decoder.messages[key].name}.{name}"] = Series(t[there], values[there])
+                series[f"{decoder.messages[key].name}.{name}"] = SignalSeries(t[there], values[there])
     return series
 
 
 # --- The axes: by values if they move, otherwise by names -------------------------------------------------------------
 
 
-def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, Series]) -> Iterator[AxisRoles]:
+def _axes(known: MessageSet, messages: Iterable[Message], series: Mapping[str, SignalSeries]) -> Iterator[AxisRoles]:
     signals = {f"{m.name}.{s.name}": (m, s) for m in messages for s in m.signals}
     by_name = {name: role for name, (m, s) in signals.items() if (role := role_in(m, s)) is not None}
     owners = owners_of(by_name.values())
@@ -172,7 +172,7 @@ def _named(
     return Named("", number) if unnamed else None
 
 
-def _groups(series: Mapping[str, Series], most: float) -> Iterator[dict[str, Series]]:
+def _groups(series: Mapping[str, SignalSeries], most: float) -> Iterator[dict[str, SignalSeries]]:
     """Groups of signals whose intervals differ by less than ``most``, resampled to the times of a slowest signal."""
     long = {name: s for name, s in series.items() if s.t.size >= _MIN_VALUES and s.interval_s > 0}
     while long:
@@ -180,15 +180,17 @@ def _groups(series: Mapping[str, Series], most: float) -> Iterator[dict[str, Ser
         group = {name: s for name, s in long.items() if s.interval_s < most * shortest_s}
         slow_s = max(s.interval_s for s in group.values()) / _ALIKE
         first = next(s for s in group.values() if s.interval_s > slow_s)
-        yield {name: Series(first.even_s, _nearest(s, first.t)) for name, s in group.items()}
+        yield {name: SignalSeries(first.even_s, _nearest(s, first.t)) for name, s in group.items()}
         long = {name: s for name, s in long.items() if name not in group}
 
 
-def _nearest(series: Series, t: Floats) -> Floats:
+def _nearest(series: SignalSeries, t: Floats) -> Floats:
     return series.values[np.searchsorted((series.t[1:] + series.t[:-1]) / 2, t)]
 
 
-def _pairs(group: Mapping[str, Series], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]) -> list[Pair]:
+def _pairs(
+    group: Mapping[str, SignalSeries], named: Mapping[str, Named], by_name: Mapping[str, SignalRole]
+) -> list[SignalPair]:
     values, t = {}, next(iter(group.values())).t
     for name, series in group.items():
         role, period = by_name.get(name), None
@@ -198,7 +200,7 @@ def _pairs(group: Mapping[str, Series], named: Mapping[str, Named], by_name: Map
     return axes_by_values(values, t, named)
 
 
-def _with_wrap(role: SignalRole, series: Series) -> SignalRole:
+def _with_wrap(role: SignalRole, series: SignalSeries) -> SignalRole:
     """The role of an angle with its wrap period as the values show it, and the unit that follows from the period."""
     if role.quantity != "angle" or role.wrap_period is not None:
         return role
@@ -210,12 +212,12 @@ def _with_wrap(role: SignalRole, series: Series) -> SignalRole:
     return role._replace(wrap_period=period, factor=factor)
 
 
-def _guess(message: Message, signal: Signal, quantity: Quantity) -> SignalRole:
+def _guess(message: Message, signal: Signal, quantity: MeasuredQuantity) -> SignalRole:
     """The role of a signal whose name says nothing."""
     return SignalRole(message.name, signal.name, quantity, signal.unit or "", None, False, "guess", None)
 
 
-def _timed(axis: AxisRoles, message: Message, series: Mapping[str, Series]) -> AxisRoles:
+def _timed(axis: AxisRoles, message: Message, series: Mapping[str, SignalSeries]) -> AxisRoles:
     """The axis with its measured interval, and with the sample counter beside the torque, if that counts frames."""
     own = [series[f"{role.message}.{role.signal}"] for role in (axis.torque, axis.motion)]
     measured_s, counter = max(s.interval_s for s in own), None
@@ -237,7 +239,7 @@ def _rounded(interval_s: float) -> float:
     return few if abs(few - interval_s) < _INTERVAL_ACCURACY * interval_s else float(f"{interval_s:.4g}")
 
 
-def _counted_s(signal: Signal, series: Series | None) -> float | None:
+def _counted_s(signal: Signal, series: SignalSeries | None) -> float | None:
     """Seconds per count of a sample counter; None: it does not count the frames, or was not received."""
     if series is None:
         return None

@@ -14,7 +14,7 @@ from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.conditions import needed
 from service.config.schema import FurtherSignalConfig
-from service.ingest.axis_records import Progress, axis_record, no_samples_words, sha256_of, wanted
+from service.ingest.axis_records import ReadProgress, axis_record, no_samples_words, sha256_of, wanted
 from service.ingest.records import is_table
 
 _NAMED = 3
@@ -92,7 +92,7 @@ def load_samples(
     config: Config,
     axis: NamedAxis,
     model: AxisModel,
-    progress: Progress = lambda _: None,
+    progress: ReadProgress = lambda _: None,
 ) -> tuple[list[SampleBlock], list[RecordOrigin]]:
     """Load records of an axis as blocks of samples, with the operating conditions that its monitoring needs.
 
@@ -120,7 +120,7 @@ def samples_in(
     config: Config,
     axis: NamedAxis,
     signals: Sequence[FurtherSignalConfig],
-    progress: Progress = lambda _: None,
+    progress: ReadProgress = lambda _: None,
 ) -> tuple[SampleBlock, RecordOrigin]:
     """Load the samples of an axis from a file, with or without a range; see ``wanted``.
 

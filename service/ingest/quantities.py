@@ -17,7 +17,7 @@ from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
 from service.ingest.motion_derivatives import derivative_of
 
 
-class Quantity(NamedTuple):
+class AxisQuantity(NamedTuple):
     """One quantity of an axis: value = factor * signal + offset.
 
     The value is in SI units on the motor side, or in the own unit of an auxiliary signal.
@@ -39,7 +39,7 @@ class Quantity(NamedTuple):
         return Column(self.factor * found.values + self.offset, found.present)
 
 
-def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: Decoder) -> Quantity:
+def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: Decoder) -> AxisQuantity:
     """The quantity in a message of the bus; registers its signal with the decoder.
 
     Raises:
@@ -49,7 +49,7 @@ def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: 
     assert message is not None  # a cross-check of the configuration ensures it
     assert signal is not None
     wrap_period = source.wrap_period if isinstance(source, AngleConfig) else None
-    return Quantity(name, decoder.want(message, signal), message, signal, *source.scale, wrap_period)
+    return AxisQuantity(name, decoder.want(message, signal), message, signal, *source.scale, wrap_period)
 
 
 class _Held:

@@ -9,7 +9,7 @@ from typing import Literal
 from service.can.messages import find_signal
 from service.config.bus_messages import messages_of
 from service.config.schema import Config, NamedAxis, SignalConfig
-from service.config.unit_names import UNITS, Quantity, unit_as_recorded
+from service.config.unit_names import UNITS, MeasuredQuantity, unit_as_recorded
 from service.ingest.records import is_table
 from service.ingest.table_files import open_table
 
@@ -38,8 +38,8 @@ def units_as_recorded(config: Config, axis: NamedAxis, path: Path) -> Iterator[s
         RecordError, DescriptionError: as of ``unit_text``.
     """
     own = axis.config
-    motion: Quantity = "angle" if own.output == "angle" else "speed"
-    signals: tuple[tuple[Signal, Quantity, SignalConfig], ...] = (
+    motion: MeasuredQuantity = "angle" if own.output == "angle" else "speed"
+    signals: tuple[tuple[Signal, MeasuredQuantity, SignalConfig], ...] = (
         *((("torque", "torque", own.torque),) if own.torque.kT_Nm_per_A is None else ()),
         ("motion", motion, own.motion),
     )

@@ -23,7 +23,7 @@ from service.ingest.table_files import TABLE_SUFFIXES, check_columns, open_table
 from service.ingest.timestamp_jitter import Stamps
 
 
-class Step(NamedTuple):
+class RecordStep(NamedTuple):
     """The samples by axis in one part of a record; ``done``: part of the record that has been read, 0 to 1."""
 
     samples: Mapping[str, SampleBlock]
@@ -34,7 +34,7 @@ _Counts = Mapping[str, Mapping[str, int]]
 _NONE: Mapping[str, Any] = MappingProxyType({})
 
 
-class Quality(NamedTuple):
+class RecordQuality(NamedTuple):
     """Dropped values so far, and the quality of the time stamps; a table has only ``axis_dropped``."""
 
     axis_dropped: _Counts
@@ -47,7 +47,7 @@ class Quality(NamedTuple):
     """Jitter of the time stamps of each axis"""
 
 
-def read_record(path: Path, config: Config) -> Record:
+def read_record(path: Path, config: Config) -> FileRecord:
     """Open the record in a file, by its suffix.
 
     Raises:
@@ -72,7 +72,7 @@ def is_table(path: Path) -> bool:
     return True
 
 
-def samples_of(record: Record, axis_id: str, progress: Callable[[float], None] = lambda _: None) -> SampleBlock:
+def samples_of(record: FileRecord, axis_id: str, progress: Callable[[float], None] = lambda _: None) -> SampleBlock:
     """Read all samples of one axis, possibly none.
 
     Raises:
@@ -111,23 +111,25 @@ class TableRecord:
         check_columns(path, self._table, self._wanted)
 
     @property
-    def quality(self) -> Quality:
+    def quality(self) -> RecordQuality:
         """The quality of what has been read so far."""
         unreadable = len(self.left_out)
-        return Quality({id_: {**columns.dropped, "unreadable": unreadable} for id_, columns in self._axes.items()})
+        return RecordQuality(
+            {id_: {**columns.dropped, "unreadable": unreadable} for id_, columns in self._axes.items()}
+        )
 
     @property
     def left_out(self) -> Sequence[str]:
         """Lines that could not be read, with their faults; complete when the record has been read to its end."""
         return self._table.left_out
 
-    def steps(self) -> Iterator[Step]:
+    def steps(self) -> Iterator[RecordStep]:
         """Read the samples in order; possible once."""
         first_row = 0
         for rows in self._table.rows(list(self._wanted)):
             samples = {axis_id: axis.samples(rows, first_row) for axis_id, axis in self._axes.items()}
             first_row += len(next(iter(rows.columns.values())))
-            yield Step({axis_id: block for axis_id, block in samples.items() if block.size}, rows.done)
+            yield RecordStep({axis_id: block for axis_id, block in samples.items() if block.size}, rows.done)
 
 
 class LogRecord:
@@ -153,14 +155,14 @@ class LogRecord:
         self._other_bus = Counter[str]()
 
     @property
-    def quality(self) -> Quality:
+    def quality(self) -> RecordQuality:
         """The quality of what has been read so far."""
         by_bus: dict[str, Mapping[str, int]] = {name: i.dropped for name, i in self._ingests.items()}
         by_bus[self.path.name] = self._log.dropped
         for channel, count in self._other_bus.items():
             by_bus[f"{self.path.name}, channel {channel}"] = {"other_bus": count}
         axes = {axis_id: axis for i in self._ingests.values() for axis_id, axis in i.axes.items()}
-        return Quality(
+        return RecordQuality(
             {axis_id: axis.dropped for axis_id, axis in axes.items()},
             by_bus,
             {axis_id: axis.events for axis_id, axis in axes.items()},
@@ -193,18 +195,18 @@ class LogRecord:
         if self._other_bus.total() == self._log.frames:
             raise RecordError(_no_bus_words(self.path, self._config.bus, self._other_bus))
 
-    def steps(self) -> Iterator[Step]:
+    def steps(self) -> Iterator[RecordStep]:
         """Read the samples in order; possible once."""
         for of_bus, done in self.frames():
             fed = [self._ingests[bus].feed(frames) for bus, frames in of_bus.items()]
-            yield Step({axis_id: found for axes in fed for axis_id, found in axes.items()}, done)
+            yield RecordStep({axis_id: found for axes in fed for axis_id, found in axes.items()}, done)
         flushed = [ingest.flush() for ingest in self._ingests.values()]
         last = {axis_id: found for axes in flushed for axis_id, found in axes.items()}
         if last:
-            yield Step(last, 1.0)
+            yield RecordStep(last, 1.0)
 
 
-Record = TableRecord | LogRecord
+FileRecord = TableRecord | LogRecord
 """A record from a file of either kind"""
 
 

@@ -4,7 +4,7 @@ import re
 from collections.abc import Hashable, Mapping
 from typing import TypeVar
 
-from service.config.unit_names import Quantity, current_in, unit_in, without_unit
+from service.config.unit_names import MeasuredQuantity, current_in, unit_in, without_unit
 
 K = TypeVar("K", bound=Hashable)
 
@@ -34,7 +34,7 @@ _ENDINGS = {
 }
 """The role that the end of a German word indicates: Motorstrom, Istwinkel, Lageistwert; Sollwinkel is a command."""
 _COMMANDED = "soll"
-_QUANTITIES: tuple[Quantity, ...] = ("torque", "angle", "speed")
+_QUANTITIES: tuple[MeasuredQuantity, ...] = ("torque", "angle", "speed")
 NOT_MEASURED = {
     *("input", "limit", "limits", "max", "min", "ff", "error", "err"),
     *("warning", "gain", "config", "offset", "request", "requested", "param"),

@@ -43,7 +43,7 @@ _EXCHANGED = 0.4
 exchanged: axes that move at the same time explain some of each other's torques."""
 
 
-class Pair(NamedTuple):
+class SignalPair(NamedTuple):
     """Torque and motion of one axis; ``explained``: share of the torque that a rigid mass with this motion explains."""
 
     name: str
@@ -85,7 +85,7 @@ class Named(NamedTuple):
     """Place of the column in its table"""
 
 
-def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> list[Pair]:
+def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> list[SignalPair]:
     """Find the torque and motion columns of each axis.
 
     ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: by column.
@@ -102,7 +102,7 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
         if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
     )
     pairs = sorted(candidate_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
-    taken, axes = set[str](), list[Pair]()
+    taken, axes = set[str](), list[SignalPair]()
     motions_of = Counter(named[name].number for name in found.motions)
     for pair in pairs:
         if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
@@ -125,7 +125,7 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
     return axes
 
 
-def _better(pair: Pair, pairs: Sequence[Pair], sure: Collection[str]) -> tuple[str, float] | None:
+def _better(pair: SignalPair, pairs: Sequence[SignalPair], sure: Collection[str]) -> tuple[str, float] | None:
     """The motion of another axis that surely explains this torque, where its own does not, and the explained share.
 
     ``sure``: motions that surely explain the torque of their own axis: they are where they belong, although in a
@@ -137,8 +137,8 @@ def _better(pair: Pair, pairs: Sequence[Pair], sure: Collection[str]) -> tuple[s
     return best if best[1] >= max(SURE, pair.explained + _EXCHANGED) else None
 
 
-def _exchanged(pair: Pair, named: Mapping[str, Named]) -> float | None:
-    """See ``Pair.exchanged``; columns without a name have been tried in both places anyway."""
+def _exchanged(pair: SignalPair, named: Mapping[str, Named]) -> float | None:
+    """See ``SignalPair.exchanged``; columns without a name have been tried in both places anyway."""
     if pair.record is None or not (named[pair.torque].role and named[pair.motion].role):
         return None
     return exchanged_share(pair.record)
@@ -217,7 +217,7 @@ def _rests_beside_zero(v: Floats) -> bool:
     return bool(np.mean(still) > _RESTS and np.mean(zero) < _AT_ZERO)
 
 
-def _weight(pair: Pair, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
+def _weight(pair: SignalPair, named: Mapping[str, Named], step: int | None) -> tuple[bool, float]:
     """Sort key: pairs with the same axis number come first, then those whose torque is explained best."""
     alike = named[pair.torque].number == named[pair.motion].number
     beside = _IN_STEP * _in_step(pair, named, step)
@@ -233,19 +233,19 @@ def _step(speeds: Mapping[str, str], named: Mapping[str, Named]) -> int | None:
     return step if step > 1 else None
 
 
-def _in_step(pair: Pair, named: Mapping[str, Named], step: int | None) -> bool:
+def _in_step(pair: SignalPair, named: Mapping[str, Named], step: int | None) -> bool:
     """Whether the torque is a whole number of steps away from its motion in the table."""
     torque, motion = named[pair.torque].place, named[pair.motion].place
     return bool(step and torque is not None and motion is not None and (torque - motion) % step == 0)
 
 
 def _measured(
-    pair: Pair,
-    pairs: Sequence[Pair],
+    pair: SignalPair,
+    pairs: Sequence[SignalPair],
     values: Mapping[str, Floats],
     named: Mapping[str, Named],
     step: int | None,
-) -> Pair:
+) -> SignalPair:
     """Of the torques in step with a motion that fit about as well, the roughest: commanded torques are smoother."""
     if not _in_step(pair, named, step):
         return pair
@@ -263,7 +263,9 @@ def _measured(
     return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
 
 
-def _larger(pair: Pair, pairs: Sequence[Pair], values: Mapping[str, Floats], named: Mapping[str, Named]) -> Pair:
+def _larger(
+    pair: SignalPair, pairs: Sequence[SignalPair], values: Mapping[str, Floats], named: Mapping[str, Named]
+) -> SignalPair:
     """Of the torques of an axis that fit about as well, a far larger one: others are parts of it, as of a contact."""
     same = [
         other
@@ -346,7 +348,7 @@ def _pair(
     output: Literal["angle", "speed"],
     named: Mapping[str, Named],
     t: Floats | None,
-) -> Pair:
+) -> SignalPair:
     u, y = values[torque], values[motion]
     good = np.isfinite(u) & np.isfinite(y)
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
@@ -363,7 +365,9 @@ def _pair(
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
         fastest = None if t is None else _fastest(record)
     number = named[torque].number or named[motion].number
-    return Pair(axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest, record=record)
+    return SignalPair(
+        axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest, record=record
+    )
 
 
 def _fastest(record: Record) -> float | None:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
-from service.config.unit_names import Quantity, current_in, unit_in
+from service.config.unit_names import MeasuredQuantity, current_in, unit_in
 from service.ingest.roles_by_name import (
     MEASURED,
     NO_MOTION,
@@ -39,7 +39,7 @@ class SignalRole(NamedTuple):
     """Name of the message; empty for a column"""
     signal: str
     """Name of the signal, or of the column"""
-    quantity: Quantity
+    quantity: MeasuredQuantity
     unit: str
     factor: float | None
     """Factor to SI units; None: the unit does not tell"""
@@ -162,7 +162,7 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
     named = role_of(signal.name) or role_of(message.name)
     amperes = current_in(text)
     current = amperes is not None or (not text and named == "current")
-    quantity: Quantity | None = "torque" if current else None
+    quantity: MeasuredQuantity | None = "torque" if current else None
     unit = None
     for candidate in _QUANTITIES:
         if quantity is None and (unit := unit_in(text, candidate)) is not None:
@@ -183,7 +183,7 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
     )  # fmt: skip
 
 
-_QUANTITIES: tuple[Quantity, ...] = ("torque", "speed", "angle")
+_QUANTITIES: tuple[MeasuredQuantity, ...] = ("torque", "speed", "angle")
 
 
 def _wrap(signal: Signal) -> float | None:

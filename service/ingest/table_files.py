@@ -17,7 +17,7 @@ from scipy.io.matlab import MatReadError
 from monitor_core.arrays import Floats
 from monitor_core.wording import did_you_mean
 from service.can.user_errors import RecordError
-from service.ingest.csv_tables import ROWS, CsvTable, LongTable, Rows, in_blocks, numbers
+from service.ingest.csv_tables import ROWS, CsvRows, CsvTable, LongTable, in_blocks, numbers
 
 _TEXTS = (".csv", ".txt", ".tsv", ".dat", ".lvm")
 TABLE_SUFFIXES = (*_TEXTS, ".parquet", ".mat")
@@ -25,7 +25,7 @@ _MOST_COLUMNS = 100
 """A matrix with more columns is not offered column by column"""
 
 
-def open_table(path: Path) -> Table:
+def open_table(path: Path) -> TableFile:
     """Open the table in a file, by its suffix.
 
     Raises:
@@ -37,7 +37,7 @@ def open_table(path: Path) -> Table:
     return ParquetTable(path) if path.suffix.lower() == ".parquet" else MatTable(path)
 
 
-def check_columns(path: Path, table: Table, wanted: Mapping[str, str]) -> None:
+def check_columns(path: Path, table: TableFile, wanted: Mapping[str, str]) -> None:
     """Check that the wanted columns exist; ``wanted``: purpose of each column by its name.
 
     Raises:
@@ -69,7 +69,7 @@ class ParquetTable:
         """Names of all columns."""
         return tuple(self._file.schema_arrow.names)
 
-    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+    def rows(self, names: Sequence[str]) -> Iterator[CsvRows]:
         """See CsvTable."""
         read, total = 0, self._file.metadata.num_rows
         batches = self._file.iter_batches(batch_size=ROWS, columns=list(names))
@@ -81,7 +81,7 @@ class ParquetTable:
             if batch is None:
                 return
             read += batch.num_rows
-            yield Rows({name: self._numbers(name, batch.column(name)) for name in names}, read / total)
+            yield CsvRows({name: self._numbers(name, batch.column(name)) for name in names}, read / total)
 
     def _numbers(self, name: str, column: pa.Array[Any]) -> Floats:
         try:
@@ -116,7 +116,7 @@ class MatTable:
         """Names of all variables."""
         return tuple(self._arrays)
 
-    def rows(self, names: Sequence[str]) -> Iterator[Rows]:
+    def rows(self, names: Sequence[str]) -> Iterator[CsvRows]:
         """See CsvTable."""
         columns = {name: self._vector(name) for name in names}
         lengths = {name: len(column) for name, column in columns.items()}
@@ -143,7 +143,7 @@ def _flat(content: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
                 yield from ((f"{above}{name}(:,{k})", column) for k, column in enumerate(value.T, 1))
 
 
-Table = CsvTable | LongTable | ParquetTable | MatTable
+TableFile = CsvTable | LongTable | ParquetTable | MatTable
 """A table file of any kind"""
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from monitor_core.wording import Sentence, sentence
 
-Clock = Literal["receipt", "cyclic", "counter"]
+ClockKind = Literal["receipt", "cyclic", "counter"]
 
 _MIN_INTERVALS = 100
 _MIN_INTERVALS_FOR_MEDIAN = 1000
@@ -30,7 +30,7 @@ class Stamps(NamedTuple):
     None: it is ``scatter_s``.
     """
 
-    clock: Clock
+    clock: ClockKind
     scatter_s: float | None
     interval_s: float | None
     interval_from: Literal["clock", "median"] = "clock"
@@ -41,7 +41,7 @@ NOT_KNOWN = Stamps("receipt", None, None)
 
 
 def stamps_of(
-    meter: NDArray[np.void], clock: Clock, fitted_s: float | None = None, counted_s: float | None = None
+    meter: NDArray[np.void], clock: ClockKind, fitted_s: float | None = None, counted_s: float | None = None
 ) -> Stamps:
     """The results so far of a meter of ``monitor_core.sampling.new_meter``.
 

@@ -8,7 +8,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from service.can.frames import FrameBlock, FrameKey
 from service.can.inferred_layout import FEWEST_FRAMES, Field, find_multiplexer, infer_layout
-from service.can.messages import Bits, Kind, MessageSet, message_of
+from service.can.messages import Bits, MessageSet, NumberKind, message_of
 from service.ingest.live_roles import roles_on_bus
 from service.ingest.signal_roles import AxisRoles
 
@@ -94,7 +94,7 @@ def _bits(field: Field) -> Bits:
     Its name has letters for the first bit: a digit would be taken for an axis number, and an "i" for a current.
     """
     what = "counter" if field.kind == "counter" else "value"
-    kind: Kind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
+    kind: NumberKind = "float" if field.is_float else "signed" if field.is_signed else "unsigned"
     low = 0 if field.part is None else field.part.low_bit
     before = 8 * field.width - low - field.length if field.byte_order == "big" else low
     start_bit = 8 * field.first_byte + (7 - before if field.byte_order == "big" else before)

@@ -21,7 +21,7 @@ _GAP = 10
 """Longest gap in sample intervals; the default of ``max_gap_s``"""
 
 
-class Motion(NamedTuple):
+class MotionPoint(NamedTuple):
     """Motion of an axis at a time [us]: angle [rad] and speed [rad/us]."""
 
     t_us: int
@@ -37,10 +37,10 @@ class Turns:
 
     def __init__(self, period: float, gap_us: int) -> None:
         self._period, self._gap_us = period, gap_us
-        self._last: Motion | None = None
+        self._last: MotionPoint | None = None
         self.refused = 0
 
-    def resume(self, motion: Motion) -> None:
+    def resume(self, motion: MotionPoint) -> None:
         """Continue from the last known motion of the axis."""
         self._last = motion
 
@@ -59,7 +59,7 @@ class Turns:
     def _next(self, t_us: int, value: float) -> float | None:
         last = self._last
         if last is None or abs(t_us - last.t_us) > self._gap_us:
-            self._last = Motion(t_us, value, 0.0)
+            self._last = MotionPoint(t_us, value, 0.0)
             return value
         if t_us <= last.t_us:  # the monitor will refuse and count this sample
             return value
@@ -67,7 +67,7 @@ class Turns:
         unwrapped = value + round((expected - value) / self._period) * self._period
         if not abs(unwrapped - expected) <= SURE * self._period:
             return None
-        self._last = Motion(t_us, unwrapped, (unwrapped - last.angle) / (t_us - last.t_us))
+        self._last = MotionPoint(t_us, unwrapped, (unwrapped - last.angle) / (t_us - last.t_us))
         return unwrapped
 
 

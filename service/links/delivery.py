@@ -75,7 +75,7 @@ class Message(NamedTuple):
     """Name of the file with the raw frames around the alarm; None: there is none (yet)"""
 
 
-class Receiver(Protocol):
+class MessageReceiver(Protocol):
     """Interface of a receiver of messages."""
 
     most: int
@@ -118,7 +118,7 @@ class Delivery:
         self,
         link: LinkSnapshot,
         limits: AlarmLimits,
-        receiver: Receiver,
+        receiver: MessageReceiver,
         journal: Journal,
         outbox: Outbox,
         done: int,

@@ -17,7 +17,7 @@ from asyncua.crypto.security_policies import SecurityPolicyFactory, SecurityPoli
 from service.config.schema_links import OpcUaConfig
 from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery
 from service.links.opcua_access import GuardedServer, Nobody, Users, identity
-from service.links.opcua_alarms import Conditions
+from service.links.opcua_alarms import AlarmConditions
 from service.links.opcua_tree import NAMESPACE, Tree
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
@@ -48,7 +48,7 @@ class OpcUaLink:
         self,
         config: OpcUaConfig,
         tokens: TokenFile,
-        conditions: Conditions,
+        conditions: AlarmConditions,
         delivery: Delivery,
         snapshot: Callable[[], Snapshot],
     ) -> None:

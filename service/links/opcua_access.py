@@ -48,7 +48,7 @@ Method = Callable[[str, ua.CallMethodRequest], Awaitable[ua.CallMethodResult | N
 
 
 @dataclass
-class Client(User):
+class OpcuaUser(User):
     """A user with access.  The secret is checked at each request, so that a revoked token has effect."""
 
     role: UserRole = UserRole.User
@@ -80,9 +80,9 @@ class Users(PermissionRuleset):
         username: str | None = None,
         password: str | None = None,
         certificate: object = None,  # noqa: ARG002
-    ) -> Client | None:
+    ) -> OpcuaUser | None:
         """The user of a session; None: it is refused."""
-        user = Client(name=ANONYMOUS if username is None else username, secret=password)
+        user = OpcuaUser(name=ANONYMOUS if username is None else username, secret=password)
         if self.may(user, Scope.READ):
             return user
         log.info("a client of the OPC UA server is refused", user=str(user.name)[:64])
@@ -90,7 +90,7 @@ class Users(PermissionRuleset):
 
     def may(self, user: User, scope: Scope) -> bool:
         """Whether a user has this scope now."""
-        if not isinstance(user, Client):  # not logged in yet
+        if not isinstance(user, OpcuaUser):  # not logged in yet
             return False
         if user.secret is None:
             return self._anonymous and user.name == ANONYMOUS and scope is Scope.READ

@@ -59,7 +59,7 @@ _CONDITION_ID = re.compile(rf"{_CONDITION}([0-9]{{1,18}})")
 log = structlog.get_logger(__name__)
 
 
-class Conditions:
+class AlarmConditions:
     """The receiver of a Delivery: shows alarms of these priorities as conditions of the server, while one runs."""
 
     most = PAGE

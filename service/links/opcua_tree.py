@@ -47,7 +47,7 @@ _OF_AXIS = {
 }
 _OF_BUS = {"Connected": (_BOOLEAN, "whether frames can be received"), "State": (_STRING, "up, or why not")}
 
-Value = float | str | bool | None
+VariableValue = float | str | bool | None
 _Branch = tuple[object, ...]
 
 
@@ -58,12 +58,12 @@ class _Content(ua.DataValue):
         return self
 
 
-class Reading(NamedTuple):
+class NodeReading(NamedTuple):
     """The present value of a node."""
 
     node: str
     kind: ua.VariantType
-    value: Value
+    value: VariableValue
     code: int
     """Status code"""
 
@@ -97,7 +97,7 @@ class Tree:
 
     def __init__(self, server: InternalServer, namespace: int) -> None:
         self._server, self._namespace = server, namespace
-        self._written = dict[str, tuple[Value, int]]()
+        self._written = dict[str, tuple[VariableValue, int]]()
         self._ids = dict[str, ua.NodeId]()
         self._branches = dict[_Branch, list[str]]()
         self._add(self._object(SYSTEM, None, SYSTEM))
@@ -124,13 +124,13 @@ class Tree:
         for bus in snapshot.buses:
             place = f"Controllers/{bus.name}"
             readings = (
-                Reading(f"{place}/Connected", _BOOLEAN, bus.up, code),
-                Reading(f"{place}/State", _STRING, bus.state, code),
+                NodeReading(f"{place}/Connected", _BOOLEAN, bus.up, code),
+                NodeReading(f"{place}/State", _STRING, bus.state, code),
             )
             count += await self._write(readings, _time(snapshot.taken_us), now)
         return count
 
-    async def _write(self, readings: Iterable[Reading], source: datetime, now: datetime) -> int:
+    async def _write(self, readings: Iterable[NodeReading], source: datetime, now: datetime) -> int:
         count = 0
         for node, kind, value, code in readings:
             if self._written.get(node) == (value, code):
@@ -292,28 +292,28 @@ def _attributes(title: str, data_type: ua.NodeId, meaning: str) -> ua.VariableAt
     return attributes
 
 
-def _axis_readings(axis: AxisSnapshot, now_us: int, alive: int) -> Iterator[Reading]:
+def _axis_readings(axis: AxisSnapshot, now_us: int, alive: int) -> Iterator[NodeReading]:
     """The values of the nodes of an axis.  ``alive``: status code of values that do not depend on samples."""
     waits = axis.status.time_us is None
     code = _OLD if is_silent(axis, now_us) and not waits else alive
     alarms = ", ".join(dict.fromkeys(e.parameter for e in axis.open_alarms if e.kind != "forecast"))
     for key, text in (("GatedBy", axis.gated_by), ("Epoch", axis.epoch.state), ("OpenAlarms", alarms)):
-        yield Reading(f"{axis.id}/{key}", _STRING, text, alive)
+        yield NodeReading(f"{axis.id}/{key}", _STRING, text, alive)
     for p in axis.status.parameters:
         place, known = f"{axis.id}/{p.name}", quality(axis, p, now_us)
         yield _number(place, p.estimate, known)
         yield _number(f"{place}/StandardDeviation", p.standard_deviation, known)
         nominal = _NOT_JUDGED if axis.epoch.state == "learning" else _GOOD
         yield _number(f"{place}/Nominal", p.nominal, nominal)
-        yield Reading(f"{place}/Status", _STRING, p.status, code)
-        yield Reading(f"{place}/NotTestedReason", _STRING, p.not_tested or "", code)
+        yield NodeReading(f"{place}/Status", _STRING, p.status, code)
+        yield NodeReading(f"{place}/NotTestedReason", _STRING, p.not_tested or "", code)
 
 
-def _number(node: str, value: float, code: int) -> Reading:
+def _number(node: str, value: float, code: int) -> NodeReading:
     """The reading of a number; one with a bad status code has no value."""
     if not math.isfinite(value):
         code = _INVALID if code in (_GOOD, _OLD, _NOT_JUDGED) else code
-    return Reading(node, _DOUBLE, None if code in (_NO_VALUE, _INVALID) else value, code)
+    return NodeReading(node, _DOUBLE, None if code in (_NO_VALUE, _INVALID) else value, code)
 
 
 def _time(t_us: int) -> datetime:

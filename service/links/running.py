@@ -10,7 +10,7 @@ from typing import Protocol
 import structlog
 
 from service.config.schema_links import AlarmLimits, LinksConfig
-from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, Receiver
+from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, MessageReceiver
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.journal import Journal
 from service.store.outbox import OUTBOX_FILE, Outbox
@@ -21,7 +21,7 @@ STOP_S = 3.0
 log = structlog.get_logger(__name__)
 
 
-class Link(Protocol):
+class RunningLink(Protocol):
     """A link as the thread runs it."""
 
     delivery: Delivery
@@ -65,7 +65,7 @@ class Links:
         self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
         try:
             self._done = self._outbox.begin(config.names)
-            self.links: tuple[Link, ...] = tuple(self._make_links(config, state_dir, snapshot))
+            self.links: tuple[RunningLink, ...] = tuple(self._make_links(config, state_dir, snapshot))
         except BaseException:
             self._outbox.close()
             raise
@@ -102,7 +102,9 @@ class Links:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    def _make_links(self, config: LinksConfig, state_dir: Path, snapshot: Callable[[], Snapshot]) -> Iterator[Link]:
+    def _make_links(
+        self, config: LinksConfig, state_dir: Path, snapshot: Callable[[], Snapshot]
+    ) -> Iterator[RunningLink]:
         """Make the links; the library of each is imported only if it is configured."""
         if config.webhook:
             from service.links.webhook import webhook
@@ -123,20 +125,20 @@ class Links:
 
         if config.opcua is not None:
             from service.links.opcua import OpcUaLink
-            from service.links.opcua_alarms import Conditions
+            from service.links.opcua_alarms import AlarmConditions
             from service.store.tokens import TOKENS_FILE, TokenFile
 
-            conditions = Conditions(self._journal, config.opcua.priorities)
+            conditions = AlarmConditions(self._journal, config.opcua.priorities)
             delivery = self._delivery("opcua", "opcua", config.opcua, conditions)
             tokens = TokenFile(state_dir / TOKENS_FILE)
             yield OpcUaLink(config.opcua, tokens, conditions, delivery, snapshot)
 
-    def _delivery(self, name: str, kind: str, limits: AlarmLimits, receiver: Receiver) -> Delivery:
+    def _delivery(self, name: str, kind: str, limits: AlarmLimits, receiver: MessageReceiver) -> Delivery:
         link, done = LinkSnapshot(name, kind, connected=True), self._done[name]
         return Delivery(link, limits, receiver, self._journal, self._outbox, done, self._recording_of)
 
 
-async def _run_on(link: Link) -> None:
+async def _run_on(link: RunningLink) -> None:
     """Run a link; after an unexpected exception it is run again, and other links are not affected."""
     while True:
         try:

@@ -13,7 +13,7 @@ from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmRules, AxisMonit
 from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.pipeline.wall_clock import WallClock
-from service.store.alarm_entries import Entry, lived
+from service.store.alarm_entries import AlarmEntry, lived
 from service.store.alarm_statistics import StateCount
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
@@ -39,17 +39,17 @@ class AxisAlarm(NamedTuple):
         return self.axis_id, self.alarm.key
 
 
-class Quantity(NamedTuple):
+class JournalQuantity(NamedTuple):
     """Unit and nominal value of a cause, for the journal."""
 
     unit: str
     nominal: float
 
 
-def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Quantity]:
+def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], JournalQuantity]:
     """Units and nominal values of all causes that an alarm may name."""
     known = {
-        (axis_id, p.name): Quantity(p.unit, float(nominal))
+        (axis_id, p.name): JournalQuantity(p.unit, float(nominal))
         for axis_id, monitor in monitors.items()
         for p, nominal in zip(monitor.model.parameters, monitor.model.theta0, strict=True)
     }
@@ -57,7 +57,7 @@ def quantities(monitors: Mapping[str, AxisMonitor]) -> dict[tuple[str, str], Qua
         if monitor.multimodel is not None:
             for cause in monitor.multimodel.causes:
                 nominal, unit, _ = monitor.multimodel.quantity(cause)
-                known.setdefault((axis_id, cause), Quantity(unit, nominal))
+                known.setdefault((axis_id, cause), JournalQuantity(unit, nominal))
     return known
 
 
@@ -75,7 +75,7 @@ def alarm_rules(axes: Iterable[NamedAxis], causes: Iterable[tuple[str, str]]) ->
 _PLAIN = AlarmRules()
 
 
-def as_recorded(entry: Entry, alarm_id: int = 0, recorded: bool = True) -> RecordedAlarm:
+def as_recorded(entry: AlarmEntry, alarm_id: int = 0, recorded: bool = True) -> RecordedAlarm:
     """The row that the journal will hold for an alarm; ``alarm_id`` 0: the id is not known yet."""
     ended_us, note = entry.alarm.ended_us, entry.acknowledged
     courses = [(True, entry.alarm.raised_us), *([] if ended_us is None else [(False, ended_us)])]
@@ -127,7 +127,7 @@ class _Waiting:
     """The acknowledgement, if the alarm was acknowledged before it was recorded; None: not acknowledged"""
 
 
-class Alarms:
+class AlarmRecorder:
     """Writes alarm changes to the journal, knows which alarms are open, and ends shelving when its time is over.
 
     A change that cannot be written waits, and writing is retried without limit.  Changes wait in the order in which
@@ -146,7 +146,7 @@ class Alarms:
     def __init__(
         self,
         journal: Journal,
-        quantities: Mapping[tuple[str, str], Quantity],
+        quantities: Mapping[tuple[str, str], JournalQuantity],
         clock: Callable[[], float] = monotonic,
         rules: Mapping[tuple[str, str], AlarmRules] | None = None,
         wall: WallClock | None = None,
@@ -180,7 +180,7 @@ class Alarms:
     def change(
         self,
         axis_ids: Collection[str],
-        quantities: Mapping[tuple[str, str], Quantity],
+        quantities: Mapping[tuple[str, str], JournalQuantity],
         rules: Mapping[tuple[str, str], AlarmRules],
     ) -> None:
         """Replace the quantities and rules of these axes, and forget their alarms.
@@ -343,11 +343,11 @@ class Alarms:
         ended = None if alarm.ended_us is None else alarm.ended_us - step
         return change._replace(alarm=replace(alarm, updated_us=alarm.updated_us - step, ended_us=ended))
 
-    def _entry(self, waiting: _Waiting) -> Entry:
+    def _entry(self, waiting: _Waiting) -> AlarmEntry:
         axis_id, alarm = waiting.change
         unit, nominal = self._quantities[axis_id, alarm.parameter]
         rules = self._rules.get((axis_id, alarm.parameter), _PLAIN)
-        return Entry(axis_id, unit, nominal, alarm, rules, waiting.reserved_id, waiting.acknowledged)
+        return AlarmEntry(axis_id, unit, nominal, alarm, rules, waiting.reserved_id, waiting.acknowledged)
 
     def _shown_alarm(self, waiting: _Waiting) -> RecordedAlarm:
         """The row that the journal will hold; it also says whether a person has taken the axis out of service."""

@@ -8,16 +8,16 @@ from monitor_core.monitoring import (
     NEVER,
     AxisMonitor,
     CalibratedRange,
+    ConditionRange,
     ConditionTracker,
     PoseMap,
-    Range,
     UnrecordedHeat,
     WarmUp,
 )
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import joined, sentence
 from service.config import NamedAxis, conditions_of
-from service.ingest.unwrap import AMBIGUOUS, Motion, turns_of
+from service.ingest.unwrap import AMBIGUOUS, MotionPoint, turns_of
 from service.pipeline.epoch_progress import EpochProgress
 
 
@@ -57,7 +57,7 @@ class AxisPipeline:
             there = [m for m in thresholds.poses if {*m.angles} <= {*conditions.columns}]
             poses = [PoseMap.from_hex(m.angles, m.known) for m in there]
             tracker = ConditionTracker(axis.config.output, monitor.settings, conditions.columns, poses)
-            ranges = tuple(Range(r.condition, r.low, r.high) for r in thresholds.range)
+            ranges = tuple(ConditionRange(r.condition, r.low, r.high) for r in thresholds.range)
             self._calibrated = CalibratedRange(ranges, tracker)
         self._turns = turns_of(axis.config)
         self._resumed = False
@@ -122,11 +122,11 @@ class AxisPipeline:
         return joined(self.outside_calibration) if self._outside == "wait" else self._calibrated.new_poses
 
 
-def _motion(monitor: AxisMonitor) -> Motion | None:
+def _motion(monitor: AxisMonitor) -> MotionPoint | None:
     """Predicted motion of an axis at its last sample; None: there was no sample."""
     state, lane = monitor.batch.state, monitor.lane
     if state.t[lane] == NEVER:
         return None
     A, _, C = monitor.model.matrices()
     angle, speed = float(C[0] @ state.x[:, lane]), float((C @ A)[0] @ state.x[:, lane])
-    return Motion(int(state.t[lane]), angle, speed * 1e-6)
+    return MotionPoint(int(state.t[lane]), angle, speed * 1e-6)

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import structlog
 
-from monitor_core.trend import PARTS, Kept, Learned, LearningWindow, WindowDoubt, WindowError
+from monitor_core.trend import PARTS, KeptReason, Learned, LearningWindow, WindowDoubt, WindowError
 from monitor_core.wording import duration, sentence
 from service.config import NamedAxis
 from service.config.axis_settings import axis_settings, monitored_model
@@ -73,9 +73,9 @@ _REASONS = {
         sentence("window unexplained", WindowDoubt.MODEL),
         sentence("window unsteady", WindowDoubt.UNSTEADY),
         sentence("window moved", WindowDoubt.MOVED),
-        sentence("kept unobserved", Kept.NOT_OBSERVED),
-        sentence("kept uncertain", Kept.UNCERTAIN),
-        sentence("kept by definition", Kept.BY_DEFINITION),
+        sentence("kept unobserved", KeptReason.NOT_OBSERVED),
+        sentence("kept uncertain", KeptReason.UNCERTAIN),
+        sentence("kept by definition", KeptReason.BY_DEFINITION),
     )
 }
 

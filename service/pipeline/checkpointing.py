@@ -8,9 +8,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 import structlog
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Arrays, Floats
 from monitor_core.detection import Alarm
-from monitor_core.monitoring import Arrays, AxisMonitor
+from monitor_core.monitoring import AxisMonitor
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import joined, sentence
 from service.pipeline.alarm_recording import AxisAlarm
@@ -18,7 +18,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.axis_pipeline import AxisPipeline
 from service.pipeline.pauses import with_pauses
 from service.pipeline.trends import Trends, completed_id, gathered_id
-from service.store.checkpoints import AxisState, Checkpoint, Checkpoints, QuarantinedCheckpoint
+from service.store.checkpoints import Checkpoint, Checkpoints, MonitorState, QuarantinedCheckpoint
 from service.store.database import StoreError
 from service.store.journal import Journal
 
@@ -33,13 +33,13 @@ STARTS_SCHEMA = "starts schema=1"
 MOST_REOPENED = 20
 """Number of the latest ended alarms that the monitor of an axis gets at the start, as it may reopen them"""
 
-Part = Literal["estimates", "multimodel", "thermal", "learning", "history"]
+StatePart = Literal["estimates", "multimodel", "thermal", "learning", "history"]
 
 
 class SavedState(NamedTuple):
     """One separately saved state of an axis: its name and key, and how to save and restore it."""
 
-    part: Part
+    part: StatePart
     name: str
     key: str
     arrays: Callable[[], Arrays | None]
@@ -133,18 +133,18 @@ class Checkpointer:
         self.saved_us, self.problem = now_us, None
         self._monitors.trends.saved()
 
-    def _states(self) -> Iterator[AxisState]:
+    def _states(self) -> Iterator[MonitorState]:
         for axis in self._monitors.axes.values():
             for state in states_of(axis):
                 arrays = state.arrays()
                 if arrays is not None:
-                    yield AxisState(state.name, state.key, arrays)
+                    yield MonitorState(state.name, state.key, arrays)
 
 
 # --- Restart: estimates and trends from the checkpoints, open alarms from the journal, a report of what was lost ------
 
 
-PART_NAMES: Mapping[Part, str] = {
+PART_NAMES: Mapping[StatePart, str] = {
     "estimates": sentence("part estimates", "the estimates"),
     "multimodel": sentence("part evidence", "the evidence of the multi-model detector"),
     "thermal": sentence("part warmth", "the warm-up state"),
@@ -153,11 +153,11 @@ PART_NAMES: Mapping[Part, str] = {
 }
 
 
-class Loss(NamedTuple):
+class LostState(NamedTuple):
     """A saved state that cannot be used and was quarantined."""
 
     axis_id: str
-    part: Part
+    part: StatePart
     reason: str
     parameter: str = ""
     """The parameter of a lost history; empty: the open entries of all parameters"""
@@ -182,16 +182,16 @@ class _Loader:
 
     def __init__(self, checkpoints: Checkpoints, now_us: int) -> None:
         self._checkpoints, self._now_us = checkpoints, now_us
-        self.losses: list[Loss] = []
+        self.losses: list[LostState] = []
 
-    def load(self, loss: Loss, name: str, key: str) -> Checkpoint | None:
+    def load(self, loss: LostState, name: str, key: str) -> Checkpoint | None:
         found = self._checkpoints.load(name, key, self._now_us)
         if isinstance(found, QuarantinedCheckpoint):
             self.losses.append(loss._replace(reason=found.reason))
             return None
         return found
 
-    def use(self, loss: Loss, name: str, restore: Callable[[Arrays], None], arrays: Arrays) -> bool:
+    def use(self, loss: LostState, name: str, restore: Callable[[Arrays], None], arrays: Arrays) -> bool:
         """Restore a state; returns whether the arrays fit it."""
         try:
             restore(dict(arrays))
@@ -227,7 +227,7 @@ def restore(
     for axis_id, axis in monitors.axes.items():
         monitor = axis.monitor
         for state in states_of(axis):
-            loss = Loss(axis_id, state.part, "")
+            loss = LostState(axis_id, state.part, "")
             found = loader.load(loss, state.name, state.key)
             if found is not None and loader.use(loss, state.name, state.restore, found.arrays):
                 times.append(found.at_us)
@@ -247,9 +247,9 @@ def restore(
 def _restore_trends(trends: Trends, loader: _Loader) -> None:
     """Restore the histories.  One that is damaged, or has other nominal values, is counted as lost and starts empty."""
     for axis_id, (names, monitor, key) in trends.axes.items():
-        each = [(Loss(axis_id, "history", "", name), completed_id(axis_id, name)) for name in names]
+        each = [(LostState(axis_id, "history", "", name), completed_id(axis_id, name)) for name in names]
         completed = [loader.load(loss, name, key) for loss, name in each]
-        open_state = loader.load(Loss(axis_id, "history", ""), gathered_id(axis_id), key)
+        open_state = loader.load(LostState(axis_id, "history", ""), gathered_id(axis_id), key)
         open_entries = {} if open_state is None else open_state.arrays
         for (loss, name), history, found in zip(each, monitor.histories, completed, strict=True):
             nothing: Arrays = {"entries": history.closed_to_array()}
@@ -289,13 +289,13 @@ def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
 # --- report ---------------------------------------------------------------------------------------------
 
 
-def loss_messages(losses: Iterable[Loss]) -> Iterator[str]:
+def loss_messages(losses: Iterable[LostState]) -> Iterator[str]:
     """One message for each axis: why its checkpoint is not used, and what restarts as a result."""
-    by_axis: dict[str, list[Loss]] = {}
+    by_axis: dict[str, list[LostState]] = {}
     for loss in losses:
         by_axis.setdefault(loss.axis_id, []).append(loss)
     for axis_id, lost in by_axis.items():
-        by_reason: dict[str, list[Loss]] = {}
+        by_reason: dict[str, list[LostState]] = {}
         for loss in lost:
             by_reason.setdefault(loss.reason, []).append(loss)
         reasons = [
@@ -311,7 +311,7 @@ def loss_messages(losses: Iterable[Loss]) -> Iterator[str]:
             yield sentence("part not used", words, axis=axis_id, why=why)
 
 
-def _parts(losses: list[Loss]) -> str:
+def _parts(losses: list[LostState]) -> str:
     """The list of lost parts in words, e.g. "the estimates, and the long-term history of kT and fm"."""
     found = list[str]()
     for part, name in PART_NAMES.items():

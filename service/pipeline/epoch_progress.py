@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 from monitor_core.monitoring import AxisStatus
-from monitor_core.trend import LearningWindow, Reading
+from monitor_core.trend import EstimateReading, LearningWindow
 from monitor_core.wording import duration
 
 EpochPhase = Literal["learning", "verifying", "current"]
@@ -69,7 +69,7 @@ class EpochProgress:
         """
         return key if self._configured else f"epoch={self.number} {key}"
 
-    def take(self, readings: Iterable[Reading]) -> None:
+    def take(self, readings: Iterable[EstimateReading]) -> None:
         """Take readings of the axis."""
         if self.learning is not None:
             for reading in readings:

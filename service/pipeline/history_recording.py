@@ -15,7 +15,7 @@ import structlog
 from monitor_core.monitoring import AxisStatus, NotTested, Observation, ParameterStatus, Status
 from monitor_core.wording import sentence
 from service.store.database import StoreError
-from service.store.history_store import HistoryStore, Point, Series
+from service.store.history_store import HistoryPoint, HistorySeries, HistoryStore
 
 POINTS_AT_ONCE = 6
 """Points of each parameter in a transaction.  Each transaction writes a page of the file for each parameter and
@@ -81,7 +81,7 @@ class HistoryRecording:
         self._slots: dict[str, int] = {}
         self._looked_us: dict[str, int] = {}
         """By axis: time of the sample at which a point was last looked for"""
-        self._waiting = deque[Point]()
+        self._waiting = deque[HistoryPoint]()
         self._lock = threading.Lock()
         self._dropped = Counter({FULL: 0})
         self._next_try = -math.inf
@@ -236,7 +236,7 @@ def _is_known(p: ParameterStatus) -> bool:
     return math.isfinite(p.estimate) and math.isfinite(p.standard_deviation)
 
 
-def _point(axis_id: str, t: int, p: ParameterStatus) -> Point:
+def _point(axis_id: str, t: int, p: ParameterStatus) -> HistoryPoint:
     observability, deviation = OBSERVABILITY[p.observation], p.estimate - p.nominal
     values = (p.estimate, deviation, p.standard_deviation, p.g_up, p.g_down, p.h, observability)
-    return Point(Series(axis_id, p.name, p.unit), t, values)
+    return HistoryPoint(HistorySeries(axis_id, p.name, p.unit), t, values)

@@ -98,12 +98,12 @@ def _link_files(shipped: Path, folder: Path) -> bool:
 _CHILD = """
 import gc, sys
 gc.disable()  # saves a tenth of the time; the process ends soon
-from service.pipeline.kernel_cache import Shape, compile_for_parent
-compile_for_parent(Shape(sys.argv[1]))
+from service.pipeline.kernel_cache import KernelShape, compile_for_parent
+compile_for_parent(KernelShape(sys.argv[1]))
 """
 
 
-class Shape(StrEnum):
+class KernelShape(StrEnum):
     """A part of the kernel that is compiled in one step; the value is the name of its marker file."""
 
     FEW_AXES = "few-axes"  # nearly every daemon needs this first, as a robot has few axes
@@ -112,14 +112,14 @@ class Shape(StrEnum):
     CYCLIC_CLOCK = "cyclic-clock"  # the clock model for samples on a fixed cycle
 
 
-def batch_shape(lanes: int) -> Shape:
+def batch_shape(lanes: int) -> KernelShape:
     """The kernel for a batch of this number of axes."""
     from monitor_core.monitoring import FEWEST_LANES
 
-    return Shape.FEW_AXES if lanes < FEWEST_LANES else Shape.MANY_AXES
+    return KernelShape.FEW_AXES if lanes < FEWEST_LANES else KernelShape.MANY_AXES
 
 
-def compile_kernel(shape: Shape) -> None:
+def compile_kernel(shape: KernelShape) -> None:
     """Compile this shape of the kernel, or load it from the cache; then write its marker file.
 
     Shapes for axes include the functions that make samples from frames, as the estimates need these, too.
@@ -133,13 +133,13 @@ def compile_kernel(shape: Shape) -> None:
     from monitor_core.sampling import compile_stream
     from monitor_core.settings import Settings
 
-    if shape == Shape.CYCLIC_CLOCK:
+    if shape == KernelShape.CYCLIC_CLOCK:
         compile_stream(cyclic=True)
-    elif shape == Shape.MULTIMODEL:
+    elif shape == KernelShape.MULTIMODEL:
         bank = HypothesisBank(reference_model(), Settings(interval_s=INTERVAL_S))
         bank.run(concatenate([]))
     else:
-        lanes = 1 if shape == Shape.FEW_AXES else FEWEST_LANES
+        lanes = 1 if shape == KernelShape.FEW_AXES else FEWEST_LANES
         empty = np.zeros((0, lanes))
         _batch(lanes).run(np.zeros((0, lanes), np.int64), empty, empty)
         compile_stream()
@@ -158,16 +158,16 @@ def compile_parts() -> None:
     compile_stream()
 
 
-def compile_for_parent(shape: Shape) -> NoReturn:
+def compile_for_parent(shape: KernelShape) -> NoReturn:
     """Fill the cache for the parent process, the daemon; then end this process.
 
     Most daemons need the kernel of few axes at a cold start.  If there is a second processor, this process compiles the
     kernel from one end and a fork of it from the other; the fork need not import numba again.
     """
     is_fork = False
-    if shape == Shape.MULTIMODEL:
+    if shape == KernelShape.MULTIMODEL:
         os.nice(10)  # the daemon monitors already, and may need the processor
-    elif shape == Shape.FEW_AXES and (os.cpu_count() or 1) > 1:
+    elif shape == KernelShape.FEW_AXES and (os.cpu_count() or 1) > 1:
         _batch(1)  # imports all that both processes need
         is_fork = os.fork() == 0
     if is_fork:  # close its stderr: the parent reads until the original process has closed it
@@ -192,7 +192,7 @@ def _batch(lanes: int) -> AxisBatch:
 
 def compile_all() -> None:
     """Compile all shapes."""
-    for shape in Shape:
+    for shape in KernelShape:
         compile_kernel(shape)
 
 
@@ -204,7 +204,7 @@ class CacheFiller:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._children: dict[Shape, subprocess.Popen[str]] = {}
+        self._children: dict[KernelShape, subprocess.Popen[str]] = {}
         self._stopped = False
 
     @property
@@ -212,18 +212,18 @@ class CacheFiller:
         """Whether a process has been started and not been stopped."""
         return bool(self._children) and not self._stopped
 
-    def begin(self, shape: Shape) -> None:
+    def begin(self, shape: KernelShape) -> None:
         """Start to compile a shape that is not cached; ``fill`` waits for it.  The process ends with the program."""
         atexit.register(self.stop)
         if not _is_cached(shape):
             self._start(shape)
 
-    def fill(self, shapes: Collection[Shape]) -> bool:
+    def fill(self, shapes: Collection[KernelShape]) -> bool:
         """Compile those of the shapes that are not cached; returns False if ``stop`` ended that.
 
         A failure is only logged: the kernel is then compiled when it is first called.
         """
-        missing = [shape for shape in Shape if shape in shapes and not _is_cached(shape)]
+        missing = [shape for shape in KernelShape if shape in shapes and not _is_cached(shape)]
         for child in [self._children.get(shape) or self._start(shape) for shape in missing]:
             if child is not None:
                 self._wait(child)
@@ -238,7 +238,7 @@ class CacheFiller:
                 if child.stdin:
                     child.stdin.close()  # ends its fork
 
-    def _start(self, shape: Shape) -> subprocess.Popen[str] | None:
+    def _start(self, shape: KernelShape) -> subprocess.Popen[str] | None:
         with self._lock:
             if self._stopped:
                 return None
@@ -256,7 +256,7 @@ class CacheFiller:
             _warn(messages.strip().rpartition("\n")[2] or f"exit code {child.returncode}")
 
 
-def _start_compiler(shape: Shape) -> subprocess.Popen[str]:
+def _start_compiler(shape: KernelShape) -> subprocess.Popen[str]:
     """Start a process that compiles a shape.
 
     It has its own process group, as Ctrl-C is for the daemon, which ends the child itself.  It has no session of its
@@ -282,23 +282,23 @@ def _warn(reason: str) -> None:
     log.warning("the kernel could not be compiled in a separate process", reason=reason)
 
 
-def _compiler_environment(shape: Shape) -> dict[str, str]:
+def _compiler_environment(shape: KernelShape) -> dict[str, str]:
     """Environment of the compiling process, with its optimisation level.
 
     The kernel of few axes uses no SIMD.  LLVM's lowest optimisation level without loop vectorisation saves a fifth of
     the time until the first estimate, and the code is as fast.  The other shapes would be slower with it.
     """
     least = {"NUMBA_OPT": "1", "NUMBA_LOOP_VECTORIZE": "0", "NUMBA_SLP_VECTORIZE": "0"}
-    return dict(os.environ) | (least if shape in (Shape.CYCLIC_CLOCK, Shape.FEW_AXES) else {})
+    return dict(os.environ) | (least if shape in (KernelShape.CYCLIC_CLOCK, KernelShape.FEW_AXES) else {})
 
 
-def _is_cached(shape: Shape) -> bool:
+def _is_cached(shape: KernelShape) -> bool:
     """Whether the cache has this shape of the kernel; numba would not use code of another processor type."""
     marker = _marker(shape)
     return marker is not None and marker.exists()
 
 
-def _marker(shape: Shape) -> Path | None:
+def _marker(shape: KernelShape) -> Path | None:
     """Marker file of a shape; needed as all shapes share numba's cache files."""
     folder = os.environ.get(VARIABLE)
     return Path(folder) / f"{shape}.compiled" if folder else None

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
-from service.pipeline.alarm_recording import Alarms, AlarmsSnapshot
+from service.pipeline.alarm_recording import AlarmRecorder, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.history_recording import HistoryRecording, HistoryState
@@ -52,7 +52,7 @@ class WorkerParts(NamedTuple):
 
     pipeline: FramePipeline
     """Decoding and monitors, with their restored states"""
-    alarms: Alarms
+    alarms: AlarmRecorder
     """Writes alarms to the journal"""
     history: HistoryRecording
     """Writes the estimates to the history"""

@@ -17,7 +17,7 @@ from service.can.messages import DescriptionError
 from service.can.user_errors import BusError, IngestError
 from service.config import Config, NamedAxis
 from service.config.axis_settings import AxisError
-from service.config.bus_messages import Files, files_of
+from service.config.bus_messages import FileVersions, files_of
 from service.config.drive_sources import Modelled, model_of_axis
 from service.ingest.bus_samples import Ingest
 from service.pipeline.alarm_recording import alarm_groups
@@ -31,7 +31,7 @@ from service.texts.instants import iso
 
 log = structlog.get_logger(__name__)
 
-Part = Callable[[Config], AbstractContextManager[None]]
+ReloadedPart = Callable[[Config], AbstractContextManager[None]]
 """Another part of the daemon that a configuration changes, as a context manager.  The part changes on entry, or on exit
 if the ``with`` block has not raised; otherwise it returns to the former state.  Raises ReloadError."""
 
@@ -73,7 +73,7 @@ class Reloading:
         buses: BusReaders,
         journal: Journal,
         now_us: Callable[[], int],
-        parts: Sequence[Part] = (),
+        parts: Sequence[ReloadedPart] = (),
     ) -> None:
         self._config, self._worker, self._baselines, self._buses = config, worker, baselines, buses
         self._journal, self._now_us, self._parts = journal, now_us, parts
@@ -144,7 +144,7 @@ class Reloading:
             further=further,
         )
 
-    def _check(self, new: Config, changed: Sequence[NamedAxis]) -> tuple[dict[str, Files], dict[str, Ingest]]:
+    def _check(self, new: Config, changed: Sequence[NamedAxis]) -> tuple[dict[str, FileVersions], dict[str, Ingest]]:
         """Check a configuration; returns the description files of each bus, and new ingests of the buses to reopen.
 
         Raises:

@@ -14,7 +14,7 @@ from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
-from service.pipeline.alarm_recording import NO_ALARMS, Alarms, AlarmsSnapshot
+from service.pipeline.alarm_recording import NO_ALARMS, AlarmRecorder, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.axis_pipeline import AxisPipeline, Heat
 from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
@@ -199,7 +199,9 @@ not."""
 class AxisView:
     """Makes the snapshots of one axis."""
 
-    def __init__(self, axis: NamedAxis, pipeline: FramePipeline, alarms: Alarms, history: HistoryRecording) -> None:
+    def __init__(
+        self, axis: NamedAxis, pipeline: FramePipeline, alarms: AlarmRecorder, history: HistoryRecording
+    ) -> None:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
         self._monitored = pipeline.monitors.axes[axis.id]
         monitor, components = self._monitored.monitor, model_of_axis(axis.config).components

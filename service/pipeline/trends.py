@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from monitor_core.drive import AxisModel
 from monitor_core.monitoring import ParameterTrend, TrendMonitor
-from monitor_core.trend import Reading
+from monitor_core.trend import EstimateReading
 from service.config import NamedAxis, limits_of
 from service.pipeline.alarm_recording import AxisAlarm
-from service.store.checkpoints import AxisState
+from service.store.checkpoints import MonitorState
 
 
 class AxisTrends(NamedTuple):
@@ -50,7 +50,7 @@ class Trends:
         self._saved = {a: own for a, own in self._saved.items() if a in kept}
         self._waiting = {due: None for due in self._waiting if due[0] in kept}
 
-    def take(self, axis_id: str, readings: Iterable[Reading]) -> None:
+    def take(self, axis_id: str, readings: Iterable[EstimateReading]) -> None:
         """Take readings of an axis; mark the trends whose histories grow."""
         monitor = self.axes[axis_id].monitor
         for reading in readings:
@@ -84,16 +84,18 @@ class Trends:
             for alarm in self.axes[axis_id].monitor.adopt([trend.alarm for trend in found], now_us)
         ]
 
-    def to_save(self) -> Iterator[AxisState]:
+    def to_save(self) -> Iterator[MonitorState]:
         """The states to save: open entries always, completed entries only if there are new ones."""
         for axis_id, (names, monitor, key) in self.axes.items():
             histories = zip(names, monitor.histories, strict=True)
-            yield AxisState(gathered_id(axis_id), key, {name: history.open_to_array() for name, history in histories})
+            yield MonitorState(
+                gathered_id(axis_id), key, {name: history.open_to_array() for name, history in histories}
+            )
             saved = self._saved.get(axis_id, [])
             for i, history in enumerate(monitor.histories):
                 if saved[i : i + 1] != [monitor.closed[i]]:
                     entries = {"entries": history.closed_to_array()}
-                    yield AxisState(completed_id(axis_id, names[i]), key, entries)
+                    yield MonitorState(completed_id(axis_id, names[i]), key, entries)
 
     def saved(self) -> None:
         """Note that the states of ``to_save`` are on the disk."""

@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from monitor_core.calibration import FOUND_SHARE, DetectorResult, TrialResult
-from monitor_core.detection import Limit
+from monitor_core.detection import HypothesisThreshold
 from monitor_core.settings import Threshold
 from service.config.found_file import FORMAT
 from service.config.thresholds_file import ThresholdsFile, made_with
 from service.reports import calibration_report as content
 from service.reports.calibration_report import DETECTORS, Calibration, promises
-from service.reports.formats import Fact, Table, fields_of, json_text, render, safe, toml_table
-from service.reports.plot_style import LIMIT, PANEL, QUIET, TEXT, Look, as_svg, figure
+from service.reports.formats import Fact, Json, TextTable, fields_of, json_text, render, safe, toml_table
+from service.reports.plot_style import LIMIT, PANEL, QUIET, TEXT, LineStyle, as_svg, figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-Json = dict[str, Any]
 
 
 def as_toml(calibration: Calibration) -> str:
@@ -91,7 +89,7 @@ def _rate(result: DetectorResult) -> Json:
     return {"one_in_s": Fact(most, "most likely"), "interval_s": Fact([low, high], "90 %")}
 
 
-def _hypothesis(own: Limit) -> Json:
+def _hypothesis(own: HypothesisThreshold) -> Json:
     """The values without those that are None."""
     entries = {name: value for name, value in fields_of(own).items() if name != "alike" or value}
     return {name: value for name, value in entries.items() if name != "size" or math.isfinite(value)}
@@ -208,12 +206,12 @@ def as_html(calibration: Calibration) -> str:
     )
 
 
-def _smallest_with_meaning(calibration: Calibration) -> Table:
+def _smallest_with_meaning(calibration: Calibration) -> TextTable:
     """The tables of the terminal, with the meaning of each parameter."""
     (first, *titles), rows = content.smallest(calibration)
     meanings = [p.meaning for p in calibration.result.model.parameters]
     with_meaning = [(name, about, *sizes) for (name, *sizes), about in zip(rows, meanings, strict=True)]
-    return Table((first, "what it is", *titles), with_meaning)
+    return TextTable((first, "what it is", *titles), with_meaning)
 
 
 def _power_pictures(calibration: Calibration) -> Iterator[tuple[str, str]]:
@@ -243,14 +241,14 @@ def _power_picture(calibration: Calibration, name: str, number: int) -> str:
         return as_svg(drawn, words, f"power{number}")
 
 
-_LOOKS: tuple[Look, Look] = (
+_LOOKS: tuple[LineStyle, LineStyle] = (
     {"color": TEXT, "marker": "o", "ms": 5},
     {"color": QUIET, "marker": "s", "ms": 5, "mfc": PANEL},
 )
 """Line styles of the detector that alarms and of the other one"""
 
 
-def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, look: Look) -> None:
+def _curves(result: DetectorResult, name: str, left: Axes, right: Axes, look: LineStyle) -> None:
     """Curves of one detector; without a delay where it detects nothing."""
     mine = [trial for trial in result.caught if trial.fault.parameter == name]
     mine.sort(key=lambda trial: trial.fault.size)

@@ -10,12 +10,12 @@ from rich.text import Text
 
 from monitor_core.calibration import CalibrationResult, DetectorResult, TrialResult
 from monitor_core.detection import DetectorName
-from monitor_core.monitoring import MOST_NEW_POSES, RMS_SPEED, PoseMap, Range
+from monitor_core.monitoring import MOST_NEW_POSES, RMS_SPEED, ConditionRange, PoseMap
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
 from service.ingest.loaded_records import RecordOrigin
-from service.reports.formats import Provenance, Table, for_terminal, plain
+from service.reports.formats import Provenance, TextTable, for_terminal, plain
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Calibration:
     warnings: Sequence[str]
     provenance: Provenance
     alarms: DetectorName = "cusum"
-    ranges: Sequence[Range] = ()
+    ranges: Sequence[ConditionRange] = ()
     """Ranges of the conditions in the records"""
     poses: Sequence[PoseMap] = ()
     """Maps of the poses in the records, if the load on the axis follows them"""
@@ -43,7 +43,7 @@ class Calibration:
 def print_text(calibration: Calibration, console: Console) -> None:
     """Report the smallest changes found in time, the promise, faults and names of the alarming detector, thresholds."""
 
-    def show(title: str, table: Table) -> None:
+    def show(title: str, table: TextTable) -> None:
         console.print(for_terminal(table, title))
 
     console.print(Text(calibration.axis.id, style="bold"))
@@ -107,7 +107,7 @@ def part(calibration: Calibration, detector: DetectorResult) -> str:
     return f"which {_VERB[detector.detector][detector.detector != calibration.alarms]}"
 
 
-def thresholds(calibration: Calibration) -> Table:
+def thresholds(calibration: Calibration) -> TextTable:
     """A row for each parameter."""
     result = calibration.result
     rows = [
@@ -126,10 +126,10 @@ def thresholds(calibration: Calibration) -> Table:
             strict=True,
         )
     ]
-    return Table(("", "alpha_1", "alpha_2", "allowance", "sd of the estimate"), rows)
+    return TextTable(("", "alpha_1", "alpha_2", "allowance", "sd of the estimate"), rows)
 
 
-def hypotheses(calibration: Calibration) -> Table | None:
+def hypotheses(calibration: Calibration) -> TextTable | None:
     """A row for each cause that the multi-model detector knows; None: there is no such detector."""
     if calibration.result.bank is None:
         return None
@@ -140,10 +140,10 @@ def hypotheses(calibration: Calibration) -> Table | None:
         allowed = max(trial.allowance for trial in mine)
         between = low if low == high else f"{low} to {high}"
         rows.append((cause, str(len(mine)), between, f"{allowed:.2g}" if allowed else "0"))
-    return Table(("cause", "sizes", "h", "largest allowance"), rows)
+    return TextTable(("cause", "sizes", "h", "largest allowance"), rows)
 
 
-def smallest(calibration: Calibration) -> Table:
+def smallest(calibration: Calibration) -> TextTable:
     """A row for each parameter: the smallest changes that each detector finds in time, up and down."""
     detectors = calibration.detectors
     titles = [f"{_SHORT[detector.detector]}: {way}" for detector in detectors for way in ("up", "down")]
@@ -151,14 +151,14 @@ def smallest(calibration: Calibration) -> Table:
         (name, *(_smallest(size) for detector in detectors for size in detector.smallest(name)))
         for name in calibration.result.model.monitored
     ]
-    return Table(("", *titles), rows)
+    return TextTable(("", *titles), rows)
 
 
 def _smallest(size: float | None) -> str:
     return "none" if size is None else percent(size, signed=True)
 
 
-def faults(calibration: Calibration, result: DetectorResult) -> Table:
+def faults(calibration: Calibration, result: DetectorResult) -> TextTable:
     """A row for each fault found by a detector, with the delay of the other detector if it was tested on it, too."""
     named = "named" if result.detector == "multimodel" else "named first"
     others = [d for d in calibration.detectors if d.detector != result.detector and d.caught]
@@ -175,7 +175,7 @@ def faults(calibration: Calibration, result: DetectorResult) -> Table:
         )
         for k, trial in enumerate(result.caught)
     ]
-    return Table(("fault", "how", "found in time", "median delay", "in 9 of 10 by", *medians, named), rows)
+    return TextTable(("fault", "how", "found in time", "median delay", "in 9 of 10 by", *medians, named), rows)
 
 
 def _seconds(delay: float) -> str:
@@ -192,7 +192,7 @@ def _names(trial: TrialResult) -> str:
     return ", ".join(name if n == total else f"{name} {percent(n / total)}" for n, name in often)
 
 
-def confusion(result: DetectorResult) -> Table:
+def confusion(result: DetectorResult) -> TextTable:
     """A row for each parameter: names of the alarms of its faults, of all sizes."""
     counts = result.confusion()
     names = [name or "none yet" for name in next(iter(counts.values()), {})]
@@ -200,19 +200,19 @@ def confusion(result: DetectorResult) -> Table:
         (name, *(percent(n / max(sum(row.values()), 1)) if any(row.values()) else "" for n in row.values()))
         for name, row in counts.items()
     ]
-    return Table(("fault in", *names), rows)
+    return TextTable(("fault in", *names), rows)
 
 
-def conditions(calibration: Calibration) -> Table:
+def conditions(calibration: Calibration) -> TextTable:
     """A row for each condition; outside of these ranges the promise is not valid."""
     rows = [(r.condition, plain(r.low, 3), plain(r.high, 3)) for r in calibration.ranges]
-    return Table(("", "lowest", "highest"), rows)
+    return TextTable(("", "lowest", "highest"), rows)
 
 
 _ONE_DAY_S, _SHORT_S = 86400.0, 3600.0
 
 
-def one_sided(records: Sequence[SampleBlock], found: Sequence[Range]) -> Iterator[str]:
+def one_sided(records: Sequence[SampleBlock], found: Sequence[ConditionRange]) -> Iterator[str]:
     """Cautions about records that cover little of the conditions that the axis will meet."""
     starts = [record.t_us[0] * 1e-6 for record in records]
     longest = max((record.t_us[-1] - record.t_us[0]) * 1e-6 for record in records)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from monitor_core.wording import duration, listed, percent
 from service.config.commissioned import Correction, Found, motion_file
-from service.reports.formats import Provenance, Table, render
+from service.reports.formats import Provenance, TextTable, render
 
 READY = "ready"
 
@@ -162,17 +162,17 @@ def recording_s(outcomes: Sequence[Outcome]) -> float:
 _TO_START_S = 15.0
 
 
-def smallest(outcome: Outcome) -> Table:
+def smallest(outcome: Outcome) -> TextTable:
     """A row for each parameter: the smallest changes that are found in time."""
     rows = [(name, *(_size(size) for size in sizes)) for name, *sizes in outcome.smallest]
-    return Table(("parameter", "up", "down"), rows)
+    return TextTable(("parameter", "up", "down"), rows)
 
 
 def _size(size: float | None) -> str:
     return "none of those tried" if size is None else percent(size, signed=True)
 
 
-def overview(outcomes: Sequence[Outcome]) -> Table:
+def overview(outcomes: Sequence[Outcome]) -> TextTable:
     """A row for each axis."""
     rows = [
         (
@@ -184,7 +184,7 @@ def overview(outcomes: Sequence[Outcome]) -> Table:
         )
         for outcome in outcomes
     ]
-    return Table(("axis", "watched", "changes found in time, either way", "one false alarm in", "state"), rows)
+    return TextTable(("axis", "watched", "changes found in time, either way", "one false alarm in", "state"), rows)
 
 
 def as_html(outcomes: Sequence[Outcome], next_step: str, config: Path, provenance: Provenance) -> str:

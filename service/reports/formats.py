@@ -60,7 +60,7 @@ class Fact(NamedTuple):
 # --- Tables -----------------------------------------------------------------------------------------------------------
 
 
-class Table(NamedTuple):
+class TextTable(NamedTuple):
     """Text for the terminal and the page, a cell of each row below each title."""
 
     titles: Sequence[str]
@@ -68,7 +68,7 @@ class Table(NamedTuple):
 
 
 def for_terminal(
-    table: Table, title: str, right: Collection[str] = (), unbroken: int = 2, styles: Mapping[int, str] = {}
+    table: TextTable, title: str, right: Collection[str] = (), unbroken: int = 2, styles: Mapping[int, str] = {}
 ) -> RichTable:
     """The table for rich; markup in cells is shown unchanged.
 
@@ -86,6 +86,10 @@ def for_terminal(
 
 
 # --- JSON -------------------------------------------------------------------------------------------------------------
+
+
+Json = dict[str, Any]
+"""An object of a JSON document"""
 
 
 def json_text(content: Any) -> str:

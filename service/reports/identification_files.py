@@ -5,22 +5,20 @@ from typing import Any
 
 from monitor_core.drive import DELAY, HEAT, Fast, split_name
 from monitor_core.identification import (
+    ComparedRecord,
     FoundWarmUp,
     FrequencyResponse,
     Growth,
     ParameterRow,
     Slope,
-    Trace,
     Verdict,
 )
 from monitor_core.wording import percent
 from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
 from service.ingest.loaded_records import RecordOrigin
-from service.reports.formats import Fact, fields_of, json_text, one_line, toml_table
+from service.reports.formats import Fact, Json, fields_of, json_text, one_line, toml_table
 from service.reports.identification_report import IdentificationReport, residual_words, verdict_line
-
-Json = dict[str, Any]
 
 
 def as_toml(report: IdentificationReport) -> str:
@@ -187,7 +185,7 @@ def _verdict(verdict: Verdict) -> Json:
     }
 
 
-def _record(purpose: str, s: RecordOrigin, trace: Trace) -> Json:
+def _record(purpose: str, s: RecordOrigin, trace: ComparedRecord) -> Json:
     one_step = "per cent, one step ahead: 100 (1 - |y - yhat| / |y - mean y|)"
     simulated = "the same, without looking at the output again"
     return {

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import UNITS, Bode, Correlation, FrequencyResponse, ParameterRow, Trace
+from monitor_core.identification import UNITS, Bode, ComparedRecord, Correlation, FrequencyResponse, ParameterRow
 from monitor_core.wording import percent
 from service.reports import identification_report as content
 from service.reports import plot_style as style
@@ -92,7 +92,7 @@ _FLOOR_DB = 15.0
 """Space below and above the curve of the drive."""
 
 
-def trace_picture(trace: Trace, output: str, salt: str) -> str:
+def trace_picture(trace: ComparedRecord, output: str, salt: str) -> str:
     """Plots of the whole record, of some seconds in detail, and of the errors."""
     quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
     with style.figure(7.4) as drawn:
@@ -112,14 +112,14 @@ def trace_picture(trace: Trace, output: str, salt: str) -> str:
         return style.as_svg(drawn, f"{quantity} measured, predicted and simulated", salt)
 
 
-def _lines(axes: Axes, trace: Trace, part: slice) -> None:
+def _lines(axes: Axes, trace: ComparedRecord, part: slice) -> None:
     t = trace.t[part]
     axes.plot(t, trace.y[part], **style.MEASURED, label="measured")
     axes.plot(t, trace.simulated[part], **style.ESTIMATE, label="simulated")
     axes.plot(t, trace.predicted[part], **style.DOWN, label="predicted one step ahead")
 
 
-def _lively(trace: Trace) -> slice:
+def _lively(trace: ComparedRecord) -> slice:
     """The seconds with the largest motion of the output."""
     h = float(np.median(np.diff(trace.t)))
     count = min(trace.t.size, max(20, round(_ZOOM_S / h)))
@@ -194,7 +194,7 @@ def _banded(gain: Axes, phase: Axes, response: FrequencyResponse) -> None:
     phase.plot(w, degrees, **style.ESTIMATE)
 
 
-def _plain(gain: Axes, phase: Axes, response: FrequencyResponse, look: style.Look) -> None:
+def _plain(gain: Axes, phase: Axes, response: FrequencyResponse, look: style.LineStyle) -> None:
     gain.plot(_omega(response), response.db, **look, label=response.name)
     phase.plot(_omega(response), np.degrees(response.phase), **look)
 

@@ -10,11 +10,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.identification import LEVEL, Growth, IdentificationResult, ParameterRow, Rejection, Trace
+from monitor_core.identification import LEVEL, ComparedRecord, Growth, IdentificationResult, ParameterRow, Rejection
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration, listed, percent
 from service.ingest.loaded_records import RecordOrigin
-from service.reports.formats import Provenance, Table, for_terminal, plain
+from service.reports.formats import Provenance, TextTable, for_terminal, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 
 _LONGEST_LABEL = 40
@@ -81,7 +81,7 @@ class IdentificationReport:
         """Whether a poor fit is the only objection to the values."""
         return self.result.rejection is Rejection.POOR
 
-    def traces(self) -> Iterator[tuple[str, RecordOrigin, Trace]]:
+    def traces(self) -> Iterator[tuple[str, RecordOrigin, ComparedRecord]]:
         """Purpose, source and origin of each record."""
         for purpose, sources, traces in (
             ("estimation", self.estimation, self.result.estimation),
@@ -234,7 +234,7 @@ def number(value: float | None, sd: float | None = None) -> str:
     return plain(value, 5 if sd is None or sd < abs(value) else 2)
 
 
-def parameter_table(rows: list[ParameterRow]) -> Table:
+def parameter_table(rows: list[ParameterRow]) -> TextTable:
     """A row for each parameter; values known before are in the last two columns, if there are any."""
     cells = [
         (
@@ -250,26 +250,26 @@ def parameter_table(rows: list[ParameterRow]) -> Table:
     ]
     titles = ("parameter", "value", "unit", "sd", "sd", "before", "change")
     count = 7 if any(row.before is not None for row in rows if not row.held) else 5
-    return Table(titles[:count], [row[:count] for row in cells])
+    return TextTable(titles[:count], [row[:count] for row in cells])
 
 
-def name_of(source: RecordOrigin, trace: Trace) -> str:
+def name_of(source: RecordOrigin, trace: ComparedRecord) -> str:
     """The name of a record, with the part of it that is used: several parts of a record have one name."""
     if source.used == source.samples:
         return trace.name
     return f"{trace.name}, {source.start_s:.4g} to {source.end_s:.4g} s"
 
 
-def fits_table(report: IdentificationReport) -> Table:
+def fits_table(report: IdentificationReport) -> TextTable:
     """A row for each record."""
     rows = [
         (name_of(source, trace), purpose, f"{trace.fit:.2f} %", f"{trace.fit_simulation:.2f} %")
         for purpose, source, trace in report.traces()
     ]
-    return Table(("record", "for", "one step ahead", "simulated"), rows)
+    return TextTable(("record", "for", "one step ahead", "simulated"), rows)
 
 
-def masses_table(growth: Growth) -> Table:
+def masses_table(growth: Growth) -> TextTable:
     """A row for each number of masses; AIC and BIC relative to the best one."""
     titles = ("masses", "sum of squares", "AIC", "BIC", "one step ahead", "simulated", "kept aside")
     count = 7 if any(model.validation for model in growth.models) else 6
@@ -286,7 +286,7 @@ def masses_table(growth: Growth) -> Table:
         )
         for model in growth.models
     ]
-    return Table(titles[:count], [row[:count] for row in rows])
+    return TextTable(titles[:count], [row[:count] for row in rows])
 
 
 def verdict_line(report: IdentificationReport) -> str:

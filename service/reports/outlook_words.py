@@ -2,22 +2,22 @@
 
 from monitor_core.drive import COULOMB, DELAY, LOAD, OF_ANGLE, ONE, Drive, split_name
 from monitor_core.identification import (
-    Basis,
     Effect,
     IdentificationResult,
     Measure,
     Obstacle,
     Rejection,
     Verdict,
+    VerdictBasis,
     Watched,
 )
 from monitor_core.wording import percent
-from service.reports.formats import Table
+from service.reports.formats import TextTable
 
 BASIS = {
-    Basis.RECORDS: "of records that were not fitted",
-    Basis.HALVES: "of each half of the records with values from the other",
-    Basis.NONE: "of the fitted records, which cannot be divided",
+    VerdictBasis.RECORDS: "of records that were not fitted",
+    VerdictBasis.HALVES: "of each half of the records with values from the other",
+    VerdictBasis.NONE: "of the fitted records, which cannot be divided",
 }
 _MEASURE = {
     Measure.MOTION: ("the simulation", "motion"),
@@ -65,7 +65,7 @@ def verdict_words(verdict: Verdict) -> str:
     figure = f"{verdict.validation:.0f} %" if verdict.validation > 0 else "nothing"
     own = f"{verdict.own:.0f} %" if verdict.own > 0 else "nothing"
     words = f"{what} explains {figure} of the {of_what} {BASIS[verdict.basis]}"
-    return words if verdict.basis is Basis.NONE else f"{words}, and {own} of that of the fitted ones"
+    return words if verdict.basis is VerdictBasis.NONE else f"{words}, and {own} of that of the fitted ones"
 
 
 def missing_words(verdict: Verdict) -> str:
@@ -94,7 +94,7 @@ def outlook_words(result: IdentificationResult, rejection: str) -> str:
     return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
 
 
-def watched_table(result: IdentificationResult) -> Table:
+def watched_table(result: IdentificationResult) -> TextTable:
     """A row for each monitored parameter: its meaning, and the smallest change that can be monitored."""
     drive = result.estimate.drive
     rows = []
@@ -103,7 +103,7 @@ def watched_table(result: IdentificationResult) -> Table:
         meaning = _MEANINGS.get(w.name) or drive.parameter(base).meaning
         change = _change(w, result) if w.obstacle is None else "cannot be watched"
         rows.append((w.name, f"reciprocal of: {meaning}" if inverse else meaning, change))
-    return Table(("parameter", "what it is", "changes from"), rows)
+    return TextTable(("parameter", "what it is", "changes from"), rows)
 
 
 def _change(w: Watched, result: IdentificationResult) -> str:

@@ -21,15 +21,15 @@ TEXT, QUIET, GRID, BAND, ZONE, PANEL, ALARM, ALARM_BACK = (f"#01010{k}" for k in
 _NAMES = ("text", "quiet", "line", "band", "zone", "panel", "alarm", "alarm-back")
 COLOURS = {f"#01010{k}": name for k, name in enumerate(_NAMES, 1)}
 
-Look = dict[str, Any]
-ESTIMATE: Look = {"color": TEXT, "lw": 1.3}
-NOMINAL: Look = {"color": QUIET, "lw": 1.3, "ls": (0, (4, 2.7))}
-LIMIT: Look = {"color": ALARM, "lw": 1.0, "ls": (0, (2, 3))}
-UP: Look = {"color": TEXT, "lw": 1.2}
-DOWN: Look = {"color": QUIET, "lw": 1.2, "ls": (0, (5.3, 2))}
+LineStyle = dict[str, Any]
+ESTIMATE: LineStyle = {"color": TEXT, "lw": 1.3}
+NOMINAL: LineStyle = {"color": QUIET, "lw": 1.3, "ls": (0, (4, 2.7))}
+LIMIT: LineStyle = {"color": ALARM, "lw": 1.0, "ls": (0, (2, 3))}
+UP: LineStyle = {"color": TEXT, "lw": 1.2}
+DOWN: LineStyle = {"color": QUIET, "lw": 1.2, "ls": (0, (5.3, 2))}
 """Lines of the dashboard (axis_page.tsx): estimate and nominal value, a threshold, the tests for both directions."""
-DOTTED: Look = {"color": QUIET, "lw": 1.3, "ls": (0, (1, 1.5))}
-MEASURED: Look = {"color": BAND, "lw": 2.6}
+DOTTED: LineStyle = {"color": QUIET, "lw": 1.3, "ls": (0, (1, 1.5))}
+MEASURED: LineStyle = {"color": BAND, "lw": 2.6}
 """Further lines: those beside the main one, and measured values."""
 ALARM_OPEN, ONSET = "alarm, from onset to end", "interval of the onset"
 """Texts of legends"""

@@ -42,7 +42,7 @@ EVIDENCE = 8
 """Signal of each cause that the multi-model detector knows: the largest g / h of its sizes."""
 
 
-class Course:
+class ReplayCourse:
     """The course of the recursion of one axis, bin by bin.
 
     Signals are named by their kind, such as UP, and their parameter or cause.

@@ -9,7 +9,7 @@ from monitor_core.wording import duration
 from service.reports import plot_style as style
 from service.reports import replay_report as content
 from service.reports.formats import render, safe
-from service.reports.replay_course import SIGMAS, Course, TimeUnit, runs_of, time_unit
+from service.reports.replay_course import SIGMAS, ReplayCourse, TimeUnit, runs_of, time_unit
 from service.reports.replay_plots import axis_pictures
 from service.reports.replay_report import dated
 from service.reports.replay_result import Replayed, ReplayedAxis
@@ -109,7 +109,7 @@ def _s(count: int) -> str:
     return "" if count == 1 else "s"
 
 
-def _course(axis: ReplayedAxis) -> Course:
+def _course(axis: ReplayedAxis) -> ReplayCourse:
     assert axis.course is not None, "a page is drawn of a replay that collects courses"
     return axis.course
 
@@ -187,16 +187,16 @@ def overview_picture(axes: Sequence[ReplayedAxis]) -> str:
         return style.as_svg(drawn, "when each parameter was tested, and the alarms", "overview")
 
 
-def _rows(axes: Sequence[ReplayedAxis]) -> Iterator[tuple[ReplayedAxis, Course, str]]:
+def _rows(axes: Sequence[ReplayedAxis]) -> Iterator[tuple[ReplayedAxis, ReplayCourse, str]]:
     for axis in axes:
         if axis.course is not None and axis.course.used:
             yield from ((axis, axis.course, p.name) for p in axis.status.parameters)
 
 
-def _draw_tested(panel: Axes, row: int, course: Course, name: str, unit: TimeUnit) -> None:
+def _draw_tested(panel: Axes, row: int, course: ReplayCourse, name: str, unit: TimeUnit) -> None:
     """Hatched grey over the length of the record, covered by bars where the parameter was tested."""
     edges, place = course.edges / unit.seconds, (row - _HALF, 2 * _HALF)
-    hatched: style.Look = {"facecolor": style.PANEL, "edgecolor": style.QUIET, "hatch": "////", "lw": 0.5}
+    hatched: style.LineStyle = {"facecolor": style.PANEL, "edgecolor": style.QUIET, "hatch": "////", "lw": 0.5}
     panel.broken_barh([(0.0, float(edges[-1]))], place, **hatched, label=_NOT_TESTED)
     panel.broken_barh(list(runs_of(course.tested(name), edges)), place, color=style.BAND, lw=0, label=_TESTED)
 

@@ -12,7 +12,7 @@ from monitor_core.monitoring import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, P
 from monitor_core.wording import duration
 from service.reports import plot_style as style
 from service.reports import replay_course as kinds
-from service.reports.replay_course import SIGMAS, Course, runs_of, time_unit
+from service.reports.replay_course import SIGMAS, ReplayCourse, runs_of, time_unit
 from service.reports.replay_result import ReplayedAxis
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ _LINEAR = 1.6
 """Up to this value g / h is drawn linearly; its part above h logarithmically, since it grows fast after a change."""
 
 
-def axis_pictures(axis: ReplayedAxis, course: Course, salt: str) -> Iterator[str]:
+def axis_pictures(axis: ReplayedAxis, course: ReplayCourse, salt: str) -> Iterator[str]:
     """For each parameter theta with its band and g with h, below them the fates of the samples; SVG elements."""
     drawing, parameters = _Drawing(axis, course), axis.status.parameters
     for first in range(0, len(parameters), MOST_TOGETHER):
@@ -62,7 +62,7 @@ def axis_pictures(axis: ReplayedAxis, course: Course, salt: str) -> Iterator[str
 class _Drawing:
     """Pictures of an axis over the time line of its samples."""
 
-    def __init__(self, axis: ReplayedAxis, course: Course) -> None:
+    def __init__(self, axis: ReplayedAxis, course: ReplayCourse) -> None:
         self._axis, self._course = axis, course
         self._unit = time_unit(1e-6 * course.timeline.end_us)
         self._edges = course.edges / self._unit.seconds

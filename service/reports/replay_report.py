@@ -10,7 +10,7 @@ from rich.text import Text
 from monitor_core.monitoring import ParameterStatus, Status
 from monitor_core.wording import percent
 from service.pipeline.axis_pipeline import Heat
-from service.reports.formats import Table, for_terminal, json_text, plain
+from service.reports.formats import TextTable, for_terminal, json_text, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
 from service.reports.replay_result import Replayed, ReplayedAxis
 from service.store.alarm_table import RecordedAlarm
@@ -52,10 +52,10 @@ def print_text(replayed: Replayed, console: Console) -> None:
 # --- Sentences and tables ---------------------------------------------------------------------------------------------
 
 
-def estimates(axes: Sequence[ReplayedAxis]) -> Table:
+def estimates(axes: Sequence[ReplayedAxis]) -> TextTable:
     """A row for each parameter."""
     rows = [(axis.id, *_parameter(p)) for axis in axes for p in axis.status.parameters]
-    return Table(("axis", "parameter", "unit", "nominal", "estimate ± sd", "change", "status"), rows)
+    return TextTable(("axis", "parameter", "unit", "nominal", "estimate ± sd", "change", "status"), rows)
 
 
 def not_tested(axis: ReplayedAxis) -> Iterator[str]:
@@ -79,7 +79,7 @@ def of_what(axes: Sequence[ReplayedAxis]) -> str:
     return " of what was tested" if some else ": nothing was tested"
 
 
-def largest_g(axes: Sequence[ReplayedAxis]) -> Table:
+def largest_g(axes: Sequence[ReplayedAxis]) -> TextTable:
     """A row for each parameter: the largest g / h of both detectors, where the course is known."""
     rows = [
         (
@@ -92,7 +92,7 @@ def largest_g(axes: Sequence[ReplayedAxis]) -> Table:
         if (course := axis.course) is not None
         for name, h in course.h.items()
     ]
-    return Table(("axis", "parameter", "CUSUM", "multi-model"), rows)
+    return TextTable(("axis", "parameter", "CUSUM", "multi-model"), rows)
 
 
 def _parameter(p: ParameterStatus) -> tuple[str, ...]:
@@ -111,7 +111,7 @@ _NO_ESTIMATE = (Status.WAITING, Status.SEEDING)
 """The estimate has not changed from the nominal value."""
 
 
-def alarm_table(axes: Sequence[ReplayedAxis]) -> Table:
+def alarm_table(axes: Sequence[ReplayedAxis]) -> TextTable:
     """A row for each alarm."""
     rows = [
         (
@@ -125,7 +125,7 @@ def alarm_table(axes: Sequence[ReplayedAxis]) -> Table:
         for axis in axes
         for alarm in axis.alarms
     ]
-    return Table(("axis", "parameter", "size ± sd", "onset", "raised", "ended"), rows)
+    return TextTable(("axis", "parameter", "size ± sd", "onset", "raised", "ended"), rows)
 
 
 def _size(alarm: RecordedAlarm) -> str:

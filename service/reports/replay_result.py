@@ -12,14 +12,14 @@ from monitor_core.detection import Alarm, AlarmKey, same_payload
 from monitor_core.monitoring import AxisStatus, AxisTrace, NotTested
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
-from service.ingest.records import Record
+from service.ingest.records import FileRecord
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
-from service.pipeline.alarm_recording import Quantity, as_recorded, quantities
+from service.pipeline.alarm_recording import JournalQuantity, as_recorded, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot, Reception, make_axis_snapshot
 from service.reports.formats import Provenance
-from service.reports.replay_course import Course, TimeUnit
-from service.store.alarm_entries import Entry
+from service.reports.replay_course import ReplayCourse, TimeUnit
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 
 ARROWS = {"up": "\N{BLACK UP-POINTING TRIANGLE}", "down": "\N{BLACK DOWN-POINTING TRIANGLE}"}
@@ -47,7 +47,7 @@ class ReplayedAxis(NamedTuple):
     """Alarms in the order in which they were raised"""
     notes: Sequence[str]
     """Remarks on what cannot be determined, and on the time stamps"""
-    course: Course | None
+    course: ReplayCourse | None
     """Course for the pictures; None: not to be drawn"""
 
     @property
@@ -100,7 +100,7 @@ class Replay:
 
     def __init__(self, monitors: AxisMonitors, config: Config, drawn: bool) -> None:
         self._monitors, self._config = monitors, config
-        self._courses = {name: Course(m) for name, m in monitors.by_id.items()} if drawn else {}
+        self._courses = {name: ReplayCourse(m) for name, m in monitors.by_id.items()} if drawn else {}
         self._alarms: dict[tuple[str, AlarmKey], Alarm] = {}
         self._dropped = {axis.id: Counter[str]() for axis in config.axes}
         self._clock = {axis.id: Counter[str]() for axis in config.axes}
@@ -108,7 +108,7 @@ class Replay:
         self._stamps: dict[str, Stamps] = {}
         self._quantities = quantities(monitors.by_id)
 
-    def add(self, record: Record, progress: Callable[[float], None]) -> None:
+    def add(self, record: FileRecord, progress: Callable[[float], None]) -> None:
         """Run a record; the records before it have been run.
 
         Raises:
@@ -153,13 +153,13 @@ class Replay:
 
     def _recorded(self, axis: NamedAxis, status: AxisStatus) -> list[RecordedAlarm]:
         """The alarms of an axis as in a journal, with unit and present nominal value of the parameter."""
-        now = {(axis.id, p.name): Quantity(p.unit, p.nominal) for p in status.parameters}
+        now = {(axis.id, p.name): JournalQuantity(p.unit, p.nominal) for p in status.parameters}
         known = {**self._quantities, **now}
         beside = {other.id for other in self._config.axes if other.robot == axis.robot} - {axis.id}
         others = [(owner, alarm) for (owner, _), alarm in self._alarms.items() if owner in beside]
         return [
             replace(
-                as_recorded(Entry(axis.id, *known[axis.id, alarm.parameter], alarm), number),
+                as_recorded(AlarmEntry(axis.id, *known[axis.id, alarm.parameter], alarm), number),
                 same_payload=same_payload(alarm, others),
             )
             for number, ((owner, _), alarm) in enumerate(self._alarms.items(), 1)

@@ -30,7 +30,7 @@ FOLLOW_S = 0.1
 _SWING, _SWING_PERIOD_S = 2.0, 20.0  # rad, s
 
 
-class Reading(NamedTuple):
+class SimulatedSample(NamedTuple):
     """Values of one sample, as the controller sends them."""
 
     torque: float  # N m
@@ -93,7 +93,7 @@ class ControlledAxis:
         if self._conditions is not None and load is not None:
             self._conditions.load = load
 
-    def sample(self, k: int, others: Mapping[str, float] = MappingProxyType({})) -> Reading:
+    def sample(self, k: int, others: Mapping[str, float] = MappingProxyType({})) -> SimulatedSample:
         """Sample k: the present measured and commanded values; then the drive advances to the next sample.
 
         ``others`` are the motions of the other axes of the robot as sent, by name.
@@ -105,7 +105,7 @@ class ControlledAxis:
             followed = self._conditions.followed(k * self.interval_s, motion, signals, values)
             self._drive.set(dict(followed))
         torque = self._command(k)
-        reading = Reading(torque, self._moved() + self._noise * self._rng.standard_normal(), signals)
+        reading = SimulatedSample(torque, self._moved() + self._noise * self._rng.standard_normal(), signals)
         self._move(torque + self._ripple * self._rng.standard_normal())
         return reading
 

@@ -11,10 +11,10 @@ import numpy as np
 from service.can.bus import Bus, send
 from service.config import Config, given_values
 from service.ingest.encode import FrameEncoder
-from service.simulation.axis import ControlledAxis, Reading
+from service.simulation.axis import ControlledAxis, SimulatedSample
 
 
-class Fault(NamedTuple):
+class SimulatedFault(NamedTuple):
     """A change of parameters of an axis by factors, at a time."""
 
     axis_id: str
@@ -28,7 +28,7 @@ class Moment(NamedTuple):
     time_s: float
     interval_s: float
     number: int
-    readings: Mapping[str, Reading]
+    readings: Mapping[str, SimulatedSample]
 
 
 class FaultError(Exception):
@@ -52,7 +52,7 @@ class SimulatedRobot:
         self,
         config: Config,
         seed: int | None = None,
-        faults: Sequence[Fault] = (),
+        faults: Sequence[SimulatedFault] = (),
         may_break: Callable[[], bool] = lambda: True,
     ) -> None:
         self._may_break = may_break
@@ -63,7 +63,7 @@ class SimulatedRobot:
         for fault in faults:
             _try_out(fault, config)
 
-    def moments(self, happened: Callable[[Fault], None] = lambda _: None) -> Iterator[Moment]:
+    def moments(self, happened: Callable[[SimulatedFault], None] = lambda _: None) -> Iterator[Moment]:
         """Endless samples in order of time; ``happened`` is called for each fault."""
         waiting = list(self._faults)
         groups = [(0.0, interval_s, 0) for interval_s in sorted({a.interval_s for a in self._axes.values()})]
@@ -77,7 +77,7 @@ class SimulatedRobot:
             yield Moment(time_s, interval_s, k, {i: self._sample(axis, k) for i, axis in axes})
             heapq.heappush(groups, ((k + 1) * interval_s, interval_s, k + 1))
 
-    def _sample(self, axis: ControlledAxis, k: int) -> Reading:
+    def _sample(self, axis: ControlledAxis, k: int) -> SimulatedSample:
         """The sample of an axis; its motion becomes available to the other axes, as on the bus."""
         named = axis.axis
         sent, motion = self._sent[named.robot], named.config.motion
@@ -87,7 +87,7 @@ class SimulatedRobot:
         return reading
 
 
-def _try_out(fault: Fault, config: Config) -> None:
+def _try_out(fault: SimulatedFault, config: Config) -> None:
     axis = next(axis for axis in config.axes if axis.id == fault.axis_id)
     try:
         ControlledAxis(axis, np.random.default_rng(0)).break_down(fault.factors)
@@ -145,7 +145,7 @@ def run_robot(
     robot: SimulatedRobot,
     send_moment: Send,
     stop: threading.Event,
-    happened: Callable[[Fault], None] = lambda _: None,
+    happened: Callable[[SimulatedFault], None] = lambda _: None,
     duration_s: float | None = None,
     latest_s: float = LATEST_S,
     catch_up: float = CATCH_UP,
@@ -192,7 +192,7 @@ def table_lines(
     seconds: float,
     seed: int,
     progress: Callable[[float], None] = lambda _: None,
-    faults: Sequence[Fault] = (),
+    faults: Sequence[SimulatedFault] = (),
 ) -> Iterator[str]:
     """The lines of a CSV file with the samples of the robot of a configuration.
 

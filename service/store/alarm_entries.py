@@ -16,12 +16,12 @@ from monitor_core.monitoring import (
     is_present,
     transition,
 )
-from service.store.alarm_table import LISTS, NAMES, OWN, RecordedAlarm, Value, alarm_by_id, select_alarms
+from service.store.alarm_table import LISTS, NAMES, OWN, ColumnValue, RecordedAlarm, alarm_by_id, select_alarms
 from service.store.alarm_transitions import SERVICE, Note, take
 from service.store.axis_services import removal
 
 
-class Entry(NamedTuple):
+class AlarmEntry(NamedTuple):
     """An alarm of an axis to record, with the alarm rules of its parameter."""
 
     axis: str
@@ -35,7 +35,7 @@ class Entry(NamedTuple):
     """The acknowledgement, if the alarm was acknowledged before it could be recorded"""
 
 
-def record_entry(connection: sqlite3.Connection, entry: Entry) -> int:
+def record_entry(connection: sqlite3.Connection, entry: AlarmEntry) -> int:
     """Insert or update the alarm of an entry, with the transitions that are due; returns its id."""
     known = _known(connection, entry)
     alarm_id = _insert(connection, entry) if known is None else _update(connection, entry, known)
@@ -73,7 +73,7 @@ def lived(
 _OPEN_TO_ACKNOWLEDGE = (AlarmState.UNACKNOWLEDGED, AlarmState.RETURNED, AlarmState.LATCHED)
 
 
-def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None:
+def _known(connection: sqlite3.Connection, entry: AlarmEntry) -> RecordedAlarm | None:
     """The recorded alarm that an entry updates: the same alarm, otherwise an open alarm with the same name.
 
     Only the same alarm is updated by a forecast, as that is no change of the parameter; by an ended alarm, so that
@@ -81,7 +81,7 @@ def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None
     """
     e = entry.alarm
     parameter, direction = e.first
-    values: dict[str, Value] = {
+    values: dict[str, ColumnValue] = {
         "axis": entry.axis,
         "parameter": parameter,
         "direction": direction,
@@ -102,7 +102,7 @@ def _known(connection: sqlite3.Connection, entry: Entry) -> RecordedAlarm | None
     return found[0] if found else None
 
 
-def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
+def _insert(connection: sqlite3.Connection, entry: AlarmEntry) -> int:
     e = entry.alarm
     values = _columns_of(entry) | {"crossings": e.crossings}
     values |= dict(zip(("first_parameter", "first_direction"), e.first, strict=True))
@@ -114,7 +114,7 @@ def _insert(connection: sqlite3.Connection, entry: Entry) -> int:
     return cursor.lastrowid
 
 
-def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) -> int:
+def _update(connection: sqlite3.Connection, entry: AlarmEntry, known: RecordedAlarm) -> int:
     e = entry.alarm
     changed = _columns_of(entry)
     if known.raised_us != e.raised_us:
@@ -129,17 +129,17 @@ def _update(connection: sqlite3.Connection, entry: Entry, known: RecordedAlarm) 
     return known.id
 
 
-def _columns_of(entry: Entry) -> dict[str, Value]:
+def _columns_of(entry: AlarmEntry) -> dict[str, ColumnValue]:
     """The columns that may change from record to record, without ``crossings``, which can only grow."""
     e = entry.alarm
-    own: dict[str, Value] = {
+    own: dict[str, ColumnValue] = {
         "axis": entry.axis,
         "unit": entry.unit,
         "nominal": entry.nominal,
         "priority": entry.rules.priority,
     }
     shared = [name for name in NAMES if name not in {"crossings", *OWN, *LISTS}]
-    lists: dict[str, Value] = {name: json.dumps(getattr(e, name)) for name in LISTS}
+    lists: dict[str, ColumnValue] = {name: json.dumps(getattr(e, name)) for name in LISTS}
     return own | {name: getattr(e, name) for name in shared} | lists
 
 
@@ -189,5 +189,5 @@ def shelved_alike(connection: sqlite3.Connection, alarm: RecordedAlarm, now_us: 
         "WHERE axis = ? AND parameter = ? AND direction = ? AND (kind = 'forecast') = ? AND id <> ?"
         " AND state = 'shelved' AND shelved_until_us > ? ORDER BY shelved_until_us DESC"
     )
-    name: list[Value] = [alarm.axis, alarm.parameter, alarm.direction, alarm.kind == "forecast"]
+    name: list[ColumnValue] = [alarm.axis, alarm.parameter, alarm.direction, alarm.kind == "forecast"]
     return select_alarms(connection, alike, [*name, alarm.id, now_us])

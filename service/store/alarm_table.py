@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-from monitor_core.detection import PAYLOAD_WITHIN_S, Alarm, Cause, Name, Reach, payload_change, same_payload
+from monitor_core.detection import PAYLOAD_WITHIN_S, Alarm, Cause, FormerName, Reach, payload_change, same_payload
 from monitor_core.monitoring import AlarmLife, AlarmState, Priority
 from service.store.alarm_statistics import FOLLOWED, FOLLOWS
 
@@ -61,7 +61,7 @@ MIGRATIONS = (
 )
 """The migrations for alarm states follow in ``alarm_transitions``."""
 
-Value = str | int | float | None
+ColumnValue = str | int | float | None
 """Value of a column"""
 
 
@@ -116,9 +116,9 @@ NAMES = tuple(f.name for f in fields(RecordedAlarm) if f.name not in {"recorded"
 OWN = {"id", "axis", "unit", "nominal", "state", "returns_to", "shelved_until_us", "priority", "work_order"}
 """Columns that are not fields of a monitor's alarm"""
 _COLUMNS = ", ".join([*NAMES, *_DERIVED.values()])
-LISTS: dict[str, Callable[[Sequence[Any]], Cause | Name | Reach]] = {
+LISTS: dict[str, Callable[[Sequence[Any]], Cause | FormerName | Reach]] = {
     "causes": Cause.read,
-    "past": Name._make,
+    "past": FormerName._make,
     "reaches": Reach._make,
 }
 """Columns stored as JSON lists, with the function that reads an entry."""
@@ -135,7 +135,7 @@ def not_ended(connection: sqlite3.Connection, axis: str) -> list[RecordedAlarm]:
 
 
 def select_alarms(
-    connection: sqlite3.Connection, rest: str, values: Sequence[Value] | Mapping[str, Value] = ()
+    connection: sqlite3.Connection, rest: str, values: Sequence[ColumnValue] | Mapping[str, ColumnValue] = ()
 ) -> list[RecordedAlarm]:
     """The alarms that a query finds; ``rest``: its WHERE, ORDER BY and LIMIT; ``values``: values for these."""
     found = [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]

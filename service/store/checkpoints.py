@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import Arrays
 from monitor_core.wording import sentence
 from service.store.database import Store
 
@@ -44,8 +45,6 @@ MIGRATIONS = (
 
 _EPOCH = re.compile(rb"(?:slow history 1 )?epoch=(\d+) ")
 
-Arrays = dict[str, NDArray[np.generic]]
-
 _SAVE = "INSERT OR REPLACE INTO checkpoint VALUES (?, CAST(? AS TEXT), ?, ?, ?)"
 
 # The key is read as bytes, as a damaged key may be no valid text.
@@ -57,7 +56,7 @@ _MOVE = """
 """
 
 
-class AxisState(NamedTuple):
+class MonitorState(NamedTuple):
     """State of a monitor to save.  ``key``: states with equal keys are interchangeable."""
 
     axis: str
@@ -86,7 +85,7 @@ class Checkpoints(Store):
     def __init__(self, path: Path) -> None:
         super().__init__(path, MIGRATIONS, "NORMAL")
 
-    def save(self, states: Iterable[AxisState], at_us: int) -> None:
+    def save(self, states: Iterable[MonitorState], at_us: int) -> None:
         """Save these states in place of the former ones, all or none.
 
         Raises:
@@ -119,7 +118,7 @@ class Checkpoints(Store):
 _Row = tuple[str, bytes, int, bytes, bytes]
 
 
-def _row(state: AxisState, at_us: int) -> _Row:
+def _row(state: MonitorState, at_us: int) -> _Row:
     data, key = pack(state.arrays), state.key.encode()
     return state.axis, key, at_us, data, _checksum(state.axis, key, at_us, data)
 

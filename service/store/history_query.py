@@ -6,8 +6,8 @@ from itertools import chain
 from typing import NamedTuple
 
 from monitor_core.arrays import Ints
-from service.store.history_rows import NO_ROWS, Rows, aligned, merged
-from service.store.history_store import PERIODS_S, RESOLUTIONS, HistoryStore, HistoryView, Resolution, Series
+from service.store.history_rows import NO_ROWS, HistoryRows, aligned, merged
+from service.store.history_store import PERIODS_S, RESOLUTIONS, HistorySeries, HistoryStore, HistoryView, Resolution
 
 MOST_POINTS = 5000
 _DAY_S = 86400
@@ -37,11 +37,11 @@ class Question:
     resolution: Resolution | None = None
 
 
-class Course(NamedTuple):
+class ParameterRows(NamedTuple):
     """The rows of a parameter."""
 
-    series: Series
-    rows: Rows
+    series: HistorySeries
+    rows: HistoryRows
 
 
 class HistoryAnswer(NamedTuple):
@@ -53,7 +53,7 @@ class HistoryAnswer(NamedTuple):
     resolution: Resolution
     step_s: int
     t: Ints
-    courses: tuple[Course, ...]
+    courses: tuple[ParameterRows, ...]
     next_s: int | None = None
 
 
@@ -143,7 +143,9 @@ def _reaching(table: Resolution, since_s: int, ends: _Ends) -> Resolution:
     return table
 
 
-def _as_stored(view: HistoryView, question: Question, known: Mapping[int, Series], table: Resolution) -> HistoryAnswer:
+def _as_stored(
+    view: HistoryView, question: Question, known: Mapping[int, HistorySeries], table: Resolution
+) -> HistoryAnswer:
     since_s = 0 if question.since_s is None else question.since_s // PERIODS_S[table] * PERIODS_S[table]
     until_s = 1 << 62 if question.until_s is None else question.until_s
     rows = [view.rows(table, number, since_s, until_s, question.points + 1) for number in known]
@@ -160,8 +162,8 @@ def _as_stored(view: HistoryView, question: Question, known: Mapping[int, Series
 
 
 def _aligned(
-    question: Question, table: Resolution, step_s: int, known: Mapping[int, Series], rows: Sequence[Rows]
+    question: Question, table: Resolution, step_s: int, known: Mapping[int, HistorySeries], rows: Sequence[HistoryRows]
 ) -> HistoryAnswer:
     t, courses = aligned(rows, step_s, _GAP_STEPS * max(step_s, question.interval_s))
     found = zip(known.values(), courses, strict=True)
-    return HistoryAnswer(table, step_s, t, tuple(Course(*course) for course in found))
+    return HistoryAnswer(table, step_s, t, tuple(ParameterRows(*course) for course in found))

@@ -25,7 +25,7 @@ _SEVERAL = np.dtype([("mean", "<f8", _Q), ("low", "<f4", _Q), ("high", "<f4", _Q
 """Formats of a row with one point (28 bytes) and with several points (112 bytes)."""
 
 
-class Rows(NamedTuple):
+class HistoryRows(NamedTuple):
     """N rows: start [s since 1970] and number of points (N,); mean, minimum and maximum (N, Q)."""
 
     t: Ints
@@ -34,28 +34,28 @@ class Rows(NamedTuple):
     low: Floats
     high: Floats
 
-    def select(self, which: Bools | slice | Ints) -> "Rows":
+    def select(self, which: Bools | slice | Ints) -> "HistoryRows":
         """Only the rows of a mask, slice or index array."""
         t, n, mean, low, high = self
-        return Rows(t[which], n[which], mean[which], low[which], high[which])
+        return HistoryRows(t[which], n[which], mean[which], low[which], high[which])
 
 
-NO_ROWS = Rows(np.zeros(0, np.int64), np.zeros(0, np.int64), *(np.zeros((0, _Q)) for _ in range(3)))
+NO_ROWS = HistoryRows(np.zeros(0, np.int64), np.zeros(0, np.int64), *(np.zeros((0, _Q)) for _ in range(3)))
 
 
-def points(t: Sequence[int], values: Sequence[Sequence[float]]) -> Rows:
+def points(t: Sequence[int], values: Sequence[Sequence[float]]) -> HistoryRows:
     """Points as rows of one point each, rounded to the seven digits that the file stores."""
     with np.errstate(over="ignore", under="ignore"):
         rounded = np.asarray(values, float).reshape(-1, _Q).astype(np.float32).astype(float)
-    return Rows(np.asarray(t, np.int64), np.ones(len(t), np.int64), rounded, rounded, rounded)
+    return HistoryRows(np.asarray(t, np.int64), np.ones(len(t), np.int64), rounded, rounded, rounded)
 
 
-def joined(parts: Iterable[Rows]) -> Rows:
+def joined(parts: Iterable[HistoryRows]) -> HistoryRows:
     """Join rows, in their order."""
-    return Rows(*(np.concatenate(columns) for columns in zip(NO_ROWS, *parts, strict=True)))
+    return HistoryRows(*(np.concatenate(columns) for columns in zip(NO_ROWS, *parts, strict=True)))
 
 
-def merged(rows: Rows, step_s: int, series: Ints | None = None) -> tuple[Rows, Ints]:
+def merged(rows: HistoryRows, step_s: int, series: Ints | None = None) -> tuple[HistoryRows, Ints]:
     """Merge rows of the same series and the same time step; returns rows and their series, sorted by series and time.
 
     The mean is weighted by the number of points.  It is not finite if one of the values is not finite.
@@ -76,10 +76,10 @@ def merged(rows: Rows, step_s: int, series: Ints | None = None) -> tuple[Rows, I
     with np.errstate(invalid="ignore"):
         mean = np.add.reduceat(rows.n[:, None] * rows.mean, first, axis=0) / n[:, None]
         low, high = np.minimum.reduceat(rows.low, first), np.maximum.reduceat(rows.high, first)
-    return Rows(begin[first], n, mean, low, high), series[first]
+    return HistoryRows(begin[first], n, mean, low, high), series[first]
 
 
-def packed(rows: Rows) -> list[bytes]:
+def packed(rows: HistoryRows) -> list[bytes]:
     """The bytes of each row for the file."""
     single, several = np.zeros(len(rows.n), _SINGLE), np.zeros(len(rows.n), _SEVERAL)
     with np.errstate(over="ignore", under="ignore"):
@@ -89,7 +89,7 @@ def packed(rows: Rows) -> list[bytes]:
     return [(a if n == 1 else b).tobytes() for n, (a, b) in zip(rows.n, texts, strict=True)]
 
 
-def unpacked(found: Iterable[tuple[int, int, bytes]]) -> Rows:
+def unpacked(found: Iterable[tuple[int, int, bytes]]) -> HistoryRows:
     """Rows from the start, count and bytes of each in the file; damaged rows are left out."""
     t, n, cells = list[int](), list[int](), list[bytes]()
     # Not a list of tuples: thousands of them slow the garbage collector down.
@@ -109,10 +109,10 @@ def unpacked(found: Iterable[tuple[int, int, bytes]]) -> Rows:
         rows = np.frombuffer(b"".join(compress(cells, which)), kind)
         for column, name in zip((mean, low, high), names, strict=True):
             column[which] = rows[name]
-    return Rows(np.array(t, np.int64), counts, mean, low, high)
+    return HistoryRows(np.array(t, np.int64), counts, mean, low, high)
 
 
-def aligned(rows: Sequence[Rows], step_s: int, gap_s: float) -> tuple[Ints, list[Rows]]:
+def aligned(rows: Sequence[HistoryRows], step_s: int, gap_s: float) -> tuple[Ints, list[HistoryRows]]:
     """Align rows of several parameters to common times; where a parameter has no row, its count is 0 and the rest NaN.
 
     Args:
@@ -136,5 +136,5 @@ def aligned(rows: Sequence[Rows], step_s: int, gap_s: float) -> tuple[Ints, list
             column = np.full((len(times), _Q), np.nan)
             column[at] = known
             columns.append(column)
-        found.append(Rows(times, n, *columns))
+        found.append(HistoryRows(times, n, *columns))
     return times, found

@@ -13,7 +13,7 @@ import numpy as np
 
 from monitor_core.arrays import Ints
 from service.store.database import Store
-from service.store.history_rows import Rows, joined, merged, packed, points, unpacked
+from service.store.history_rows import HistoryRows, joined, merged, packed, points, unpacked
 
 Resolution = Literal["raw", "minute", "hour", "day"]
 RESOLUTIONS: tuple[Resolution, ...] = get_args(Resolution)
@@ -59,7 +59,7 @@ class Bounds(NamedTuple):
     size_bytes: float
 
 
-class Series(NamedTuple):
+class HistorySeries(NamedTuple):
     """The parameter that a row belongs to."""
 
     axis: str
@@ -67,10 +67,10 @@ class Series(NamedTuple):
     unit: str
 
 
-class Point(NamedTuple):
+class HistoryPoint(NamedTuple):
     """The quantities of a parameter at a time [s since 1970], in the order of ``QUANTITIES``."""
 
-    series: Series
+    series: HistorySeries
     t: int
     values: Sequence[float]
 
@@ -81,10 +81,10 @@ class HistoryStore(Store):
     def __init__(self, path: Path, bounds: Bounds) -> None:
         super().__init__(path, MIGRATIONS, "NORMAL")
         self._bounds = bounds
-        self._ids: dict[Series, int] = {}
+        self._ids: dict[HistorySeries, int] = {}
         self._pruned = 0
 
-    def add(self, found: Sequence[Point]) -> None:
+    def add(self, found: Sequence[HistoryPoint]) -> None:
         """Add points and update their minutes, hours and days, all or none."""
         ids = dict(self._ids)
         with self._db.write() as connection:
@@ -124,23 +124,23 @@ class HistoryView:
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
-    def series(self, axis: str, parameter: str | None) -> dict[int, Series]:
+    def series(self, axis: str, parameter: str | None) -> dict[int, HistorySeries]:
         """The series of an axis, or of one of its parameters, by id."""
         query = "SELECT id, axis, parameter, unit FROM series WHERE axis = ?1 AND ?2 IN (parameter, '') ORDER BY id"
-        return {row[0]: Series(*row[1:]) for row in self._connection.execute(query, [axis, parameter or ""])}
+        return {row[0]: HistorySeries(*row[1:]) for row in self._connection.execute(query, [axis, parameter or ""])}
 
     def ends(self, ids: Iterable[int]) -> dict[Resolution, tuple[int, int]]:
         """Starts of the oldest and the newest row of these series [s], for each resolution that has rows."""
         return _ends(self._connection, list(ids))
 
-    def rows(self, table: Resolution, series: int, since_s: int, until_s: int, most: int | None = None) -> Rows:
+    def rows(self, table: Resolution, series: int, since_s: int, until_s: int, most: int | None = None) -> HistoryRows:
         """The first ``most`` rows of a series that start at or after ``since_s`` and before ``until_s``."""
         query = f"SELECT t, n, cells FROM {table} WHERE series = ? AND t >= ? AND t < ? ORDER BY t LIMIT ?"
         values = [series, since_s, until_s, -1 if most is None else most]
         return unpacked(self._connection.execute(query, values))
 
 
-def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: Series) -> int:
+def _series_id(connection: sqlite3.Connection, ids: dict[HistorySeries, int], series: HistorySeries) -> int:
     """The id of a series; a new series is inserted."""
     if series not in ids:
         connection.execute("INSERT OR IGNORE INTO series (axis, parameter, unit) VALUES (?, ?, ?)", series)
@@ -149,7 +149,7 @@ def _series_id(connection: sqlite3.Connection, ids: dict[Series, int], series: S
     return ids[series]
 
 
-def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, rows: Rows) -> None:
+def _roll_up(connection: sqlite3.Connection, table: Resolution, series: Ints, rows: HistoryRows) -> None:
     """Merge rows with the existing rows of a table."""
     new, owners = merged(rows, PERIODS_S[table], series)
     query = f"SELECT ?, n, cells FROM {table} WHERE series = ? AND t = ?"

@@ -17,7 +17,7 @@ from monitor_core.monitoring import (
     returns_us,
     transition,
 )
-from service.store.alarm_entries import Entry, record_entry, shelved_alike
+from service.store.alarm_entries import AlarmEntry, record_entry, shelved_alike
 from service.store.alarm_statistics import (
     ACTIVE,
     CHATTERING,
@@ -30,7 +30,7 @@ from service.store.alarm_statistics import (
     statistics,
 )
 from service.store.alarm_table import MIGRATIONS as TABLE_MIGRATIONS
-from service.store.alarm_table import STANDING, RecordedAlarm, Value, alarm_by_id, not_ended, select_alarms
+from service.store.alarm_table import STANDING, ColumnValue, RecordedAlarm, alarm_by_id, not_ended, select_alarms
 from service.store.alarm_transitions import (
     IDENTITY_MIGRATION,
     MIGRATION,
@@ -75,7 +75,7 @@ class Journal(Store):
         alarms"""
         self._rules: dict[tuple[str, str], AlarmRules] = {}
 
-    def record(self, entries: Iterable[Entry]) -> list[int]:
+    def record(self, entries: Iterable[AlarmEntry]) -> list[int]:
         """Insert alarms, or update open alarms of the same axis, parameter and direction; all or none.
 
         Returns their ids; the alarms are on the disk then.
@@ -254,12 +254,12 @@ class Journal(Store):
             state: only alarms in this state, or active, stale or chattering ones.
             now_us: the present time, for stale alarms.
         """
-        equal: dict[str, Value] = {"axis = ?": axis, "parameter = ?": parameter}
+        equal: dict[str, ColumnValue] = {"axis = ?": axis, "parameter = ?": parameter}
         if state == "stale":
             equal[STALE] = now_us - round(STALE_S * 1e6)
         elif state not in (None, "active", "chattering"):
             equal["state = ?"] = state
-        within: dict[str, Value] = {"raised_us >= ?": since_us, "raised_us < ?": until_us}
+        within: dict[str, ColumnValue] = {"raised_us >= ?": since_us, "raised_us < ?": until_us}
         given = {text: value for text, value in (equal | within).items() if value is not None}
         activity = [] if active is None else [ACTIVE if active else f"NOT {ACTIVE}"]
         activity += {"active": [ACTIVE], "chattering": [CHATTERING]}.get(state or "", [])

@@ -19,14 +19,14 @@ from service.store.database import StoreError
 from service.web import metrics, models, views
 from service.web.access import ForbiddenError, Scope, needs
 from service.web.alarm_routes import router as alarm_router
-from service.web.app_state import VERSION, AppState, Latest, age_s, is_alive, reasons_not_ready
+from service.web.app_state import VERSION, AppState, CachedAnswer, age_s, is_alive, reasons_not_ready
 from service.web.axis_service_routes import router as service_router
 from service.web.commissioning_routes import router as commissioning_router
 from service.web.drive_routes import router as drive_router
 from service.web.entity_tags import EntityTags
 from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
-from service.web.gate import Gate
+from service.web.gate import RequestGate
 from service.web.history_routes import router as history_router
 from service.web.problem_details import (
     NOT_FOUND,
@@ -65,7 +65,7 @@ def create_app(state: AppState) -> FastAPI:
     app.include_router(report_router(state.reports))
     app.mount("/static", StaticFiles(directory=STATIC, check_dir=False))  # after the route of the icons
     app.add_middleware(EntityTags)
-    app.add_middleware(Gate, access=state.access)
+    app.add_middleware(RequestGate, access=state.access)
     _describe_webhook(app)
     _answer_errors(app)
     add_to_schema(app)
@@ -102,7 +102,7 @@ def _axes(state: AppState) -> APIRouter:
     def written(taken: Snapshot, now_us: int) -> bytes:
         return views.axes_json(taken, [views.axis_json(a, now_us) for a in with_pauses(taken.axes)])
 
-    every = Latest(written, _LONGEST_S)
+    every = CachedAnswer(written, _LONGEST_S)
     state.prepared.append(every)
 
     @api.get("/axes", summary="All axes", response_model=models.Axes)

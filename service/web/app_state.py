@@ -60,7 +60,7 @@ class AppState:
     """Signals of the last seconds"""
     replays: ReplayReports | None = None
     """Replay reports; None: none are made"""
-    prepared: "list[Latest]" = field(default_factory=list)
+    prepared: "list[CachedAnswer]" = field(default_factory=list)
     """Slow answers that the worker makes in advance, so that no request waits for them"""
 
     def axis(self, axis_id: str, parameter: str | None = None) -> AxisSnapshot:
@@ -96,7 +96,7 @@ _Held = tuple[Snapshot, int, bytes]
 """Snapshot of an answer, time at which the answer was made [us], and the answer"""
 
 
-class Latest:
+class CachedAnswer:
     """An answer made from the newest snapshot, once for all requests, until there is a newer one or it is too old.
 
     Args:

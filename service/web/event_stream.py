@@ -62,7 +62,7 @@ class AxisTexts:
             return views.axes_json(snapshot, [self._texts[axis.id] for axis in axes]).decode()
 
 
-class Stream:
+class EventStream:
     """The stream to one client."""
 
     def __init__(self, state: AppState, texts: AxisTexts, axis: str | None, last_id: int | None) -> None:
@@ -157,7 +157,7 @@ def router(state: AppState) -> APIRouter:
         sending, "transition": AlarmTransition}; its id is the number of the transition. Without Last-Event-ID, only new
         transitions are sent. A comment is sent if there is nothing else for ten seconds.
         """
-        stream = Stream(state, texts, axis, last_id)
+        stream = EventStream(state, texts, axis, last_id)
         loop = asyncio.get_running_loop()
         axes_at, alive_at = loop.time(), loop.time() + KEEP_ALIVE_S
         while not state.stopping() and request.state.is_known():  # the token has not been revoked

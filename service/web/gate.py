@@ -69,7 +69,7 @@ def is_page(path: str) -> bool:
     return path in ("/", "/docs") or path.startswith("/static/")
 
 
-class Gate:
+class RequestGate:
     """ASGI middleware around the application."""
 
     def __init__(self, app: ASGIApp, access: Access) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 from pydantic_core import to_json
 
 from monitor_core.arrays import Floats, Ints
-from service.store.history_query import Course, HistoryAnswer
-from service.store.history_rows import QUANTITIES, Rows
-from service.store.history_store import Series
+from service.store.history_query import HistoryAnswer, ParameterRows
+from service.store.history_rows import QUANTITIES, HistoryRows
+from service.store.history_store import HistorySeries
 from service.texts.instants import iso
 
 TABLE_COLUMNS: Mapping[str, type] = {
@@ -76,21 +76,23 @@ def history_table(answer: HistoryAnswer) -> Mapping[str, Sequence[Any]]:
     return columns
 
 
-def _ordered(axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]) -> Iterator[Course]:
+def _ordered(
+    axis_id: str, answer: HistoryAnswer, monitored: Mapping[str, tuple[str, float]]
+) -> Iterator[ParameterRows]:
     known = {(c.series.parameter, c.series.unit): c for c in answer.courses}
     for name, (unit, _) in monitored.items():
-        nothing = Course(Series(axis_id, name, unit), _nothing(answer.t))
+        nothing = ParameterRows(HistorySeries(axis_id, name, unit), _nothing(answer.t))
         yield known.pop((name, unit), nothing)
     yield from known.values()
 
 
-def _nothing(t: Ints) -> Rows:
+def _nothing(t: Ints) -> HistoryRows:
     """Rows without points at these times."""
     empty = np.full((len(t), len(QUANTITIES)), np.nan)
-    return Rows(t, np.zeros(len(t), np.int64), empty, empty, empty)
+    return HistoryRows(t, np.zeros(len(t), np.int64), empty, empty, empty)
 
 
-def _parameter(course: Course, monitored: Mapping[str, tuple[str, float]]) -> Iterator[str]:
+def _parameter(course: ParameterRows, monitored: Mapping[str, tuple[str, float]]) -> Iterator[str]:
     _, name, unit = course.series
     now_unit, nominal = monitored.get(name, ("", np.nan))
     head = {

@@ -22,7 +22,7 @@ from monitor_core.detection import DIRECTIONS, Reach
 from monitor_core.monitoring import PRIORITIES, AlarmState
 from service.pipeline.history_recording import OBSERVABILITY
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
-from service.web.app_state import VERSION, Latest, age_s, sample_age_s
+from service.web.app_state import VERSION, CachedAnswer, age_s, sample_age_s
 
 _SI = "in the parameter's SI unit"
 _PER_SECOND = "in the parameter's SI unit per second; absent until enough is known"
@@ -163,7 +163,9 @@ class Metrics:
         self._writers = {openmetrics: _Writer(openmetrics) for openmetrics in (False, True)}
         """Writers of ages and links; separate from those of the axes, which may be busy for long"""
         # Without ages: these must grow even while the worker hangs, as alert rules watch them.
-        self.of_axes = {openmetrics: Latest(_Writer(openmetrics).of_axes, math.inf) for openmetrics in self._writers}
+        self.of_axes = {
+            openmetrics: CachedAnswer(_Writer(openmetrics).of_axes, math.inf) for openmetrics in self._writers
+        }
 
     def scrape(self, accept: str) -> tuple[bytes, str]:
         """Body and content type, in a format that the Accept header allows."""

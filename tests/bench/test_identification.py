@@ -17,7 +17,7 @@ from monitor_core.identification import Record
 from monitor_core.identification.black_boxes.arx import fit_arx
 from monitor_core.identification.black_boxes.frequency_response import FrequencyResponse, local_response
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.problem import Predictor, Problem
+from monitor_core.identification.problem import PredictorKind, Problem
 from monitor_core.modeling.standard_drives import three_mass
 from tests.bench.measure import Say, in_turns
 from tests.core.identification.systems import INTERVAL_S, bench_drive, bench_record, decibels
@@ -66,7 +66,7 @@ def test_the_same_fit_by_all(seed: int, say: Say) -> None:
     record = bench_record(rng)
     u, y, start = record.u, record.y, truth * np.exp(0.1 * rng.standard_normal(truth.size))
 
-    def ours(predictor: Predictor) -> Floats:
+    def ours(predictor: PredictorKind) -> Floats:
         nominal = {**dict(zip(TRUE, start.tolist(), strict=True)), **FIXED}
         return fit(Problem(three_mass("speed"), nominal, tuple(TRUE), predictor=predictor), [record]).theta
 

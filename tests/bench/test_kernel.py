@@ -18,7 +18,7 @@ from monitor_core.monitoring import FEWEST_LANES, AxisBatch, Fleet
 from monitor_core.monitoring import axis_batch as batch_module
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from service.pipeline.kernel_cache import Shape
+from service.pipeline.kernel_cache import KernelShape
 from tests.bench.measure import Say, in_turns, memory_mb
 from tests.conftest import ROOT
 from tests.core.figures import settings_of
@@ -140,10 +140,10 @@ def test_few_axes_one_by_one_or_in_lanes(samples: int, rounds: int, seed: int, s
 _COMPILE = """
 import os, sys
 from time import perf_counter
-from service.pipeline.kernel_cache import Shape, compile_kernel
+from service.pipeline.kernel_cache import KernelShape, compile_kernel
 from tests.bench.measure import memory_mb
 start = perf_counter()
-compile_kernel(Shape(sys.argv[1]))
+compile_kernel(KernelShape(sys.argv[1]))
 print(perf_counter() - start, memory_mb(os.getpid(), "VmHWM"))
 """
 
@@ -151,14 +151,14 @@ print(perf_counter() - start, memory_mb(os.getpid(), "VmHWM"))
 def test_compile_time(tmp_path: Path, say: Say, monkeypatch: pytest.MonkeyPatch) -> None:
     """It happens once on each machine."""
     rows = []
-    for shape in Shape:
+    for shape in KernelShape:
         monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / shape))
         (cold, most_mb), (warm, _) = compiled(shape), compiled(shape)
         rows.append((f"kernel: {shape}", cold, most_mb, warm))
     say("compile the kernel", ("", "s", "most MB", "load from the cache, s"), rows)
 
 
-def compiled(shape: Shape) -> tuple[float, float]:
+def compiled(shape: KernelShape) -> tuple[float, float]:
     command = [sys.executable, "-c", _COMPILE, shape]
     out = subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout
     seconds, most_mb = map(float, out.split())

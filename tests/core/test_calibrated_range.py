@@ -8,7 +8,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.standard_drives import reference_model
-from monitor_core.monitoring import RMS_SPEED, AxisMonitor, CalibratedRange, ConditionTracker, Range, ranges
+from monitor_core.monitoring import RMS_SPEED, AxisMonitor, CalibratedRange, ConditionRange, ConditionTracker, ranges
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 
@@ -60,7 +60,7 @@ def test_outside_is_what_the_records_did_not_have_with_a_margin(seed: int) -> No
     records = [block(seed, 2000, 3.0, 20.0), block(seed + 1, 2000, 3.0, 30.0, 2000)]
     known = ranges("speed", SETTINGS, ("temperature",), records)
     assert [r.condition for r in known] == [RMS_SPEED, "temperature"]
-    assert known[1] == Range("temperature", 20.0, 30.0)
+    assert known[1] == ConditionRange("temperature", 20.0, 30.0)
     calibrated = CalibratedRange(known, tracker())
     assert calibrated.take(concatenate(records)).conditions.all()
     assert list(calibrated.outside) == []

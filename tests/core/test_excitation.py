@@ -17,7 +17,7 @@ from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation import multisine
 from monitor_core.excitation.design import Command, ExcitationTask, PlannedExperiment, plan, warnings
-from monitor_core.excitation.motions import ExcitationError, MotionLimits, Schedule, fitted
+from monitor_core.excitation.motions import ExcitationError, ExperimentPhases, MotionLimits, fitted
 from monitor_core.excitation.multisine_signals import (
     Complex,
     Lines,
@@ -27,7 +27,7 @@ from monitor_core.excitation.multisine_signals import (
     lines_in,
     log_peak_norm,
 )
-from monitor_core.excitation.planned_drive import Motion, Plant
+from monitor_core.excitation.planned_drive import DriveMotion, Plant
 from monitor_core.excitation.prediction import Estimation, distinguishable, information, optimal_powers
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import two_mass
@@ -271,7 +271,7 @@ def test_a_weight_cannot_be_moved_by_torque_alone(seed: int) -> None:
 def test_limits_that_hold_for_no_amplitude() -> None:
     borne = np.full(3, 2.0)
     with pytest.raises(ExcitationError, match="the torque limit does not hold, however small the signal"):
-        fitted(lambda size: Motion(borne + size, borne * 0, borne * 0, borne), MotionLimits(torque=1.0), 1.0)
+        fitted(lambda size: DriveMotion(borne + size, borne * 0, borne * 0, borne), MotionLimits(torque=1.0), 1.0)
 
 
 @pytest.mark.parametrize(
@@ -407,7 +407,7 @@ def test_words_on_what_is_poorly_told(seed: int) -> None:
 
 
 def test_schedule() -> None:
-    s = Schedule(100, 2, 25)
+    s = ExperimentPhases(100, 2, 25)
     assert s.samples == 325
     window = s.window()
     assert (window[0], window[25:300].min(), window[300:].max()) == (0.0, 1.0, 1.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection import Limits, MultiModelDetector
+from monitor_core.detection import MultiModelDetector, MultiModelThresholds
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS, Experiment
@@ -76,7 +76,7 @@ def test_standing_still_before_and_after_P0_is_found(seed: int) -> None:
 
 
 def test_the_multimodel_detector_needs_no_P0_and_has_its_own_time(seed: int) -> None:
-    detector = MultiModelDetector(MODEL, SUPERVISED, Limits(1e6))
+    detector = MultiModelDetector(MODEL, SUPERVISED, MultiModelThresholds(1e6))
     monitor = AxisMonitor(MODEL, SUPERVISED, detector, "multimodel")
     monitor.update(SampleBlock(*lively(seed, 1000)))
     assert reasons(monitor) == 3 * [None]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.drive.signal_terms import FUNCTIONS, Factor, Product, Term
+from monitor_core.drive.signal_terms import FUNCTIONS, Factor, SignalProduct, Term
 
 PLAIN = ((1, "temperature"),)
 
@@ -37,7 +37,7 @@ FACTORS = st.builds(
 
 
 PRODUCTS = st.builds(
-    Product,
+    SignalProduct,
     st.lists(FACTORS, min_size=1, max_size=3).map(tuple),
     st.sampled_from((1.0, -1.0, 2.0, -2.0, 0.25)),
 )

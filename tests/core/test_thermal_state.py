@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from monitor_core.detection import Limits, MultiModelDetector
+from monitor_core.detection import MultiModelDetector, MultiModelThresholds
 from monitor_core.drive import (
     HEAT,
     AxisModel,
@@ -296,7 +296,7 @@ def test_a_friction_with_no_error_of_its_own_is_tested_all_the_same(seed: int) -
     """Which kind of friction gets what no heat explains is chance; what got nothing would never be tested."""
     model = reference_model()
     settings = replace(Settings(interval_s=INTERVAL_S), model_error=(0.0, 2e-8, 0.013))
-    monitor = AxisMonitor(model, settings, MultiModelDetector(model, settings, Limits(1e6)), "multimodel")
+    monitor = AxisMonitor(model, settings, MultiModelDetector(model, settings, MultiModelThresholds(1e6)), "multimodel")
     monitor.update(SampleBlock(*experiment(seed, samples=4_000)))
     found = monitor.deviations()
     assert found is not None

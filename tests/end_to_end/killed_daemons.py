@@ -13,7 +13,7 @@ from typing import Any
 import httpx
 
 from service.config import load
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, running, wait_for
 from tests.service.found_files import nominal_text
@@ -44,7 +44,7 @@ def killed(folder: Path, seed: int, *, kills: int, while_starting: bool) -> dict
                     time.sleep(chance.uniform(0, 1.5))
             with daemon(config) as d:
                 if not number:
-                    fault = Fault("demo.axis1", {"fm": 1.6}, 5.0)
+                    fault = SimulatedFault("demo.axis1", {"fm": 1.6}, 5.0)
                     moving.enter_context(played_robot(config, 8 * kills, seed, fault))
                 now, first = alarms(d), d.axis()
                 assert {k: still(shown[k]) for k in shown} == {k: still(now[k]) for k in shown}

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from service.config import load
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from service.texts.instants import iso, now_us
 from tests.end_to_end.documents import shown
 from tests.end_to_end.killed_daemons import (
@@ -56,7 +56,7 @@ def test_a_robot_from_check_to_play_with_the_same_bits_and_what_is_left_of_it_af
     with daemon(config, "--record", record) as d:
         assert d.status("readyz") == 503
         wait_for(lambda: not any(COMPILED in message for message in d.get("api/v1/service")["messages"]))
-        with played_robot(config, 14, seed, Fault("demo.axis2", {"fm": 1.6}, 5.0)) as process:
+        with played_robot(config, 14, seed, SimulatedFault("demo.axis2", {"fm": 1.6}, 5.0)) as process:
             heard = axiswatch(*listen[1:])
             assert (heard.exit_code, "axis1" in heard.stdout) == (0, True)
             wait_for(lambda: d.status("readyz") == 200)

@@ -21,7 +21,7 @@ from service.can.bus import open_bus, send
 from service.can.frames import FrameKey
 from service.config import load
 from service.pipeline.axis_monitors import FramePipeline
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from service.store.journal import Journal
 from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, wait_for
@@ -36,7 +36,7 @@ def test_an_alarm_waits_for_a_full_disk_and_is_recorded_once_there_is_space(tmp_
     config = demo_config(tmp_path, axes=1, service="checkpoint_interval_s = 1.0")
     with daemon(config) as d:
         limit_files(d, 1)
-        with played_robot(config, 20, seed, Fault("demo.axis1", {"fm": 1.6}, 4.0)):
+        with played_robot(config, 20, seed, SimulatedFault("demo.axis1", {"fm": 1.6}, 4.0)):
             wait_for(lambda: any(UNRECORDED in message and " fm up" in message for message in messages(d)))
             wait_for(lambda: any(UNSAVED in message for message in messages(d)))
             before = d.axis()["last_sample"]

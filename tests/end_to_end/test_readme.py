@@ -16,7 +16,7 @@ from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning import axis_processes, live_recording
 from service.config import load
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from service.store.journal import Journal
 from tests.conftest import no_pictures
 from tests.end_to_end.documents import CONSOLE, DOCUMENTS, TEXTS, TOML, code, shown
@@ -207,7 +207,7 @@ def watches(config: Path, text: str, file: str) -> None:
     assert alarm["size"] == pytest.approx(0.3 * 0.06, rel=0.1)
 
 
-FAULT = Fault("demo.axis1", {"fm": 1.3}, 15.0)
+FAULT = SimulatedFault("demo.axis1", {"fm": 1.3}, 15.0)
 
 
 def pointed_at_nominal(text: str) -> str:

@@ -6,7 +6,7 @@ import urllib.request
 from pathlib import Path
 from typing import Any
 
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, robot, wait_for
 from tests.service.links.http_receiver import Answers, receiving
@@ -70,7 +70,7 @@ def test_buses_links_and_names_are_taken_over_and_what_needs_a_restart_is_refuse
         assert (used["kept"], used["changed"], used["added"], used["removed"]) == (2, [], [], [])
         assert used["tables"] == ["[[bus]] can0", "[links]", "[web]"]
         assert asked_as(d, HOST) == 200
-        with played_robot(other, 14, seed, Fault("demo.axis2", {"fm": 1.6}, 5.0)):
+        with played_robot(other, 14, seed, SimulatedFault("demo.axis2", {"fm": 1.6}, 5.0)):
             wait_for(lambda: d.axis()["samples"] > before + 400)
             wait_for(lambda: answers.requests)
         with robot(other):

@@ -13,7 +13,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.detection import Alarm
-from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, bank_of
+from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector, MultiModelThresholds, bank_of
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.monitoring import AxisMonitor, standard_deviation
@@ -143,9 +143,9 @@ def found(irb_path: Path) -> Calibration:
     return calibrate_axis(config, config.axes[0], [str(irb_path)], wishes, Provenance("", "", ""))
 
 
-def limits(found: Calibration) -> Limits:
+def limits(found: Calibration) -> MultiModelThresholds:
     assert found.result.bank is not None
-    return Limits(1.0, found.result.bank.limits.own)
+    return MultiModelThresholds(1.0, found.result.bank.limits.own)
 
 
 def monitor(found: Calibration, source: str) -> AxisMonitor:

@@ -12,7 +12,7 @@ import pytest
 
 from monitor_core.identification import IdentificationOptions, Record, between, identify
 from monitor_core.identification.greybox import Estimate, fit
-from monitor_core.identification.problem import Motion, Predictor, Problem
+from monitor_core.identification.problem import MotionSource, PredictorKind, Problem
 from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.samples import SampleBlock
 from tests.real.irb import model_and_settings
@@ -57,9 +57,9 @@ def half(record: Record, request: pytest.FixtureRequest) -> Estimate:
     return fit(problem("output-error"), [between(record, request.param * middle, (request.param + 1) * middle)])
 
 
-def problem(predictor: Predictor) -> Problem:
+def problem(predictor: PredictorKind) -> Problem:
     """Output error: a free run, its friction from the simulated speed, its initial state estimated."""
-    motion: Motion = "simulated" if predictor == "output-error" else "measured"
+    motion: MotionSource = "simulated" if predictor == "output-error" else "measured"
     return Problem(three_mass("speed"), START, FREE, predictor=predictor, motion=motion)
 
 

@@ -30,7 +30,7 @@ from monitor_core.identification import (
     speed_scales,
     with_terms,
 )
-from monitor_core.identification.assessment.verdict import Quality
+from monitor_core.identification.assessment.verdict import FitQuality
 from monitor_core.identification.greybox import Estimate, colour_of, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.monitoring import AxisMonitor
@@ -38,7 +38,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_settings
-from service.config.base_table import Reading
+from service.config.base_table import ReadingContext
 from service.config.drives import axis_model
 from service.ingest.loaded_records import Loaded
 from tests.core.naming import alarm_versions
@@ -114,12 +114,12 @@ def found(record: Record) -> Estimate:
 @pytest.mark.parametrize(
     ("joint", "gravity", "quality"),
     soaked(
-        [(1, False, Quality.GOOD), (2, True, Quality.GOOD), (2, False, Quality.POOR)],
-        (2, False, Quality.POOR),
+        [(1, False, FitQuality.GOOD), (2, True, FitQuality.GOOD), (2, False, FitQuality.POOR)],
+        (2, False, FitQuality.POOR),
     ),
 )
 def test_a_weight_that_the_drive_lacks_is_named_and_refused(
-    joint: int, gravity: bool, quality: Quality, records_dir: Path, tmp_path: Path
+    joint: int, gravity: bool, quality: FitQuality, records_dir: Path, tmp_path: Path
 ) -> None:
     """One step ahead all three predict 99.99 %.  Neither values nor the speed scale of friction are given."""
     record = read(records_dir, f"ur-20_01_22-joint_{joint}.csv", tmp_path, joint).record
@@ -133,7 +133,7 @@ def test_a_weight_that_the_drive_lacks_is_named_and_refused(
     assert result.estimate.fit[0] > 99.9
     assert result.verdict.quality is quality
     assert (Effect.POSE in result.verdict.missing) == (joint == 2 and not gravity)
-    assert (result.rejection is Rejection.POOR) == (quality is Quality.POOR)
+    assert (result.rejection is Rejection.POOR) == (quality is FitQuality.POOR)
 
 
 def of_whole_robot(joint: int, pose: tuple[str, ...], records_dir: Path, folder: Path) -> IdentificationResult:
@@ -164,14 +164,14 @@ def test_the_weight_of_all_links_is_identified_while_all_joints_move(records_dir
     """The shoulder holds the upper arm and, at the angle of both joints, the forearm; the elbow the forearm alone."""
     result = of_whole_robot(2, ("cos(q2)", "cos(q2 + q3)"), records_dir, tmp_path)
     print(f"UR10e joint 2, all moving: {result.verdict}, {list(result.slopes())}")
-    assert result.verdict.quality is Quality.GOOD
+    assert result.verdict.quality is FitQuality.GOOD
     assert result.verdict.measure is Measure.TORQUE
     assert result.verdict.validation > 90
     assert all(slope.is_significant for slope in result.slopes())
     shoulder = {slope.scheduled.term: slope for slope in result.slopes()}["cos(q2 + q3)"]
     elbow = of_whole_robot(3, ("cos(q2 + q3)",), records_dir, tmp_path)
     print(f"UR10e joint 3, all moving: {elbow.verdict}, {list(elbow.slopes())}")
-    assert elbow.verdict.quality is not Quality.POOR
+    assert elbow.verdict.quality is not FitQuality.POOR
     (forearm,) = elbow.slopes()
     # The same forearm, in two motors' currents: 25 % is what their torque constants and its pose in the hand differ by.
     assert forearm.slope == pytest.approx(shoulder.slope, rel=0.25)
@@ -180,7 +180,7 @@ def test_the_weight_of_all_links_is_identified_while_all_joints_move(records_dir
 def test_what_other_joints_do_to_a_joint_is_named(records_dir: Path, tmp_path: Path) -> None:
     """The advice that is given is the one of the test before."""
     result = of_whole_robot(3, (), records_dir, tmp_path)
-    assert result.verdict.quality is Quality.POOR
+    assert result.verdict.quality is FitQuality.POOR
     assert result.verdict.missing == (Effect.FOREIGN,)
 
 
@@ -258,7 +258,7 @@ def watched(found: Estimate, record: Record, tmp_path_factory: pytest.TempPathFa
             "innovation_variance": found.lam0 * colour_of(found, WATCHED, [record]),
         },
     }
-    config = AxisConfig.model_validate(values, context=Reading(folder))
+    config = AxisConfig.model_validate(values, context=ReadingContext(folder))
     model = axis_model(config)
     return model, axis_settings(NamedAxis("ur10e.joint1", "ur10e", config), model)
 

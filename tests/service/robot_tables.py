@@ -7,8 +7,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from service.config import NamedAxis, load
-from service.simulation.axis import ControlledAxis, Reading
-from service.simulation.robot import Fault, SimulatedRobot
+from service.simulation.axis import ControlledAxis, SimulatedSample
+from service.simulation.robot import SimulatedFault, SimulatedRobot
 from tests.end_to_end.processes import demo_config, edit
 
 START_S = 1_760_000_000
@@ -34,7 +34,7 @@ def course(
     axis: NamedAxis, seed: int, samples: int, fault: Mapping[str, float] = {}, fault_at: int = 0
 ) -> tuple[Floats, Floats]:
     """Torque and motion (samples,) of a simulated axis, whose parameters have other factors from that sample on."""
-    robot, readings = ControlledAxis(axis, np.random.default_rng(seed)), list[Reading]()
+    robot, readings = ControlledAxis(axis, np.random.default_rng(seed)), list[SimulatedSample]()
     for k in range(samples):
         if fault and k == fault_at:
             robot.break_down(fault)
@@ -42,7 +42,7 @@ def course(
     return np.array([r.torque for r in readings]), np.array([r.motion for r in readings])
 
 
-def rows(config: Path, seed: int, faults: Sequence[Fault], end_s: float) -> list[tuple[float, float, float]]:
+def rows(config: Path, seed: int, faults: Sequence[SimulatedFault], end_s: float) -> list[tuple[float, float, float]]:
     """Time since 1970 [s], torque and angle of the first axis."""
     found = []
     for moment in SimulatedRobot(load(config, {}), seed, list(faults)).moments():
@@ -53,7 +53,7 @@ def rows(config: Path, seed: int, faults: Sequence[Fault], end_s: float) -> list
     return found
 
 
-def write_table(path: Path, config: Path, seed: int, faults: Sequence[Fault], end_s: float) -> Path:
+def write_table(path: Path, config: Path, seed: int, faults: Sequence[SimulatedFault], end_s: float) -> Path:
     """The rows in a file."""
     lines = (f"{t:.6f},{u!r},{phi!r}\n" for t, u, phi in rows(config, seed, faults, end_s))
     path.write_text(HEAD + "".join(lines), encoding="utf-8")

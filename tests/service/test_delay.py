@@ -9,7 +9,7 @@ import pytest
 
 from service.config import ConfigErrors, load
 from service.config.drives import axis_model
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.service.axis_with_columns import WATCHED, replayed, written
 from tests.service.robot_tables import write_table
 
@@ -21,7 +21,7 @@ INERTIAS = 'monitor = ["1/Jm", "1/Ja", "fm", "delay"]'
 
 def record(folder: Path, config: Path, seed: int, late_s: float) -> Path:
     """A record in which the torque acts that late from FAULT_S on."""
-    faults = [Fault("demo.axis1", {"delay": late_s}, FAULT_S)]
+    faults = [SimulatedFault("demo.axis1", {"delay": late_s}, FAULT_S)]
     return write_table(folder / "late.csv", config, seed, faults, END_S)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.conftest import ROOT
 from tests.end_to_end.played_robot import played_robot
 from tests.end_to_end.processes import Daemon, daemon, demo_config, robot, wait_for
@@ -54,7 +54,7 @@ def dropped(d: Daemon) -> dict[str, int]:
 
 def test_without_tokens(tmp_path: Path, schemathesis: Path, seed: int) -> None:
     config = demo_config(tmp_path)
-    with daemon(config) as d, played_robot(config, 30, seed, Fault("demo.axis1", {"fm": 1.6}, 5.0)):
+    with daemon(config) as d, played_robot(config, 30, seed, SimulatedFault("demo.axis1", {"fm": 1.6}, 5.0)):
         wait_for(lambda: d.get("api/v1/alarms")["alarms"])
         asks(schemathesis, d, seed)
         assert dropped(d) == {"queue_full": 0}

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from service.pipeline.kernel_cache import VARIABLE, CacheFiller, Shape
+from service.pipeline.kernel_cache import VARIABLE, CacheFiller, KernelShape
 from tests.bench.measure import memory_mb
 from tests.end_to_end.killed_daemons import killed
 from tests.end_to_end.played_robot import played_robot
@@ -44,16 +44,16 @@ def test_memory_does_not_grow(tmp_path: Path, seed: int) -> None:
 def test_another_process_fills_the_kernel_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     with capture_logs() as logs:
-        assert CacheFiller().fill(list(Shape))
+        assert CacheFiller().fill(list(KernelShape))
         monkeypatch.setattr(sys, "executable", "/no/such/program")
-        assert CacheFiller().fill(list(Shape))
+        assert CacheFiller().fill(list(KernelShape))
     assert logs == []
 
 
 def test_the_second_process_compiles_what_the_first_then_uses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Compiled for other types than those of the kernel, a part would be there twice, and no second saved."""
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    assert CacheFiller().fill([Shape.FEW_AXES])
+    assert CacheFiller().fill([KernelShape.FEW_AXES])
     for part in ("update_estimates", "update_tests"):
         assert len(list(tmp_path.rglob(f"update.{part}-*.nbc"))) == 1
 

@@ -15,7 +15,7 @@ from monitor_core.monitoring import AxisMonitor, AxisStatus, Observation, Status
 from monitor_core.settings import Settings
 from service.pipeline.history_recording import POINTS_AT_ONCE, HistoryRecording
 from service.store.history_query import Question, ask
-from service.store.history_store import PERIODS_S, Bounds, HistoryStore, Point, Resolution, Series
+from service.store.history_store import PERIODS_S, Bounds, HistoryPoint, HistorySeries, HistoryStore, Resolution
 from service.web.history_json import history_json
 
 pytestmark = pytest.mark.soak
@@ -98,9 +98,9 @@ def test_a_year_of_hours_and_days_is_read_at_once(tmp_path: Path) -> None:
     """A point each five minutes for a year: as many hours and days, with more than one point, as in a real year."""
     path = tmp_path / "history.sqlite"
     store = HistoryStore(path, Bounds({**AGES, "raw": 0.0}, 1e9))
-    series = [Series(AXES[2], f"p{k}", "1") for k in range(3)]
+    series = [HistorySeries(AXES[2], f"p{k}", "1") for k in range(3)]
     for begin in range(NOW_S, NOW_S + 365 * DAY_S, DAY_S):
-        store.add([Point(s, t, [t % 97] * 7) for t in range(begin, begin + DAY_S, 300) for s in series])
+        store.add([HistoryPoint(s, t, [t % 97] * 7) for t in range(begin, begin + DAY_S, 300) for s in series])
         store.prune(begin)
     print(f"a year: {sizes(path)}")
     for points in (600, 5000):
@@ -111,9 +111,9 @@ def test_a_year_of_hours_and_days_is_read_at_once(tmp_path: Path) -> None:
 def test_six_axes_stay_far_below_the_bound_for_a_year(tmp_path: Path) -> None:
     """Prints the bytes of a parameter and a day in docs/operation.md."""
     store = HistoryStore(tmp_path / "history.sqlite", Bounds(AGES, 1e9))
-    series = [Series(axis, p, "1") for axis in AXES for p in ("kT", "1/Ja", "fm")]
+    series = [HistorySeries(axis, p, "1") for axis in AXES for p in ("kT", "1/Ja", "fm")]
     for begin in range(NOW_S, NOW_S + 2 * DAY_S, 60):  # as they come: a minute of all at once
-        store.add([Point(s, t, [t % 97] * 7) for t in range(begin, begin + 60, INTERVAL_S) for s in series])
+        store.add([HistoryPoint(s, t, [t % 97] * 7) for t in range(begin, begin + 60, INTERVAL_S) for s in series])
     per_day = {}
     with closing(sqlite3.connect(tmp_path / "history.sqlite")) as connection:
         for table, period_s in PERIODS_S.items():

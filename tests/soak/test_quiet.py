@@ -22,7 +22,7 @@ from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
-from service.simulation.robot import Fault, Moment, SimulatedRobot
+from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot
 from tests.service.pipeline.robots import replayed
 from tests.service.pipeline.varying_robot import VARYING, frames_of
 from tests.service.pipeline.varying_robot import robot as following
@@ -61,7 +61,7 @@ def test_an_hour_without_a_fault_is_an_hour_without_an_alarm(config: Config, mon
 @pytest.mark.parametrize("factor", [1.3, 0.7])
 def test_a_fault_is_named(factor: float, config: Config, monitors: AxisMonitors, seed: int) -> None:
     axis_id = config.axes[seed % len(config.axes)].id
-    robot = SimulatedRobot(config, seed, [Fault(axis_id, {"fm": factor}, FAULT_AFTER_S)])
+    robot = SimulatedRobot(config, seed, [SimulatedFault(axis_id, {"fm": factor}, FAULT_AFTER_S)])
     changes = list(run(robot, monitors, FAULTY_S))
     found = {(c.axis_id, c.alarm.parameter, c.alarm.direction) for c in changes if c.alarm.stage == "named"}
     assert found == {(axis_id, "fm", "up" if factor > 1 else "down")}
@@ -88,7 +88,7 @@ FAULT_S = 30.0
 def test_what_was_identified_is_followed(tmp_path: Path, seed: int) -> None:
     """Slopes within one per cent; quiet on a second record; a fault of the friction is named."""
     config = load(following(tmp_path), {})
-    broken = [Fault("demo.axis1", {"fm": 1.4}, FAULT_S)]
+    broken = [SimulatedFault("demo.axis1", {"fm": 1.4}, FAULT_S)]
     for number, (name, faults) in enumerate((("healthy", []), ("second", []), ("faulty", broken))):
         with FrameRecorder(tmp_path / f"{name}.log") as recorder:
             recorder.write("can0", FrameBlock.from_frames(frames_of(config, seed + number, faults, 60.0)))

@@ -12,7 +12,7 @@ import pytest
 
 from service.config import load
 from service.store.history_query import MOST_POINTS
-from service.store.history_store import Bounds, HistoryStore, Point, Resolution, Series
+from service.store.history_store import Bounds, HistoryPoint, HistorySeries, HistoryStore, Resolution
 from tests.end_to_end.played_robot import write_log
 from tests.end_to_end.processes import daemon, demo_config, running, wait_for
 
@@ -67,9 +67,9 @@ def fill(path: Path) -> None:
     """Two days of the first axis."""
     path.parent.mkdir(exist_ok=True)
     store, now_s = HistoryStore(path, Bounds(AGES, 1e9)), round(time.time()) // 10 * 10
-    series = [Series("demo.axis1", name, "1") for name in ("kT", "1/Ja", "fm")]
+    series = [HistorySeries("demo.axis1", name, "1") for name in ("kT", "1/Ja", "fm")]
     for begin in range(now_s - 2 * 86400, now_s, 6000):
-        store.add([Point(s, t, [t % 97] * 7) for t in range(begin, begin + 6000, 10) for s in series])
+        store.add([HistoryPoint(s, t, [t % 97] * 7) for t in range(begin, begin + 6000, 10) for s in series])
     store.close()
 
 

@@ -29,9 +29,9 @@ from monitor_core.detection.alarm import (
     TORQUE_CONSTANT,
     Alarm,
     Cause,
+    ChangeKind,
     DetectorName,
     Doubt,
-    Kind,
     Leading,
     Onset,
     direction_of,
@@ -217,7 +217,7 @@ def _size_since_us(alarm: Alarm) -> int:
     return max(alarm.since_us, alarm.past[-1].until_us) if renamed else alarm.since_us
 
 
-def _onset(alarm: Alarm, e: Evidence, i: int, alone: bool) -> tuple[Onset, Kind]:
+def _onset(alarm: Alarm, e: Evidence, i: int, alone: bool) -> tuple[Onset, ChangeKind]:
     """Onset and kind of the change of parameter i from the past; those of the alarm if the past is not known."""
     past = e.past
     change = change_of(past, i, alone)
@@ -227,7 +227,7 @@ def _onset(alarm: Alarm, e: Evidence, i: int, alone: bool) -> tuple[Onset, Kind]
     low, best, high = (last_us + round(t) for t in (change.low, change.best, change.high))
     if low <= past.t_us[0]:  # before the kept past
         return alarm.onset_by(Onset(alarm.onset_us, None, high)), alarm.kind
-    kind: Kind = "" if abs(change.drift) < SURE else "drift" if change.drift > 0 else "step"
+    kind: ChangeKind = "" if abs(change.drift) < SURE else "drift" if change.drift > 0 else "step"
     return alarm.onset_by(Onset.within(best, low, high)), kind
 
 

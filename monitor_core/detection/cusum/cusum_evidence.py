@@ -21,7 +21,7 @@ from monitor_core.drive.structure import DELAY, LOAD
 from monitor_core.kernel.evidence import KEPT, EvidenceColumns
 from monitor_core.kernel.state import UNSEEN
 from monitor_core.settings import Settings
-from monitor_core.trend.entries import Reading
+from monitor_core.trend.entries import EstimateReading
 
 INVALID = 100.0
 """Ratio of the running innovation variance to lambda_0 above which the model does not hold: errors ten times larger."""
@@ -100,7 +100,7 @@ class Evidence:
 
 
 CusumEvent = Crossing | Evidence
-BatchEvent = CusumEvent | Reading
+BatchEvent = CusumEvent | EstimateReading
 """Events of an axis batch: those of the tests, and readings for the long-term trend"""
 
 
@@ -128,7 +128,7 @@ class EvidenceBuilder:
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
 
-    def events(self, noted: EvidenceColumns, c: int, judged: bool) -> Iterator[Reading | Evidence]:
+    def events(self, noted: EvidenceColumns, c: int, judged: bool) -> Iterator[EstimateReading | Evidence]:
         """Evidence from column c of the noted ones; if the axis is tested (``judged``), a trend reading before it."""
         s, p, value = self._s, len(self._names), noted.value[:, c]
         running, theta, d = float(value[0]), value[1 : 1 + p], value[1 + p : 1 + 2 * p].copy()
@@ -137,7 +137,7 @@ class EvidenceBuilder:
         if judged:
             holds = running <= INVALID * s.lam0
             known = (value[-p:] != UNSEEN) & (held == 0) & holds
-            yield Reading(
+            yield EstimateReading(
                 time_us=time_us,
                 value=tuple((self._theta0 + d).tolist()),
                 variance=tuple(V.diagonal().tolist()),

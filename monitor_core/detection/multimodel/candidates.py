@@ -198,7 +198,7 @@ def _both(sizes: tuple[float, ...]) -> tuple[float, ...]:
 # --- Physical units: nominal value and unit of a cause, and conversion of sizes ---------------------------------------
 
 
-class Quantity(NamedTuple):
+class CauseQuantity(NamedTuple):
     """Nominal value of a cause, in ``unit``, and the conversion of a size of the bank to a change in that unit.
 
     ``step``: the change for a size of 1; NaN if sizes are logarithms of factors of ``nominal``; 0 if the cause has no
@@ -232,7 +232,7 @@ def causes_of(model: AxisModel) -> tuple[str, ...]:
     return tuple(dict.fromkeys((*model.monitored, *_payload(model), *SENSOR_FAULTS)))
 
 
-def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
+def quantity_of(model: AxisModel, settings: Settings, cause: str) -> CauseQuantity:
     """Quantity of a cause; monitored parameters have the units of theta.
 
     Raises:
@@ -241,19 +241,19 @@ def quantity_of(model: AxisModel, settings: Settings, cause: str) -> Quantity:
     if cause not in causes_of(model):
         raise KeyError(cause)
     if cause == DELAY:
-        return Quantity(model.nominal.get(DELAY, settings.delay_s), "s", settings.interval_s)
+        return CauseQuantity(model.nominal.get(DELAY, settings.delay_s), "s", settings.interval_s)
     if cause in model.monitored:
         i = model.monitored.index(cause)
         factor = model.nominal[split_name(cause)[0]] > 0
         step = math.nan if factor else _scale(model, cause)
-        return Quantity(float(model.theta0[i]), model.parameters[i].unit, step)
+        return CauseQuantity(float(model.theta0[i]), model.parameters[i].unit, step)
     if cause in (INERTIA, LOAD, TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
-        return Quantity(1.0, "1", math.nan)
+        return CauseQuantity(1.0, "1", math.nan)
     if cause == TORQUE_OFFSET:
-        return Quantity(0.0, "N m", torque_unit(model, settings))
+        return CauseQuantity(0.0, "N m", torque_unit(model, settings))
     if cause == OUTPUT_OFFSET:
-        return Quantity(0.0, "rad" if model.drive.output == "angle" else "rad/s", math.sqrt(settings.lam0))
-    return Quantity(0.0, "1", 0.0)
+        return CauseQuantity(0.0, "rad" if model.drive.output == "angle" else "rad/s", math.sqrt(settings.lam0))
+    return CauseQuantity(0.0, "1", 0.0)
 
 
 # --- Isolability: causes that produce the same data, such as a scaled torque and a torque constant --------------------

@@ -26,8 +26,8 @@ from monitor_core.detection.alarm import (
     known,
 )
 from monitor_core.detection.multimodel.candidates import (
+    CauseQuantity,
     Distinct,
-    Quantity,
     candidates,
     causes_of,
     chosen,
@@ -54,7 +54,7 @@ SCHEMA = 4
 
 
 @dataclass(frozen=True)
-class Limit:
+class HypothesisThreshold:
     """Threshold and allowance of one hypothesis, from a calibration.
 
     ``size_error``: standard deviation of the error of the size of its cause on the healthy axis, in the unit of
@@ -70,7 +70,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class Limits:
+class MultiModelThresholds:
     """Thresholds of the multi-model detector.
 
     ``own``: one for each hypothesis of the bank.  Empty: the hypotheses are the distinct candidates, all with the h
@@ -78,7 +78,7 @@ class Limits:
     """
 
     samples: float
-    own: tuple[Limit, ...] = ()
+    own: tuple[HypothesisThreshold, ...] = ()
 
 
 def guaranteed(hypotheses: int, samples: float) -> float:
@@ -111,7 +111,7 @@ def reason_unavailable(model: AxisModel, settings: Settings) -> str:
     return ""
 
 
-def bank_of(model: AxisModel, settings: Settings, limits: Limits) -> HypothesisBank:
+def bank_of(model: AxisModel, settings: Settings, limits: MultiModelThresholds) -> HypothesisBank:
     """The bank of an axis.
 
     Raises:
@@ -168,7 +168,7 @@ class MultiModelDetector:
 
     name: DetectorName = "multimodel"
 
-    def __init__(self, model: AxisModel, settings: Settings, limits: Limits) -> None:
+    def __init__(self, model: AxisModel, settings: Settings, limits: MultiModelThresholds) -> None:
         if reason := reason_unavailable(model, settings):
             raise ValueError(reason)
         self._model, self._settings, self._limits = model, settings, limits
@@ -213,7 +213,7 @@ class MultiModelDetector:
             _defaults(self._model, self._settings, distinct)
         self.bank.from_arrays(arrays)
 
-    def quantity(self, cause: str) -> Quantity:
+    def quantity(self, cause: str) -> CauseQuantity:
         """Nominal value and unit of a cause."""
         return quantity_of(self._model, self._settings, cause)
 

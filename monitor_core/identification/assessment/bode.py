@@ -22,7 +22,7 @@ from monitor_core.identification.black_boxes.frequency_response import (
     root_of,
 )
 from monitor_core.identification.greybox import Estimate
-from monitor_core.identification.predictor.held_drive import Linear, Structure, hold_late
+from monitor_core.identification.predictor.held_drive import LinearDrive, Structure, hold_late
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import grid_interval, resample
@@ -132,7 +132,7 @@ def _as_speed(response: FrequencyResponse) -> FrequencyResponse:
 
 
 def held_response(
-    system: Linear, torque: Bools, interval_s: float, frequency_hz: ArrayLike, delay_s: float = 0.0
+    system: LinearDrive, torque: Bools, interval_s: float, frequency_hz: ArrayLike, delay_s: float = 0.0
 ) -> tuple[Complexes, Complexes]:
     """G (F,) and its derivatives (F, p + 1) with respect to the parameters and, last, the delay of the torque.
 

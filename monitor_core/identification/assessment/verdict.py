@@ -23,8 +23,8 @@ from monitor_core.identification.assessment.explained_torque import (
     with_torque_of_pose,
 )
 from monitor_core.identification.greybox import (
+    ComparedRecord,
     Estimate,
-    Trace,
     explained,
     fit,
     traces_of,
@@ -56,7 +56,7 @@ _MIN_RIGID_SHARE = 0.9
 """If this share of the torque of slow motions is explained, the missing effect is a fast one."""
 
 
-class Quality(Enum):
+class FitQuality(Enum):
     """Quality of a fit."""
 
     GOOD = "good"
@@ -64,7 +64,7 @@ class Quality(Enum):
     POOR = "poor"
 
 
-class Basis(Enum):
+class VerdictBasis(Enum):
     """Data on which the verdict is based."""
 
     RECORDS = "records"
@@ -112,7 +112,7 @@ class Verdict(NamedTuple):
     """Per cent in the fitted records"""
     validation: float
     """Per cent in the data that were not fitted; with Basis.NONE in the fitted records"""
-    basis: Basis
+    basis: VerdictBasis
     missing: tuple[Effect, ...]
     measure: Measure = Measure.MOTION
     slow: float = 0.0
@@ -124,12 +124,12 @@ class Verdict(NamedTuple):
         return min(self.own, self.validation)
 
     @property
-    def quality(self) -> Quality:
+    def quality(self) -> FitQuality:
         """Quality by the worse of both figures; poor if the records show a part that is missing in the drive."""
         good, fair = (GOOD, FAIR) if self.measure is Measure.MOTION else (GOOD_TORQUE, FAIR_TORQUE)
         if self.per_cent >= good:
-            return Quality.GOOD
-        return Quality.FAIR if self.per_cent >= fair and not _PARTS & set(self.missing) else Quality.POOR
+            return FitQuality.GOOD
+        return FitQuality.FAIR if self.per_cent >= fair and not _PARTS & set(self.missing) else FitQuality.POOR
 
 
 _Tried = tuple[Problem, Sequence[Record]]
@@ -140,27 +140,27 @@ def verdict_of(
     estimate: Estimate,
     records: Sequence[Record],
     validation: Sequence[Record],
-    traces: Sequence[Trace],
-    validated: Sequence[Trace],
+    traces: Sequence[ComparedRecord],
+    validated: Sequence[ComparedRecord],
 ) -> Verdict:
     """The verdict on estimates from these records, with their ``traces``, and those of ``validation`` in ``validated``.
 
     If there are no validation records, the fitted ones are divided.
     """
     own: list[_Tried] = [(estimate.problem, records)]
-    basis, others = Basis.RECORDS, [(estimate.problem, validation)]
+    basis, others = VerdictBasis.RECORDS, [(estimate.problem, validation)]
     if not validation:
         others = _cross_validated(estimate, records)
-        basis = Basis.HALVES if others else Basis.NONE
+        basis = VerdictBasis.HALVES if others else VerdictBasis.NONE
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
     found = Verdict(explained(traces), explained(validated), basis, ())
-    ill_posed = found.quality is Quality.POOR and friction_dominates(estimate.problem, records)
+    ill_posed = found.quality is FitQuality.POOR and friction_dominates(estimate.problem, records)
     leaves_out = estimate.problem.min_speed > 0
-    if ill_posed or (found.quality is not Quality.GOOD and (leaves_out or _weight_acts(estimate.problem, records))):
+    if ill_posed or (found.quality is not FitQuality.GOOD and (leaves_out or _weight_acts(estimate.problem, records))):
         fitted, other = (explained_torque(tried) for tried in (own, others or own))
         if min(fitted, other) > found.per_cent:
             found = Verdict(fitted, other, basis, (), Measure.TORQUE)
-    if found.quality is Quality.GOOD:
+    if found.quality is FitQuality.GOOD:
         return found
     missing = missing_effects(estimate.problem, records)
     slow, share = slow_motion(records)

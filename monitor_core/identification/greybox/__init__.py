@@ -1,7 +1,7 @@
 """The fit of a drive to records: criterion, search, covariance, tests of the prediction errors, doubts."""
 
 from monitor_core.identification.greybox.comparison import (
-    Trace,
+    ComparedRecord,
     colour_of,
     explained,
     monitored_information,

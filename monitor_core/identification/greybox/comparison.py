@@ -17,8 +17,8 @@ from monitor_core.drive.structure import DELAY, LOAD, Output, split_name
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.residuals import Information, information
-from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
-from monitor_core.identification.problem import Motion, Problem
+from monitor_core.identification.predictor.prediction_errors import Errors, RecordPredictor
+from monitor_core.identification.problem import MotionSource, Problem
 from monitor_core.identification.records.measured_record import Record
 
 _SPEED_S = 0.02
@@ -29,7 +29,7 @@ _THIRD = np.array([1.0, -3.0, 3.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class ComparedRecord:
     """Times (N,) [s] of one record; its output (N,) as measured (NaN: missing), predicted one step ahead, simulated."""
 
     name: str
@@ -56,28 +56,28 @@ class Trace:
         return _speeds(self.t, self.y, self.y - self.simulated, self.quantity)
 
 
-def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[Trace, ...]:
+def traces_of(problem: Problem, records: Sequence[Record]) -> tuple[ComparedRecord, ...]:
     """Traces with the values of a problem, such as ``Estimate.problem``; only the initial states are fitted."""
     held = _with_values_held(problem)
-    ahead = Predictor(held, records, held.disturbance if held.K is None else None)
+    ahead = RecordPredictor(held, records, held.disturbance if held.K is None else None)
     outputs = [
         [series.record.y - e.eps for series, e in zip(p.series, p.errors(fit_starts(p)), strict=True)]
-        for p in (ahead, Predictor(_free_run(held), records, None))
+        for p in (ahead, RecordPredictor(_free_run(held), records, None))
     ]
     return tuple(
-        Trace(r.name, r.t, r.y, predicted, simulated, r.quantity)
+        ComparedRecord(r.name, r.t, r.y, predicted, simulated, r.quantity)
         for r, predicted, simulated in zip(records, *outputs, strict=True)
     )
 
 
 def simulated_fits(problem: Problem, records: Sequence[Record]) -> tuple[float, ...]:
     """NRMSE of the simulation of each record, per cent, an angle by its speed; only initial states are fitted."""
-    predictor = Predictor(_free_run(_with_values_held(problem)), records, None)
+    predictor = RecordPredictor(_free_run(_with_values_held(problem)), records, None)
     errors = predictor.errors(fit_starts(predictor))
     return tuple(_nrmse(*_speeds(r.t, r.y, e.eps, r.quantity)) for r, e in zip(records, errors, strict=True))
 
 
-def fits(predictor: Predictor, errors: Sequence[Errors]) -> tuple[float, ...]:
+def fits(predictor: RecordPredictor, errors: Sequence[Errors]) -> tuple[float, ...]:
     """NRMSE of each record, per cent, where a predictor leaves these errors."""
     return tuple(
         _nrmse(np.where(s.counts, s.record.y, np.nan), e.eps) for s, e in zip(predictor.series, errors, strict=True)
@@ -91,7 +91,7 @@ def _with_values_held(problem: Problem) -> Problem:
 
 def _free_run(problem: Problem) -> Problem:
     # With the angle, friction is at the simulated speed in both, and gravity at the measured angle.
-    motion: Motion = "measured" if problem.drive.output == "angle" else "simulated"
+    motion: MotionSource = "measured" if problem.drive.output == "angle" else "simulated"
     return replace(problem, predictor="output-error", disturbance=None, K=None, motion=motion, initial="free")
 
 
@@ -108,7 +108,7 @@ def _speeds(t: Floats, y: Floats, eps: Floats, quantity: Output) -> tuple[Floats
         return turned[far] / steps[far], missed[far] / steps[far]
 
 
-def explained(traces: Sequence[Trace]) -> float:
+def explained(traces: Sequence[ComparedRecord]) -> float:
     """Per cent of the motion that a simulation explains, 100 (1 - |errors| / |speed - mean|), of all records together.
 
     The noise of the measurement is taken out of both.
@@ -128,7 +128,7 @@ def explained(traces: Sequence[Trace]) -> float:
     return 100 * (1 - float(np.sqrt(left / (spread - noise))))
 
 
-def _white(trace: Trace) -> float:
+def _white(trace: ComparedRecord) -> float:
     """Variance of the white noise on the measured speed; of an angle, its noise turned into that of the speed."""
     errors = (trace.y - trace.simulated)[np.isfinite(trace.y)]
     if errors.size < _THIRD.size:
@@ -194,7 +194,7 @@ def monitored_information(
         K=K, disturbance=None, delay_s=estimate.delay_s, free_delay=DELAY in monitored,
         bounds={},
     )  # fmt: skip
-    predictor = Predictor(problem, records, None)
+    predictor = RecordPredictor(problem, records, None)
     errors = predictor.errors(fit_starts(predictor))
     end = len(free) + sum(map(len, problem.varying.values()))  # parameters and slopes, before the delay
     own, start = [*range(len(watched)), *[end] * problem.free_delay], end + problem.free_delay

@@ -18,7 +18,7 @@ from monitor_core.identification.greybox.levenberg_marquardt import (
     minimise,
 )
 from monitor_core.identification.predictor.parameter_vector import LEVEL
-from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
+from monitor_core.identification.predictor.prediction_errors import Errors, RecordPredictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records.measured_record import Record
 
@@ -37,26 +37,26 @@ _MOST_LEVELS = 11
 """Largest number of candidates, with further ones if the first or the last predicts best: an angle that travels far is
 large compared with its noise."""
 
-Progress = Callable[[int, float], None]
+FitProgress = Callable[[int, float], None]
 """Called with the number of evaluations and the cost whenever the cost has fallen."""
 
 
 class Fitted(NamedTuple):
     """The end of a search, the limit of Huber's loss (infinite: squares), and outputs omitted of each record."""
 
-    predictor: Predictor
+    predictor: RecordPredictor
     end: SearchResult
     limit: float = np.inf
     outliers: tuple[int, ...] = ()
 
 
-def solve(problem: Problem, records: Sequence[Record], most: int, progress: Progress | None) -> Fitted:
+def solve(problem: Problem, records: Sequence[Record], most: int, progress: FitProgress | None) -> Fitted:
     """The minimum next to the start of the problem.
 
     Raises:
         ValueError: the predictor is unstable at the start.
     """
-    predictor = Predictor(problem, records, choose_disturbance(problem, records))
+    predictor = RecordPredictor(problem, records, choose_disturbance(problem, records))
     end = _search(predictor, predictor.start(), np.inf, most, progress)
     predictor, end = _across_intervals(predictor, end, records, most, progress)
     if problem.loss == "squares":
@@ -72,14 +72,14 @@ def solve(problem: Problem, records: Sequence[Record], most: int, progress: Prog
 
 
 def _across_intervals(
-    predictor: Predictor, end: SearchResult, records: Sequence[Record], most: int, progress: Progress | None
-) -> tuple[Predictor, SearchResult]:
+    predictor: RecordPredictor, end: SearchResult, records: Sequence[Record], most: int, progress: FitProgress | None
+) -> tuple[RecordPredictor, SearchResult]:
     """A delay at a limit of its interval continues in the next one, as long as that is better."""
     while (side := _held_at(predictor, end)) and all(r.jitter_s < _JITTER * r.interval_s for r in records):
         problem = settled(predictor, end.xi)
         problem = replace(problem, delay_s=problem.delay_s + side * _BEYOND * predictor.interval_s)
         try:
-            following = Predictor(problem, records, problem.disturbance)
+            following = RecordPredictor(problem, records, problem.disturbance)
             found = _search(following, following.start(), np.inf, most, progress)
         except ValueError:
             break
@@ -89,7 +89,7 @@ def _across_intervals(
     return predictor, end
 
 
-def _held_at(predictor: Predictor, end: SearchResult) -> int:
+def _held_at(predictor: RecordPredictor, end: SearchResult) -> int:
     """-1 or 1 if the delay is at the lower or upper limit of its interval; 0: neither, or at a bound of the user."""
     layout = predictor.layout
     if not layout.free_delay:
@@ -102,7 +102,7 @@ def _held_at(predictor: Predictor, end: SearchResult) -> int:
     return 1 if end.xi[k] >= upper - near and upper < low_high[1] else 0
 
 
-def settled(predictor: Predictor, xi: Floats) -> Problem:
+def settled(predictor: RecordPredictor, xi: Floats) -> Problem:
     """The problem with the estimates as its start."""
     problem, layout, point = predictor.problem, predictor.layout, predictor.layout.point(xi)
     noise = predictor.disturbance
@@ -125,7 +125,7 @@ def settled(predictor: Predictor, xi: Floats) -> Problem:
     )
 
 
-def fit_starts(predictor: Predictor) -> Floats:
+def fit_starts(predictor: RecordPredictor) -> Floats:
     """The vector with the initial states that fit best; all other entries are those of the start.
 
     Without friction and gravity of the simulated motion the errors are linear in the initial states: one step suffices.
@@ -148,7 +148,7 @@ def fit_starts(predictor: Predictor) -> Floats:
     return np.concatenate([xi[:shared], found])
 
 
-def criterion(predictor: Predictor, xi: Floats, limit: float) -> NormalEquations:
+def criterion(predictor: RecordPredictor, xi: Floats, limit: float) -> NormalEquations:
     """Sum of squared errors over all records (Huber's loss: linear beyond ``limit``) and its Gauss-Newton model.
 
     The cost is infinite where the prediction runs away.
@@ -159,7 +159,7 @@ def criterion(predictor: Predictor, xi: Floats, limit: float) -> NormalEquations
 
 
 def _normal(
-    predictor: Predictor, errors: Sequence[Errors], columns: Sequence[Ints], rates: Floats, limit: float
+    predictor: RecordPredictor, errors: Sequence[Errors], columns: Sequence[Ints], rates: Floats, limit: float
 ) -> NormalEquations:
     """The model of these errors, whose psi are by these entries of a vector; ``rates`` (P,): d number / d entry."""
     P = rates.size
@@ -210,11 +210,13 @@ def _ratio(records: Sequence[Record]) -> float:
 def _cost(problem: Problem, records: Sequence[Record], noise: Disturbance) -> float:
     """Cost at the start, without derivatives by fixed entries, which are most of the work."""
     held = replace(problem, free=tuple(problem.varying), free_delay=False, initial="first")
-    predictor = Predictor(held, records, noise)
+    predictor = RecordPredictor(held, records, noise)
     return criterion(predictor, predictor.start(), np.inf).cost
 
 
-def _search(predictor: Predictor, xi: Floats, limit: float, most: int, progress: Progress | None) -> SearchResult:
+def _search(
+    predictor: RecordPredictor, xi: Floats, limit: float, most: int, progress: FitProgress | None
+) -> SearchResult:
     longest, clipped = np.full((2, xi.size), np.inf)
     # Of an axis that stands at first, with errors that count from min_speed on, nothing determines the initial state.
     clipped[predictor.layout.shared :] = predictor.farthest_starts()
@@ -250,7 +252,7 @@ _MAX_PASSES = 20
 """Number of passes.  In the last one all gross errors count: a stretch in which nothing fits is not split further."""
 
 
-def without_outliers(fitted: Fitted, most: int, progress: Progress | None) -> Fitted:
+def without_outliers(fitted: Fitted, most: int, progress: FitProgress | None) -> Fitted:
     """Repeat a fit with Huber's loss without outliers, the outputs with gross errors.
 
     Only with a gain: in a simulation an outlier affects only its own error, which is clipped.
@@ -269,7 +271,7 @@ def without_outliers(fitted: Fitted, most: int, progress: Progress | None) -> Fi
     return again._replace(end=found, outliers=tuple(int(np.count_nonzero(which)) for which in gross))
 
 
-def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
+def outliers(predictor: RecordPredictor, xi: Floats, limit: float) -> list[Bools]:
     """Masks (N,), by record, of outputs whose errors exceed the limit by themselves, not because K carried others on.
 
     Of gross errors in close succession only the first counts; then the errors are computed again without it.
@@ -282,7 +284,7 @@ def outliers(predictor: Predictor, xi: Floats, limit: float) -> list[Bools]:
             break
         last = look == _MAX_PASSES - 1
         found = [have | (new if last else _first(new)) for have, new in zip(found, gross, strict=True)]
-        looking = Predictor(predictor.problem, _without(predictor, found), predictor.disturbance)
+        looking = RecordPredictor(predictor.problem, _without(predictor, found), predictor.disturbance)
     return found
 
 
@@ -292,5 +294,5 @@ def _first(gross: Bools) -> Bools:
     return np.asarray(gross & (before[_CARRIED:-1] == before[: -_CARRIED - 1]))
 
 
-def _without(predictor: Predictor, which: Sequence[Bools]) -> list[Record]:
+def _without(predictor: RecordPredictor, which: Sequence[Bools]) -> list[Record]:
     return [s.record.without(these) for s, these in zip(predictor.series, which, strict=True)]

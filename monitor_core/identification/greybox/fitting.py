@@ -9,11 +9,11 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DISTURBANCE_TIME
 from monitor_core.identification.greybox.comparison import fits, simulated_fits
-from monitor_core.identification.greybox.criterion import Fitted, Progress, settled, solve, without_outliers
+from monitor_core.identification.greybox.criterion import FitProgress, Fitted, settled, solve, without_outliers
 from monitor_core.identification.greybox.estimate import Estimate, sentences
 from monitor_core.identification.greybox.levenberg_marquardt import SearchResult
 from monitor_core.identification.greybox.residuals import Information, independence, information, whiteness
-from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
+from monitor_core.identification.predictor.prediction_errors import Errors, RecordPredictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.kernel.tables import OF_MOTION
@@ -33,7 +33,7 @@ def fit(
     records: Sequence[Record],
     *,
     most_iterations: int = 100,
-    progress: Progress | None = None,
+    progress: FitProgress | None = None,
 ) -> Estimate:
     """Minimise the sum of squared prediction errors of all records over theta, from the problem's values.
 
@@ -103,7 +103,7 @@ def _largest(eps: Sequence[Floats]) -> float:
     return float(np.quantile(counted, 1 - _RARE)) if counted.size else 0.0
 
 
-def _moving(predictor: Predictor, end: SearchResult, covariance: Floats) -> tuple[str, ...]:
+def _moving(predictor: RecordPredictor, end: SearchResult, covariance: Floats) -> tuple[str, ...]:
     """Parameters that the remaining step would move, including those that nothing determines."""
     layout = predictor.layout
     p = len(layout.names)
@@ -113,7 +113,7 @@ def _moving(predictor: Predictor, end: SearchResult, covariance: Floats) -> tupl
     return tuple(layout.names[i] for i in np.argsort(-by, kind="stable") if by[i] > _MOVES)
 
 
-def _simulates(predictor: Predictor, values: Mapping[str, float]) -> bool:
+def _simulates(predictor: RecordPredictor, values: Mapping[str, float]) -> bool:
     """Whether the predictor uses no measured output: neither for K, nor for friction and gravity, nor for its start."""
     problem, drive = predictor.problem, predictor.drive
     blind = problem.motion == "simulated" or not drive.acts(OF_MOTION, values)
@@ -130,7 +130,9 @@ def _variance(end: SearchResult, errors: Sequence[Errors], limit: float) -> floa
     return clipped / freedom / _CLIPPED_VARIANCE
 
 
-def _information(predictor: Predictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float) -> Information:
+def _information(
+    predictor: RecordPredictor, xi: Floats, errors: Sequence[Errors], lam0: float, limit: float
+) -> Information:
     """Information on everything that the records share, including noise levels."""
     layout, shared = predictor.layout, predictor.layout.shared
     gradients, starts = [e.psi[:, :shared] for e in errors], [e.psi[:, shared:] for e in errors]

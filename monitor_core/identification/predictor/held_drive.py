@@ -22,13 +22,13 @@ class HeldDrive(NamedTuple):
     dX: Floats  # (G, p, n, n + m)
 
 
-def hold(system: Linear, intervals_s: Floats) -> HeldDrive:
+def hold(system: LinearDrive, intervals_s: Floats) -> HeldDrive:
     """The drive over these intervals (G,), in s, exactly."""
     dA, dB = (np.moveaxis(slopes, 2, 0) for slopes in (system.dA, system.dB))
     return HeldDrive(*zero_order_hold_slopes(system.A, system.B, dA, dB, intervals_s))
 
 
-def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> HeldDrive:
+def hold_late(system: LinearDrive, torque: NDArray[np.bool_], intervals_s: Floats, delay_s: float) -> HeldDrive:
     """The drive with its torque delayed by tau_d: until then the previous torque acts, as a further input.
 
         [t, t + tau_d): u[k-1],   [t + tau_d, t + h): u[k];   the other inputs are not delayed
@@ -60,7 +60,7 @@ def hold_late(system: Linear, torque: NDArray[np.bool_], intervals_s: Floats, de
 _PARTS: tuple[Matrix, ...] = ("A", "B", "C", "rest", "ratio")
 
 
-class Linear(NamedTuple):
+class LinearDrive(NamedTuple):
     """A drive at one theta, in states x_i / d_i; derivatives have the parameter as last axis."""
 
     A: Floats  # (n, n)
@@ -74,7 +74,7 @@ class Linear(NamedTuple):
     drest: Floats  # (n, p)
     dratio: Floats  # (m, p)
 
-    def with_inputs(self, which: NDArray[np.bool_]) -> Linear:
+    def with_inputs(self, which: NDArray[np.bool_]) -> LinearDrive:
         """The same drive with these inputs (m,) only."""
         return self._replace(
             B=self.B[:, which], dB=self.dB[:, which], ratio=self.ratio[which], dratio=self.dratio[which]
@@ -114,7 +114,7 @@ class Structure:
         width = self._shapes[part][1] if part in ("A", "B") else 1
         return int(self._ends[k]) + (col if part == "C" else row * width + col)
 
-    def at(self, values: Mapping[str, float]) -> Linear:
+    def at(self, values: Mapping[str, float]) -> LinearDrive:
         """The drive at these values of all its parameters; complex ones pass through."""
         v = np.array([values[name] for name in self.names])
         v[self._inverted] = 1 / v[self._inverted]
@@ -123,7 +123,7 @@ class Structure:
         for k, i in enumerate(self._free):
             slopes[:, k] = terms * self._exponent[:, i] / v[i] if v[i] else self._slopes(v, i)
         flat = self._constant + self._sums @ terms
-        return Linear(*self._parts(flat * self._unit), *self._parts(self._sums @ slopes * self._unit[:, None]))
+        return LinearDrive(*self._parts(flat * self._unit), *self._parts(self._sums @ slopes * self._unit[:, None]))
 
     def _slopes(self, v: Floats, i: int) -> Floats:
         """d term / d v_i = c E_i v_i^(E_i - 1) ..., also where v_i = 0."""
@@ -157,7 +157,7 @@ def with_mean_state(held: HeldDrive, s: int, over_s: Floats) -> HeldDrive:
 
 
 def hold_mean(
-    system: Linear,
+    system: LinearDrive,
     torque: NDArray[np.bool_],
     intervals_s: Floats,
     late_s: float | None,
@@ -190,7 +190,7 @@ def _after(own: HeldDrive, before: HeldDrive) -> tuple[Floats, Floats]:
 # --- The speed at the middle of an interval by state and inputs, which friction depends on (kernel/friction.py) -------
 
 
-class MiddleSpeed(NamedTuple):
+class HalfIntervalSpeed(NamedTuple):
     """Half an interval times the acceleration; derivatives have the parameter as last axis."""
 
     half: Floats  # (G, n + m') by the state and the inputs but friction; m' = m + 1: the last is the torque before
@@ -200,8 +200,8 @@ class MiddleSpeed(NamedTuple):
 
 
 def middle_speed(
-    system: Linear, kinds: Ints, state: int | None, intervals_s: Floats, late_s: float | None
-) -> MiddleSpeed:
+    system: LinearDrive, kinds: Ints, state: int | None, intervals_s: Floats, late_s: float | None
+) -> HalfIntervalSpeed:
     """Over intervals (G,) [s], of the speed in ``state``, or None: of the output, which is the speed.
 
     ``late_s``: delay of the torque, with the derivative with respect to it as the last one; or None.
@@ -219,8 +219,8 @@ def middle_speed(
     half[:, n:][:, friction] = 0.0
     dhalf[:, n:][:, friction] = 0.0
     if late_s is None:
-        return MiddleSpeed(half, dhalf, braked, dbraked)
-    return MiddleSpeed(
+        return HalfIntervalSpeed(half, dhalf, braked, dbraked)
+    return HalfIntervalSpeed(
         *_late(half, dhalf, n + np.flatnonzero(kinds == TORQUE), intervals_s, late_s),
         braked,
         np.concatenate([dbraked, np.zeros((*braked.shape, 1))], axis=2),

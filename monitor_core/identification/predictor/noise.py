@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.kalman import held_disturbance, prediction_variance
-from monitor_core.identification.predictor.held_drive import Linear, hold, with_mean_state
+from monitor_core.identification.predictor.held_drive import LinearDrive, hold, with_mean_state
 
 
 class Levels(NamedTuple):
@@ -42,7 +42,7 @@ class Gain(NamedTuple):
 
 
 def gain(
-    system: Linear,
+    system: LinearDrive,
     torque: NDArray[np.bool_],
     at: Levels,
     free: Sequence[str],
@@ -74,7 +74,7 @@ def gain(
     return _differentiated(Ad, system.C, P, np.concatenate([dX[:, :, :n], zeros]), dC, dQ)
 
 
-def _noise_inputs(system: Linear, torque: NDArray[np.bool_], at: Levels) -> Linear:
+def _noise_inputs(system: LinearDrive, torque: NDArray[np.bool_], at: Levels) -> LinearDrive:
     """The drive with the inputs by which noise enters: those of the torque, and the last state d, if there is one."""
     n, p = len(system.A), system.dA.shape[2]
     ends = np.eye(n)[:, n - 1 :] / at.unit if math.isfinite(at.time_constant_s) else np.zeros((n, 0))

@@ -28,7 +28,7 @@ LEVEL = "noise "
 """Before the names of noise levels."""
 
 
-class Entry(NamedTuple):
+class VectorEntry(NamedTuple):
     """One number: name, start, bounds; ``log``: the vector holds its logarithm."""
 
     name: str
@@ -38,7 +38,7 @@ class Entry(NamedTuple):
     log: bool
 
 
-class Point(NamedTuple):
+class PhysicalValues(NamedTuple):
     """Physical meaning of a vector."""
 
     values: dict[str, float]  # all parameters of the drive, where the signals of varying ones are zero
@@ -77,7 +77,7 @@ class Layout:
         self.entries = (*entries, *self._levels(drive))
         self.free_delay = problem.free_delay
 
-    def _parameter(self, problem: Problem, drive: Drive, name: str) -> Entry:
+    def _parameter(self, problem: Problem, drive: Drive, name: str) -> VectorEntry:
         value = value_of(self._nominal, name)
         parameter = drive.parameter(name)
         positive = parameter.positive
@@ -92,20 +92,20 @@ class Layout:
             raise ValueError(f"{name} starts at {value}, outside its bounds {lower}, {upper}")
         if positive and lower <= 0:
             lower = value / _FARTHEST
-        return Entry(name, value, lower, upper, positive)
+        return VectorEntry(name, value, lower, upper, positive)
 
     @staticmethod
-    def _slope(problem: Problem, name: str) -> Entry:
+    def _slope(problem: Problem, name: str) -> VectorEntry:
         bounds = problem.bounds.get(name, (-math.inf, math.inf))
-        return Entry(name, problem.slopes.get(name, 0.0), *bounds, False)
+        return VectorEntry(name, problem.slopes.get(name, 0.0), *bounds, False)
 
-    def _levels(self, drive: Drive) -> list[Entry]:
+    def _levels(self, drive: Drive) -> list[VectorEntry]:
         noise = self._noise
         if noise is None:
             return []
         loudest = self._loudest(drive)
         return [
-            Entry(LEVEL + name, min(level, loudest), min(level, loudest) / _LEVELS, loudest, True)
+            VectorEntry(LEVEL + name, min(level, loudest), min(level, loudest) / _LEVELS, loudest, True)
             for name, level in self._ratios().items()
             if level and name in noise.free
         ]
@@ -155,11 +155,11 @@ class Layout:
     def _inward(self, numbers: Floats) -> Floats:
         return np.where(self.log, np.log(np.where(self.log, numbers, 1.0)), numbers)
 
-    def point(self, xi: Floats) -> Point:
+    def point(self, xi: Floats) -> PhysicalValues:
         """Physical meaning of a vector."""
         numbers, p, b = self.numbers(xi), len(self.free), len(self.varying)
         found = dict(zip([entry.name for entry in self.entries], numbers.tolist(), strict=True))
-        return Point(
+        return PhysicalValues(
             with_values(self._nominal, self.free, numbers[:p]),
             numbers[p : p + b],
             found.get(DELAY, self._delay_s),
@@ -179,10 +179,10 @@ def whole_intervals(delay_s: float, interval_s: float) -> int:
     return 0 if 0 <= delay_s <= interval_s else math.floor(delay_s / interval_s)
 
 
-def _delay(problem: Problem, interval_s: float) -> Entry:
+def _delay(problem: Problem, interval_s: float) -> VectorEntry:
     j = whole_intervals(problem.delay_s, interval_s)
     low, high = problem.bounds.get(DELAY, (-math.inf, math.inf))
     lower, upper = max(low, j * interval_s), min(high, (j + 1) * interval_s)
     if not lower <= problem.delay_s <= upper:
         raise ValueError(f"{DELAY} starts at {problem.delay_s}, outside its bounds {low}, {high}")
-    return Entry(DELAY, problem.delay_s, lower, upper, False)
+    return VectorEntry(DELAY, problem.delay_s, lower, upper, False)

@@ -11,8 +11,8 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of, with_values
 from monitor_core.identification.predictor.held_drive import (
-    Linear,
-    MiddleSpeed,
+    HalfIntervalSpeed,
+    LinearDrive,
     Structure,
     hold,
     hold_late,
@@ -20,8 +20,8 @@ from monitor_core.identification.predictor.held_drive import (
     middle_speed,
 )
 from monitor_core.identification.predictor.noise import Gain, Levels, gain
-from monitor_core.identification.predictor.parameter_vector import Layout, Point, whole_intervals
-from monitor_core.identification.predictor.prepared_record import Series, series
+from monitor_core.identification.predictor.parameter_vector import Layout, PhysicalValues, whole_intervals
+from monitor_core.identification.predictor.prepared_record import PreparedRecord, series
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.kernel.fixed_predictor import (
@@ -50,7 +50,7 @@ class Errors(NamedTuple):
     good: bool
 
 
-class Predictor:
+class RecordPredictor:
     """The predictor of a problem on its records.
 
     The vector xi is that of ``layout``, followed by the free part of the initial state of each record.
@@ -184,11 +184,11 @@ class Predictor:
             self._last_gain = (shared.copy(), self.gain(xi))
         return self._last_gain[1]
 
-    def _nothing(self, s: Series, starts: bool) -> Errors:
+    def _nothing(self, s: PreparedRecord, starts: bool) -> Errors:
         columns = self.own if starts else self.columns(0).size
         return Errors(np.full(s.u.size, math.inf), np.zeros((s.u.size, columns)), good=False)
 
-    def _linear(self, point: Point, signals: Floats) -> Linear:
+    def _linear(self, point: PhysicalValues, signals: Floats) -> LinearDrive:
         """The drive at these values of the signals; the slopes of scheduled parameters are further derivatives."""
         values, varying = point.values, self.layout.varying
         if not varying:
@@ -199,7 +199,7 @@ class Predictor:
         system = self._structure.at(with_values(values, self.layout.free, theta))
         which = [i for i, _ in varying]
         more = [np.concatenate([slopes, slopes[..., which] * signals], axis=-1) for slopes in system[5:]]
-        return Linear(*system[:5], *more)
+        return LinearDrive(*system[:5], *more)
 
     def _record_errors(self, xi: Floats, i: int, K: Gain, starts: bool) -> Errors:
         s, point = self.series[i], self.layout.point(xi)
@@ -208,7 +208,7 @@ class Predictor:
         levels = [system.with_inputs(acts) for system in levels]
         x0, Z0 = self._start(xi, i, levels[s.level[0]])
         if starts:
-            levels = [Linear(*system[:5], *(slopes[..., :0] for slopes in system[5:])) for system in levels]
+            levels = [LinearDrive(*system[:5], *(slopes[..., :0] for slopes in system[5:])) for system in levels]
             Z0 = np.eye(self.n)[:, : self.own]
         P = Z0.shape[1]
         dK = np.zeros((self.n, P))
@@ -225,12 +225,12 @@ class Predictor:
         good = predict_record(course, FixedDrive(X, dX, C, dC, K.K, dK), motion, x0, Z0, eps, psi)
         return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
 
-    def _acts(self, levels: Sequence[Linear]) -> NDArray[np.bool_]:
+    def _acts(self, levels: Sequence[LinearDrive]) -> NDArray[np.bool_]:
         """Which inputs (m,) act at all: friction and gravity may be held at zero."""
         acts = [system.B.any(axis=0) | system.dB.any(axis=(0, 2)) for system in levels]
         return np.asarray(np.logical_or.reduce([self._torque, self._kinds == WEIGHT, *acts]))
 
-    def _start(self, xi: Floats, i: int, system: Linear) -> tuple[Floats, Floats]:
+    def _start(self, xi: Floats, i: int, system: LinearDrive) -> tuple[Floats, Floats]:
         columns, shared = self.columns(i), self.layout.shared
         Z0 = np.zeros((self.n, columns.size))
         if self.own:
@@ -240,7 +240,7 @@ class Predictor:
         Z0[:, : system.drest.shape[1]] = system.drest * first
         return self._rest(system) * first, Z0
 
-    def _rest(self, system: Linear) -> Floats:
+    def _rest(self, system: LinearDrive) -> Floats:
         """The state of rigid motion with output 1; that of a mean speed is here the mean itself."""
         rest = system.rest.copy()
         if self.drive.mean_state >= 0:
@@ -248,7 +248,7 @@ class Predictor:
         return rest
 
     def _held(
-        self, point: Point, s: Series, levels: Sequence[Linear], torque: NDArray[np.bool_]
+        self, point: PhysicalValues, s: PreparedRecord, levels: Sequence[LinearDrive], torque: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         """X (G, n, n + m) and dX (G, n + m, n q) for the pairs of the series."""
         parts = [self._held_level(point, s.intervals_s(j), system, torque) for j, system in enumerate(levels)]
@@ -256,7 +256,7 @@ class Predictor:
         return X, np.ascontiguousarray(dX.transpose(0, 3, 2, 1)).reshape(len(X), X.shape[2], -1)
 
     def _held_level(
-        self, point: Point, intervals_s: Floats, system: Linear, torque: NDArray[np.bool_]
+        self, point: PhysicalValues, intervals_s: Floats, system: LinearDrive, torque: NDArray[np.bool_]
     ) -> tuple[Floats, Floats]:
         late = self._late_s(point)
         if self.drive.mean_state >= 0:
@@ -265,21 +265,21 @@ class Predictor:
             X, dX = hold(system, intervals_s) if late is None else hold_late(system, torque, intervals_s, late)
         return X, dX if late is None or self.layout.free_delay else dX[:, :-1]
 
-    def _late_s(self, point: Point) -> float | None:
+    def _late_s(self, point: PhysicalValues) -> float | None:
         """Delay of the torque beyond whole intervals; None: there is none and will be none."""
         late_s = max(point.delay_s - self._whole_s, 0.0)
         return late_s if self.layout.free_delay or late_s else None
 
     def _motion_inputs(
-        self, point: Point, s: Series, levels: Sequence[Linear], acts: NDArray[np.bool_], q: int
+        self, point: PhysicalValues, s: PreparedRecord, levels: Sequence[LinearDrive], acts: NDArray[np.bool_], q: int
     ) -> MotionInputs:
         kinds, source = self._kinds[acts], self._source[acts]
         state = self.drive.speed_state if self.drive.output != "speed" else None
         late = self._late_s(point)
         parts = [middle_speed(system, kinds, state, s.intervals_s(j), late) for j, system in enumerate(levels)]
-        middle = MiddleSpeed(*(s.in_order(list(part)) for part in zip(*parts, strict=True)))
+        middle = HalfIntervalSpeed(*(s.in_order(list(part)) for part in zip(*parts, strict=True)))
         if self.drive.speed_state < 0:  # no acceleration is known: friction is that of the measured speed
-            middle = MiddleSpeed(*(0 * part for part in middle))
+            middle = HalfIntervalSpeed(*(0 * part for part in middle))
         scale, dscale = self._scales(levels, kinds, q)
         # Contiguous, as the kernel would be compiled again for slices.
         dhalf, dbraked = (np.ascontiguousarray(part[..., :q]) for part in (middle.dhalf, middle.dbraked))
@@ -287,7 +287,7 @@ class Predictor:
             kinds, source, self.drive.speed_state, scale, dscale, middle.half, dhalf, middle.braked, dbraked
         )
 
-    def _scales(self, levels: Sequence[Linear], kinds: Ints, q: int) -> tuple[Floats, Floats]:
+    def _scales(self, levels: Sequence[LinearDrive], kinds: Ints, q: int) -> tuple[Floats, Floats]:
         """Factors of angle or speed in the argument of an input (L, m), and derivatives (L, m, q)."""
         scale = np.array([system.ratio for system in levels])
         dscale = np.array([system.dratio for system in levels])

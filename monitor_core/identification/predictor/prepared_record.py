@@ -17,7 +17,7 @@ _REGULAR = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Series:
+class PreparedRecord:
     """A record with its distinct pairs of interval and level."""
 
     record: Record
@@ -52,7 +52,7 @@ def series(
     late: int = 0,
     torques: Sequence[str] = (),
     min_speed: float = 0.0,
-) -> Series:
+) -> PreparedRecord:
     """Prepare a record, with its torque ``late`` samples later.  Times are rounded to microseconds, as in the monitor.
 
     Parameters follow ``signals``, level by level; ``torques`` are inputs at each sample.  Errors count where the axis
@@ -83,7 +83,7 @@ def series(
         raise ValueError(f"{record.name or 'record'}: a delay of more than one interval needs equal intervals")
     u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]
     weights = _filled([record.signals[name] for name in torques], len(record))
-    return Series(record, u, y, measured, counts, np.append(step, 0), level, pairs, values, weights)
+    return PreparedRecord(record, u, y, measured, counts, np.append(step, 0), level, pairs, values, weights)
 
 
 def _levels(signals: Sequence[Floats], N: int) -> tuple[Floats, Ints]:

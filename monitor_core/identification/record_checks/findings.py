@@ -4,17 +4,17 @@ from dataclasses import dataclass
 from typing import Literal
 
 Severity = Literal["refuse", "warn"]
-Kind = Literal[
+FindingKind = Literal[
     "too-short", "constant-torque", "saturated", "stuck", "exchanged", "wrong-sign", "units",
     "gaps", "lost", "jitter", "outliers", "missing", "absurd",
 ]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class RecordFinding:
     """A fault found in a record: ``sentence`` for the user, ``number`` that shows it, in the unit of the sentence."""
 
-    kind: Kind
+    kind: FindingKind
     severity: Severity
     sentence: str
     number: float

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.record_checks.findings import RecordFinding
 from monitor_core.identification.record_checks.known_axis import KnownAxis
 from monitor_core.identification.record_checks.sample_checks import implausible_values, times
 from monitor_core.identification.record_checks.stuck_signals import signals
@@ -55,7 +55,7 @@ _UNIT_MISTAKES = (
 )
 
 
-def check_record(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> tuple[Finding, ...]:
+def check_record(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> tuple[RecordFinding, ...]:
     """Findings about a record; those that refuse it come first.
 
     Torque and motion are compared only where each of them is sound by itself.
@@ -88,10 +88,10 @@ def exchanged_share(record: Record) -> float | None:
     return found.explained if surer and less_left else None
 
 
-def _exchanged(record: Record) -> Iterator[Finding]:
+def _exchanged(record: Record) -> Iterator[RecordFinding]:
     share = exchanged_share(record)
     if share is not None:
-        yield Finding(
+        yield RecordFinding(
             "exchanged",
             "refuse",
             f"torque and angle are exchanged, in the configuration or in the record: if they change places, one mass "
@@ -147,7 +147,7 @@ def _given_and_taken(record: Record) -> tuple[float, float]:
     return float(falls.max()), float(rises.max())
 
 
-def _wrong_sign(record: Record, known: KnownAxis) -> Iterator[Finding]:
+def _wrong_sign(record: Record, known: KnownAxis) -> Iterator[RecordFinding]:
     falls, rises = _given_and_taken(record)
     mass = shown_inertia(record, replace(known, antiresonance_s=None))
     negative = mass is not None and mass.inertia < 0
@@ -156,7 +156,7 @@ def _wrong_sign(record: Record, known: KnownAxis) -> Iterator[Finding]:
     if falls <= _BACK * rises and not pushes:
         return
     shown = f", and as one mass it has an inertia of {mass.inertia:.3g} kg m^2" if mass and negative else ""
-    yield Finding(
+    yield RecordFinding(
         "wrong-sign",
         "refuse" if negative else "warn",
         f"the motor takes {falls:.3g} J of work from the axis and gives {rises:.3g} J to it{shown}: torque or motion "
@@ -165,7 +165,7 @@ def _wrong_sign(record: Record, known: KnownAxis) -> Iterator[Finding]:
     )
 
 
-def _units(record: Record, known: KnownAxis) -> Iterator[Finding]:
+def _units(record: Record, known: KnownAxis) -> Iterator[RecordFinding]:
     nominal = known.inertia
     mass = None if nominal is None else shown_inertia(record, known)
     if nominal is None or mass is None or mass.inertia < 0:
@@ -177,7 +177,7 @@ def _units(record: Record, known: KnownAxis) -> Iterator[Finding]:
     reason = "are units and gear ratio right?"
     if 1 / _NEAR < factor / mistake.factor < _NEAR:
         reason = f"{mistake.description} would give a factor of {mistake.factor:.3g}"
-    yield Finding(
+    yield RecordFinding(
         "units",
         "warn",
         f"as one mass the drive shows an inertia of {mass.inertia:.3g} kg m^2, {factor:.3g} times the nominal "

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.record_checks.findings import RecordFinding
 from monitor_core.identification.record_checks.known_axis import KnownAxis
 from monitor_core.identification.records.measured_record import GAP, Record
 from monitor_core.samples import PHYSICAL_LIMITS
@@ -25,13 +25,13 @@ _REFUSE = 0.01
 """A record with a larger share of outliers is refused, as its other samples cannot be trusted either."""
 
 
-def implausible_values(record: Record) -> Iterator[Finding]:
+def implausible_values(record: Record) -> Iterator[RecordFinding]:
     """Absurd numbers, outliers, missing samples."""
     yield from _absurd(record)
     yield from _outliers(record)
     missing = 1 - float(np.mean(record.measured))
     if missing > 0:
-        yield Finding(
+        yield RecordFinding(
             "missing",
             "refuse" if missing > 0.5 else "warn",
             f"the {record.quantity} is missing or not finite at {np.count_nonzero(~record.measured)} of {len(record)} "
@@ -61,12 +61,12 @@ def _median(values: Floats, before: int, after: int) -> Floats:
     return np.asarray(np.median(sliding_window_view(padded, before + after + 1), axis=1))
 
 
-def _absurd(record: Record) -> Iterator[Finding]:
+def _absurd(record: Record) -> Iterator[RecordFinding]:
     for what, unit, values in _quantities(record):
         beyond = abs(np.nan_to_num(values)) > PHYSICAL_LIMITS[what]
         if beyond.any():
             largest = float(np.nanmax(abs(values)))
-            yield Finding(
+            yield RecordFinding(
                 "absurd",
                 "refuse",
                 f"the {what} is beyond {PHYSICAL_LIMITS[what]:g} {unit} at {np.count_nonzero(beyond)} samples, up to "
@@ -75,13 +75,13 @@ def _absurd(record: Record) -> Iterator[Finding]:
             )
 
 
-def _outliers(record: Record) -> Iterator[Finding]:
+def _outliers(record: Record) -> Iterator[RecordFinding]:
     for what, unit, values in _quantities(record):
         where = np.flatnonzero(outliers(values))
         if where.size:
             k = int(where[np.argmax(abs(values[where]))])
             share = where.size / len(record)
-            yield Finding(
+            yield RecordFinding(
                 "outliers",
                 "refuse" if share > _REFUSE else "warn",
                 f"{where.size} values of the {what} stand out from their neighbours, the first at "
@@ -116,7 +116,7 @@ _STAMPS = -0.35
 itself is irregular, which does no harm."""
 
 
-def times(record: Record, known: KnownAxis) -> Iterator[Finding]:
+def times(record: Record, known: KnownAxis) -> Iterator[RecordFinding]:
     """Too short, gaps, lost samples, jitter of the stamps."""
     yield from _too_short(record, known)
     yield from _gaps(record)
@@ -124,11 +124,11 @@ def times(record: Record, known: KnownAxis) -> Iterator[Finding]:
     yield from _jitter(record)
 
 
-def _too_short(record: Record, known: KnownAxis) -> Iterator[Finding]:
+def _too_short(record: Record, known: KnownAxis) -> Iterator[RecordFinding]:
     count, least = int(np.count_nonzero(record.measured)), max(_FEWEST, _PER_PARAMETER * known.parameters)
     if count < least:
         purpose = f" for {known.parameters} parameters" if known.parameters else ""
-        yield Finding(
+        yield RecordFinding(
             "too-short",
             "refuse",
             f"only {count} measured samples; at least {least} are needed{purpose}",
@@ -137,7 +137,7 @@ def _too_short(record: Record, known: KnownAxis) -> Iterator[Finding]:
     if known.slowest_s is None or record.duration_s >= _TAUS_ENOUGH * known.slowest_s:
         return
     taus = record.duration_s / known.slowest_s
-    yield Finding(
+    yield RecordFinding(
         "too-short",
         "refuse" if taus < _TAUS_LEAST else "warn",
         f"the record is {record.duration_s:.3g} s long, which is {taus:.2g} times the slowest time constant of the "
@@ -146,12 +146,12 @@ def _too_short(record: Record, known: KnownAxis) -> Iterator[Finding]:
     )
 
 
-def _gaps(record: Record) -> Iterator[Finding]:
+def _gaps(record: Record) -> Iterator[RecordFinding]:
     intervals = record.intervals
     wide = intervals > GAP * record.interval_s
     if wide.any():
         k = int(np.argmax(intervals))
-        yield Finding(
+        yield RecordFinding(
             "gaps",
             "warn",
             f"{how_often(int(np.count_nonzero(wide)))} nothing was recorded for more than {GAP:g} intervals, longest "
@@ -160,13 +160,13 @@ def _gaps(record: Record) -> Iterator[Finding]:
         )
 
 
-def _lost(record: Record) -> Iterator[Finding]:
+def _lost(record: Record) -> Iterator[RecordFinding]:
     intervals = record.intervals
     near = intervals[intervals <= GAP * record.interval_s]
     lost = int((np.rint(near / record.interval_s) - 1).clip(min=0).sum())
     if lost > _LOST * (len(record) + lost):
         share = lost / (len(record) + lost)
-        yield Finding(
+        yield RecordFinding(
             "lost",
             "warn",
             f"{lost} samples, {100 * share:.2g} % of all, are missing between those recorded; the torque that acted "
@@ -175,7 +175,7 @@ def _lost(record: Record) -> Iterator[Finding]:
         )
 
 
-def _jitter(record: Record) -> Iterator[Finding]:
+def _jitter(record: Record) -> Iterator[RecordFinding]:
     scatter = record.jitter_s
     if scatter <= max(_JITTER * record.interval_s, _JITTER_S):
         return
@@ -183,7 +183,7 @@ def _jitter(record: Record) -> Iterator[Finding]:
     d = d - d.mean()
     correlation = float(d[1:] @ d[:-1] / (d @ d))
     if correlation < _STAMPS:
-        yield Finding(
+        yield RecordFinding(
             "jitter",
             "warn",
             f"the intervals of {1e3 * record.interval_s:.3g} ms scatter by {1e3 * scatter:.2g} ms, and a long one is "

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
-from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.record_checks.findings import RecordFinding
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.wording import how_often
 
@@ -47,10 +47,10 @@ class Runs(NamedTuple):
     length: Ints
 
 
-def signals(record: Record) -> Iterator[Finding]:
+def signals(record: Record) -> Iterator[RecordFinding]:
     """Constant or saturated torque, a stuck output."""
     if np.ptp(record.u) <= _SAME * max(1e-6, float(abs(record.u).max())):
-        yield Finding(
+        yield RecordFinding(
             "constant-torque",
             "refuse",
             f"the torque is {record.u[0]:.4g} N m throughout: no parameter can be estimated from it",
@@ -68,11 +68,11 @@ def runs(values: Floats) -> Runs:
     return Runs(start, np.diff(np.append(start, len(values))))
 
 
-def _held(u: Floats) -> Iterator[Finding]:
+def _held(u: Floats) -> Iterator[RecordFinding]:
     changes = int(np.count_nonzero(np.diff(u)))
     share = 1 - changes / (len(u) - 1)
     if share > _HELD:
-        yield Finding(
+        yield RecordFinding(
             "constant-torque",
             "warn",
             f"the torque stays as it was at {100 * share:.3g} % of the samples and changes only {changes} times: it "
@@ -81,14 +81,14 @@ def _held(u: Floats) -> Iterator[Finding]:
         )
 
 
-def _saturated(u: Floats) -> Iterator[Finding]:
+def _saturated(u: Floats) -> Iterator[RecordFinding]:
     values, counts = np.unique(u, return_counts=True)
     if len(values) <= _LEVELS:
         return
     for end, next_to_it in ((-1, -2), (0, 1)):
         share = float(counts[end] / len(u))
         if share > _AT_END and counts[end] > _PILE * counts[next_to_it]:
-            yield Finding(
+            yield RecordFinding(
                 "saturated",
                 "warn",
                 f"{100 * share:.3g} % of the samples have the {'largest' if end else 'smallest'} torque of all, "
@@ -97,14 +97,16 @@ def _saturated(u: Floats) -> Iterator[Finding]:
             )
 
 
-def _stuck(record: Record) -> Iterator[Finding]:
+def _stuck(record: Record) -> Iterator[RecordFinding]:
     k = np.flatnonzero(record.measured)
     if k.size < 2:
         return
     t, y = record.t[k], record.y[k]
     if np.ptp(y) <= _SAME * max(1e-9, float(abs(y).max())):
         value = f"{y[0]:.6g} {record.unit}"
-        yield Finding("stuck", "refuse", f"the {record.quantity} is {value} throughout, whatever the torque", y[0])
+        yield RecordFinding(
+            "stuck", "refuse", f"the {record.quantity} is {value} throughout, whatever the torque", y[0]
+        )
         return
     if (found := stuck_runs(record)).start.size:
         yield _says_stuck(record, t, found)
@@ -128,10 +130,10 @@ def stuck_runs(record: Record) -> Runs:
     return Runs(found.start[stuck], found.length[stuck])
 
 
-def _says_stuck(record: Record, t: Floats, found: Runs) -> Finding:
+def _says_stuck(record: Record, t: Floats, found: Runs) -> RecordFinding:
     longest = int(np.argmax(found.length))
     share = float(found.length.sum() / len(record))
-    return Finding(
+    return RecordFinding(
         "stuck",
         "refuse" if share > _MOSTLY else "warn",
         f"the {record.quantity} stays the same to the last digit {how_often(found.start.size)} while the axis moves, "

@@ -114,7 +114,7 @@ _WEIGHT_RANGE = (0.01, 1.0)
 _MAX_MODES = 4
 
 
-class Mode(NamedTuple):
+class ChainMode(NamedTuple):
     """Frequency, rad/s; weight, 1/(kg m^2); decay, 1/s; and the expected decrease of the cost."""
 
     p: float
@@ -123,7 +123,7 @@ class Mode(NamedTuple):
     gain: float
 
 
-def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ...]:
+def lacking(response: Response, x: Floats, measured: Measured) -> tuple[ChainMode, ...]:
     """Modes that would help the fit at x (p,) most, each the best of its surroundings."""
     target = measured.target()
     e, J = (_stacked(part) for part in errors("linear", target, *response.at(x, target)))
@@ -145,11 +145,12 @@ def lacking(response: Response, x: Floats, measured: Measured) -> tuple[Mode, ..
     peaks = at[(gain > 0) & (gain >= padded[:-2]) & (gain > padded[2:])]
     chosen = peaks[np.argsort(-gain[peaks])[:_MAX_MODES]]
     return tuple(
-        Mode(float(p[k]), float(a[best[k], k]), float(_DECAY_RATIOS[best[k]] * p[k]), float(gain[k])) for k in chosen
+        ChainMode(float(p[k]), float(a[best[k], k]), float(_DECAY_RATIOS[best[k]] * p[k]), float(gain[k]))
+        for k in chosen
     )
 
 
-def joined(known: Modal, mode: Mode) -> Modal:
+def joined(known: Modal, mode: ChainMode) -> Modal:
     """The known modes with one more."""
     low, high = (factor * known.a.max() for factor in _WEIGHT_RANGE)
     p, a = np.append(known.p, mode.p), np.append(known.a, np.clip(mode.a, low, high))

@@ -22,7 +22,7 @@ from monitor_core.identification.starting.chains import (
 )
 from monitor_core.identification.starting.growing_chains import FittedChain, grown_chains, longer
 from monitor_core.identification.starting.response import Measured, Response, measure
-from monitor_core.identification.starting.search import Progress, SearchEnd, Steps
+from monitor_core.identification.starting.search import SearchEnd, SearchProgress, StepCounter
 from monitor_core.identification.starting.starting_fits import FITTING, best_fit, from_chains
 
 
@@ -33,7 +33,7 @@ def grow(
     like: Problem | None = None,
     friction: Sequence[str] = FRICTION,
     validation: Sequence[Record] = (),
-    progress: Progress | None = None,
+    progress: SearchProgress | None = None,
 ) -> Growth:
     """Fit chains of one mass, two, and so on, until one more is not supported.
 
@@ -51,7 +51,7 @@ def grow(
     """
     if upto < 1:
         raise ValueError(f"chains of up to {upto} masses: need at least one")
-    measured, steps = measure(records), Steps(progress, upto * FITTING)
+    measured, steps = measure(records), StepCounter(progress, upto * FITTING)
     grown = grown_chains(problem_of(1, measured.output, friction=("fm",)), measured)
     models, failed = list[ChainModel](), ""
     for masses in range(1, upto + 1):

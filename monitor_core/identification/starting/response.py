@@ -20,7 +20,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DAMPING, STIFFNESS, Output, split_name
 from monitor_core.identification.black_boxes.arx import Arx, fit_arx
 from monitor_core.identification.black_boxes.frequency_response import DECIBEL
-from monitor_core.identification.predictor.held_drive import Linear, Structure, hold
+from monitor_core.identification.predictor.held_drive import LinearDrive, Structure, hold
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.records.uniform_grid import Regular, on_grid, resample, stretches
@@ -199,7 +199,7 @@ class Response:
         late = target.z ** (-self._delay_s / target.interval_s)
         return r @ (system.C @ V) * late, dG * np.exp(x) * late[:, None]
 
-    def _linear(self, x: Floats) -> Linear:
+    def _linear(self, x: Floats) -> LinearDrive:
         system = self._structure.at(self.named(x))
         B = system.B[:, self._torque].sum(axis=1, keepdims=True)
         return system._replace(B=B, dB=system.dB[:, self._torque].sum(axis=1, keepdims=True))

@@ -23,8 +23,8 @@ from monitor_core.arrays import Complexes, Floats
 from monitor_core.identification.greybox.levenberg_marquardt import NormalEquations, Region, minimise
 from monitor_core.identification.starting.response import Measured, Response, Target
 
-Kind = Literal["linear", "log", "both"]
-KINDS: tuple[Kind, ...] = ("linear", "log", "both")
+ErrorKind = Literal["linear", "log", "both"]
+KINDS: tuple[ErrorKind, ...] = ("linear", "log", "both")
 """Relative errors of G; their logarithm; those of G and of 1/G, which see resonances and anti-resonances alike."""
 MOST = 80
 """Largest number of searches, if none of them explains the response."""
@@ -140,7 +140,7 @@ def hop(response: Response, measured: Measured, x: Floats) -> SearchEnd:
     return polish(response, measured, x)
 
 
-def descend(response: Response, measured: Measured, x: Floats, kind: Kind) -> SearchEnd:
+def descend(response: Response, measured: Measured, x: Floats, kind: ErrorKind) -> SearchEnd:
     """One search from x through all stages."""
     centre = x
     for shift, prior in _STAGES:
@@ -162,7 +162,7 @@ def polish(response: Response, measured: Measured, x: Floats) -> SearchEnd:
 def _minimum(
     response: Response,
     target: Target,
-    kind: Kind,
+    kind: ErrorKind,
     x: Floats,
     centre: Floats,
     prior: Floats | float,
@@ -178,7 +178,7 @@ def _minimum(
 
 
 def _criterion(
-    response: Response, target: Target, kind: Kind, centre: Floats, prior: Floats | float
+    response: Response, target: Target, kind: ErrorKind, centre: Floats, prior: Floats | float
 ) -> Callable[[Floats], NormalEquations]:
     def evaluate(x: Floats) -> NormalEquations:
         hopeless = NormalEquations(np.inf, np.zeros(x.size), np.eye(x.size), 1)
@@ -195,7 +195,7 @@ def _criterion(
     return evaluate
 
 
-def errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Complexes, Complexes]:
+def errors(kind: ErrorKind, target: Target, G: Complexes, dG: Complexes) -> tuple[Complexes, Complexes]:
     """Weighted errors (F,) and their slopes (F, p), with the sign of NormalEquations: the error falls by J step."""
     w = target.weight
     ratio: Complexes = target.G / G
@@ -213,14 +213,14 @@ def errors(kind: Kind, target: Target, G: Complexes, dG: Complexes) -> tuple[Com
 # --- Progress of a search ---------------------------------------------------------------------------------------------
 
 
-Progress = Callable[[int, int], None]
+SearchProgress = Callable[[int, int], None]
 """Called with the steps done and how many there are at most; the first only grows, and in the end is the second.
 
 A search that ends early leaves steps out, so the number may leap.
 """
 
 
-class Steps:
+class StepCounter:
     """Reports steps done, each number once.
 
     Args:
@@ -228,7 +228,7 @@ class Steps:
         total: number of steps.
     """
 
-    def __init__(self, tell: Progress | None, total: int) -> None:
+    def __init__(self, tell: SearchProgress | None, total: int) -> None:
         self._tell, self._of, self._done = tell, total, 0
 
     def reached(self, done: int) -> None:

@@ -14,9 +14,9 @@ from monitor_core.identification.starting.growing_chains import FittedChain, gro
 from monitor_core.identification.starting.response import Measured, Response, measure
 from monitor_core.identification.starting.search import (
     MOST,
-    Progress,
     SearchEnd,
-    Steps,
+    SearchProgress,
+    StepCounter,
     distinct,
     explained,
     search,
@@ -57,7 +57,9 @@ class Candidate:
     expected: float  # the cost of the right values, within the uncertainty of the response
 
 
-def fit_from_scratch(problem: Problem, records: Sequence[Record], *, progress: Progress | None = None) -> Estimate:
+def fit_from_scratch(
+    problem: Problem, records: Sequence[Record], *, progress: SearchProgress | None = None
+) -> Estimate:
     """The fit from the records alone; the nominal values of free parameters are not used.
 
     ``progress`` is called with the steps done and their maximum.
@@ -69,7 +71,7 @@ def fit_from_scratch(problem: Problem, records: Sequence[Record], *, progress: P
     return _fit(problem, records, from_records, progress)
 
 
-def fit_from(problem: Problem, records: Sequence[Record], *, progress: Progress | None = None) -> Estimate:
+def fit_from(problem: Problem, records: Sequence[Record], *, progress: SearchProgress | None = None) -> Estimate:
     """The fit from the nominal values, which may be far off.
 
     ``progress`` is called with the steps done and their maximum.
@@ -141,9 +143,9 @@ def _fit(
     problem: Problem,
     records: Sequence[Record],
     candidates: Callable[[Problem, Measured, Reached], Sequence[Candidate]],
-    progress: Progress | None,
+    progress: SearchProgress | None,
 ) -> Estimate:
-    steps = Steps(progress, MOST + FITTING)
+    steps = StepCounter(progress, MOST + FITTING)
     found = candidates(problem, measure(records), steps.part(0, MOST))
     steps.reached(MOST)
     return best_fit(problem, records, found, steps.part(MOST, FITTING))

@@ -33,8 +33,8 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.thermal.warm_up_search import (
     GROUP,
     ONE,
+    HeatProportions,
     Search,
-    Shape,
     WarmUpFit,
     Windows,
     chosen,
@@ -235,7 +235,7 @@ def model_errors(
     index: list[int],
     carried: Sequence[float | None],
     start: ThermalStart,
-    shape: Shape = ONE,
+    shape: HeatProportions = ONE,
 ) -> Floats:
     """Standard deviation of the errors of the parameters (p,) that the heat does not explain, in their units.
 
@@ -279,7 +279,7 @@ def _days(search: Search) -> Iterator[list[Bools]]:
             yield [np.full(w.power.size, j != k) for j, w in enumerate(windows)]
 
 
-def _deviations(search: Search, shape: Shape, seen: Sequence[Bools]) -> list[Floats]:
+def _deviations(search: Search, shape: HeatProportions, seen: Sequence[Bools]) -> list[Floats]:
     """Deviations of the parameters (G, p) in the groups of windows of each record that the fit does not see."""
     windows, fit, found = search.windows, search.seeing(seen).best(search.index, shape), list[Floats]()
     for k, (w, by, left) in enumerate(zip(windows, seen, left_of(windows, fit), strict=True)):

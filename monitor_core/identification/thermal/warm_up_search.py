@@ -23,11 +23,11 @@ from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.thermal_state import Fast, ThermalModel, ThermalStart
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.greybox.criterion import fit_starts
-from monitor_core.identification.predictor.prediction_errors import Predictor
+from monitor_core.identification.predictor.prediction_errors import RecordPredictor
 from monitor_core.identification.records.measured_record import Record
 
 
-class Shape(NamedTuple):
+class HeatProportions(NamedTuple):
     """Proportions of two time constants."""
 
     ratio: float = 1.0
@@ -40,7 +40,7 @@ class Shape(NamedTuple):
         return Fast(tau_s / self.ratio, self.share) if self.ratio > 1 else None
 
 
-ONE = Shape()
+ONE = HeatProportions()
 WINDOW_S = 10.0
 LEAST_FALL = 0.04
 """Friction follows the heat only if it changes by at least this share from the smallest to the largest heat."""
@@ -55,7 +55,7 @@ GROUP = 6
 """Number of windows in a row whose errors may be correlated."""
 _FEWEST_GROUPS, _SMALLEST_GROUP = 10, 2
 """Groups are smaller where they would be fewer."""
-_SHAPES = tuple(Shape(ratio, share) for ratio in (3.0, 6.0, 12.0) for share in (0.25, 0.5, 0.75))
+_SHAPES = tuple(HeatProportions(ratio, share) for ratio in (3.0, 6.0, 12.0) for share in (0.25, 0.5, 0.75))
 """Proportions of two time constants that are tried"""
 _SHOWS_TWO = 20.0
 """Two time constants must reduce the squared errors by so many variances; they take 3 more parameters."""
@@ -89,7 +89,7 @@ def windows_of(found: Estimate, records: Sequence[Record], unit: ThermalModel) -
         ValueError: the errors of a record are zero or not finite, or a parameter is.
     """
     problem = found.problem
-    predictor = Predictor(problem, records, problem.disturbance)
+    predictor = RecordPredictor(problem, records, problem.disturbance)
     xi = fit_starts(predictor)
     p = len(predictor.layout.names)
     rates = predictor.layout.rates(xi)[:p]
@@ -141,7 +141,7 @@ class WarmUpFit(NamedTuple):
 
     model: ThermalModel
     """Time constants; the friction for the power is that of the windows"""
-    shape: Shape
+    shape: HeatProportions
     starts: list[tuple[float, ...]]
     """Heat of each part at the first sample of each record"""
     heats: list[Floats]  # of each record (W,)
@@ -243,7 +243,7 @@ class Search:
         beta: Floats = np.asarray(inverse @ r, np.float64)
         return beta, inverse, -float(r @ beta)
 
-    def best(self, index: list[int], shape: Shape = ONE) -> WarmUpFit:
+    def best(self, index: list[int], shape: HeatProportions = ONE) -> WarmUpFit:
         """The best time constant and starts for these followers."""
         free = np.full(len(self.free), 0.5 * self.highest)
 
@@ -275,7 +275,7 @@ class Search:
             _, free, tau = min(near, key=lambda candidate: candidate[0])
         return self._fit(tau, shape, free, index)
 
-    def _taus(self, shape: Shape) -> Floats:
+    def _taus(self, shape: HeatProportions) -> Floats:
         """Time constants that are tried; the slower one of two is not longer than the longest record."""
         if shape.ratio == 1:
             return np.geomspace(_SHORTEST_S, max(_LONGEST * self.seconds, 2 * _SHORTEST_S), _TAUS)
@@ -283,7 +283,7 @@ class Search:
         shortest_s = max(_SHORTEST_S, _SHORTEST_FAST_S * shape.ratio)
         return np.geomspace(shortest_s, max(longest_s, 1.5 * shortest_s), _TAUS // 2)
 
-    def _fit(self, tau_s: float, shape: Shape, free: Floats, index: list[int]) -> WarmUpFit:
+    def _fit(self, tau_s: float, shape: HeatProportions, free: Floats, index: list[int]) -> WarmUpFit:
         model = _model(tau_s, shape)
         heats, starts = self.heats(model, free)
         beta, inverse, cost = self.solve(heats, index)
@@ -313,7 +313,7 @@ class Search:
         )
 
 
-def _model(tau_s: float, shape: Shape) -> ThermalModel:
+def _model(tau_s: float, shape: HeatProportions) -> ThermalModel:
     return ThermalModel(tau_s, 0.0, 1.0, 1.0, fast=shape.fast(tau_s))
 
 

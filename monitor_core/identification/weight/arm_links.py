@@ -29,7 +29,7 @@ from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart
-from monitor_core.identification.weight.link_energies import EnergyBalance, MotionSignals, Sum, link_energies
+from monitor_core.identification.weight.link_energies import AngleSum, EnergyBalance, MotionSignals, link_energies
 from monitor_core.identification.weight.weight_balance import (
     MIN_INCREASE,
     MOST_OTHERS,
@@ -201,7 +201,7 @@ def _values(term: Term, part: GridPart) -> Floats:
 _FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType({"cos": np.cos, "sin": np.sin, "": np.asarray})
 
 
-def _cosines_and_sines(*sums: Sum) -> list[Term]:
+def _cosines_and_sines(*sums: AngleSum) -> list[Term]:
     return [Term.product(Factor(function, angles)) for angles in sums for function in ("cos", "sin")]
 
 
@@ -223,7 +223,7 @@ class _LinkBalance(WeightBalance):
         self.carried: Term | None = None
         """A measured load that is tried as a factor of each weight: a load that varies would hide the weights"""
 
-    def cosines_and_sines(self, *sums: Sum) -> list[Term]:
+    def cosines_and_sines(self, *sums: AngleSum) -> list[Term]:
         """Cosine and sine of each of these sums of angles, also times the load that is carried, if any."""
         own = _cosines_and_sines(*sums)
         load = () if self.carried is None else self.carried.factors
@@ -282,13 +282,13 @@ class _LinkBalance(WeightBalance):
                 return
         self.coupled = before
 
-    def sums(self) -> list[Sum]:
+    def sums(self) -> list[AngleSum]:
         """Sums of angles, added one by one as long as the next one reduces the error.
 
         Two links may hide each other, so pairs are tried if no single sum explains enough.  A sum that was chosen
         before a later one is exchanged if another one is better together with that.
         """
-        chosen = list[Sum]()
+        chosen = list[AngleSum]()
         left = self.error(())
         while len(chosen) < _MOST_SUMS:
             best, least = self._best(chosen)
@@ -307,9 +307,9 @@ class _LinkBalance(WeightBalance):
                     chosen, left = [*others, best], least
         return chosen
 
-    def _best(self, chosen: Sequence[Sum]) -> tuple[Sum, float]:
+    def _best(self, chosen: Sequence[AngleSum]) -> tuple[AngleSum, float]:
         """The sum that explains most in addition to others, and the error; of few angles, if possible."""
-        best: Sum = ()
+        best: AngleSum = ()
         least = np.inf
         for count in range(MOST_OTHERS + 1):
             tried = [angles for angles in self._sums(count) if angles not in chosen]
@@ -318,7 +318,7 @@ class _LinkBalance(WeightBalance):
                 least, best = min(with_it), tried[int(np.argmin(with_it))]
         return best, least
 
-    def _sums(self, count: int) -> Iterator[Sum]:
+    def _sums(self, count: int) -> Iterator[AngleSum]:
         """Sums of the own angle and so many others: a plus sign for the first one, either sign for the others."""
         others = [name for name in self._angles if name != self._own]
         for names in combinations(others, count):

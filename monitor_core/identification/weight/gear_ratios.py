@@ -23,7 +23,7 @@ from monitor_core.identification.torque_balance.torque_windows import (
     of_unit_length,
     residual_torque,
 )
-from monitor_core.identification.weight.link_energies import Sum
+from monitor_core.identification.weight.link_energies import AngleSum
 from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 
 _TURNS = np.geomspace(0.3, 2 * np.pi, 40)
@@ -68,7 +68,7 @@ def gear_ratios(
     return {name: ratios[name] for name in turns}
 
 
-_RatioFit = tuple[dict[str, float], list[Sum], float]
+_RatioFit = tuple[dict[str, float], list[AngleSum], float]
 """Ratios of the used angles, their sums, and the unexplained part of the squared torque"""
 
 
@@ -97,16 +97,16 @@ class _RatioSearch:
         """Candidates of the ratio of an angle."""
         return _TURNS / self.extent(name) if unknown else np.ones(1)
 
-    def phase(self, ratios: Mapping[str, float], angles: Sum) -> Floats:
+    def phase(self, ratios: Mapping[str, float], angles: AngleSum) -> Floats:
         """A sum of angles (M,), rad."""
         return np.asarray(sum(sign * ratios[name] * self.angles[name] for sign, name in angles))
 
-    def columns(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
+    def columns(self, ratios: Mapping[str, float], sums: Sequence[AngleSum]) -> Floats:
         """Columns that are fitted to the torque: one mass with friction and couplings, cosine and sine of each sum."""
         phases = [self.phase(ratios, angles) for angles in sums]
         return np.column_stack([self.rows, *(wave(p) for p in phases for wave in (np.cos, np.sin))])
 
-    def missed(self, ratios: Mapping[str, float], sums: Sequence[Sum]) -> Floats:
+    def missed(self, ratios: Mapping[str, float], sums: Sequence[AngleSum]) -> Floats:
         """The torque (M,) that these ratios do not explain."""
         return residual_torque(self.columns(ratios, sums), self.torque)
 
@@ -122,7 +122,7 @@ class _RatioSearch:
         best = int(np.argmax(explained))
         return best, float(e @ e - explained[best])
 
-    def refined(self, ratios: dict[str, float], sums: list[Sum], free: Sequence[str]) -> _RatioFit:
+    def refined(self, ratios: dict[str, float], sums: list[AngleSum], free: Sequence[str]) -> _RatioFit:
         """Refine the ratios so that the unexplained torque is least."""
 
         def ratios_at(x: Floats) -> dict[str, float]:
@@ -148,7 +148,7 @@ def _with_another(
     other: str,
     motors: Collection[str],
     ratios: Mapping[str, float],
-    sums: Sequence[Sum],
+    sums: Sequence[AngleSum],
 ) -> _RatioFit:
     """A further angle, in a sum with all used so far; with the first one, the own ratio is searched again."""
     beside = [name for name in ratios if name != own]

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from monitor_core.drive.signal_terms import Factor, Product, Term
+from monitor_core.drive.signal_terms import Factor, SignalProduct, Term
 from monitor_core.identification.torque_balance.torque_windows import WINDOWS, GridPart
 from monitor_core.identification.weight.weight_balance import MIN_INCREASE, MOST_OTHERS, WeightBalance
 
@@ -47,7 +47,7 @@ _CLEARLY_LESS = 0.95
 _DETERMINED = 1e-10
 """Singular values of the normal equations below this share of the largest are left out."""
 
-Sum = tuple[tuple[int, str], ...]
+AngleSum = tuple[tuple[int, str], ...]
 """A sum of angles, by the names of their signals, each with a whole factor; of a weight that is its sign"""
 
 
@@ -68,7 +68,7 @@ class Energy(NamedTuple):
 
     axes: tuple[str, ...]
     function: str
-    angles: Sum
+    angles: AngleSum
     load: str = ""
 
     def torque(self, own: str, signals: Mapping[str, MotionSignals]) -> Term:
@@ -85,13 +85,13 @@ class Energy(NamedTuple):
         if own not in self.axes:
             number = -sign * float(np.sign(self.times(own)))
             speeds = (Factor("square", ((1, signals[j].speed),)),) if j == k else _speeds(signals, j, k)
-            return Term((Product((*load, *speeds, slope), number),))
+            return Term((SignalProduct((*load, *speeds, slope), number),))
         other = k if j == own else j
         factors = (*load, _signal(signals[other].acceleration), *((f,) if self.angles else ()))
-        parts = [Product(factors)]
+        parts = [SignalProduct(factors)]
         for n, angle in self.angles:
             if angle != own:  # its part of the rate cancels with dE / dq
-                parts.append(Product((*load, *_speeds(signals, other, angle), slope), float(sign * n)))
+                parts.append(SignalProduct((*load, *_speeds(signals, other, angle), slope), float(sign * n)))
         return Term(tuple(parts))
 
     def function_values(self, part: GridPart) -> tuple[Floats, Floats]:
@@ -205,7 +205,7 @@ class EnergyBalance(WeightBalance):
         self._usual = self.rows.shape[1] + self.given
         halves = ((rows[half], self.torque[half]) for half in self.halves)
         self._normal = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
-        by_sum = dict[tuple[tuple[str, ...], Sum, str], list[int]]()
+        by_sum = dict[tuple[tuple[str, ...], AngleSum, str], list[int]]()
         for index, energy in enumerate(self.energies):
             by_sum.setdefault((energy.axes, energy.angles, energy.load), []).append(index)
         self.same_sum = list(by_sum.values())
@@ -286,7 +286,7 @@ def _candidates(own: str, angles: Sequence[str], beside: Sequence[str]) -> Itera
     yield from (Energy((own, axis), "cos", ()) for axis in beside)
 
 
-def _sums(angles: Sequence[str], most: int, most_times: int = _MOST_OF_ANGLE) -> Iterator[Sum]:
+def _sums(angles: Sequence[str], most: int, most_times: int = _MOST_OF_ANGLE) -> Iterator[AngleSum]:
     """Sums of up to so many angles, each so many times at most, with a plus sign for the first one."""
     for count in range(1, most + 1):
         for names in combinations(angles, count):

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE
-from monitor_core.modeling.components.fragments import Builder, Fragment, Linear, der
+from monitor_core.modeling.components.fragments import Builder, Fragment, LinearForm, der
 from monitor_core.modeling.flat import CONSTANT, Origin
 from monitor_core.modeling.laurent import Laurent
 
@@ -40,7 +40,7 @@ class Role:
 
 
 @dataclass(frozen=True, slots=True)
-class Kind:
+class ComponentKind:
     """A kind of component: its connectors, its parameters, and ``physics``, which writes its equations."""
 
     name: str
@@ -55,7 +55,7 @@ class Kind:
         return {role.name: role for role in self.roles}[name]
 
 
-def fragment(kind: Kind, name: str, parameters: Mapping[str, Laurent], origin: Origin) -> Fragment:
+def fragment(kind: ComponentKind, name: str, parameters: Mapping[str, Laurent], origin: Origin) -> Fragment:
     """Variables, equations, inputs and sensors of a component, all named "<name>.<what>"; all roles have parameters.
 
     A signal into the component is a variable here; the ``tau`` of a torque without a connection is the measured one:
@@ -66,7 +66,7 @@ def fragment(kind: Kind, name: str, parameters: Mapping[str, Laurent], origin: O
     return builder.fragment
 
 
-_ZERO = Linear({})
+_ZERO = LinearForm({})
 
 # --- masses and what joins them ------------------------------------------------------------------------
 
@@ -87,7 +87,7 @@ def _fixed(c: Builder) -> None:
     c.equal(c.flange("flange").phi, _ZERO)
 
 
-def _compliant(c: Builder) -> tuple[Linear, Linear]:
+def _compliant(c: Builder) -> tuple[LinearForm, LinearForm]:
     """The deflection, and the torque from flange_b to flange_a."""
     at_a, at_b = c.flange("flange_a"), c.flange("flange_b")
     phi_rel = c.variable("phi_rel", "rad", relative=True)
@@ -98,7 +98,7 @@ def _compliant(c: Builder) -> tuple[Linear, Linear]:
     return phi_rel, tau
 
 
-def _relative_speed(c: Builder, phi_rel: Linear) -> Linear:
+def _relative_speed(c: Builder, phi_rel: LinearForm) -> LinearForm:
     w_rel, a_rel = c.variable("w_rel", "rad/s"), c.variable("a_rel", "rad/s^2")
     c.equal(w_rel, der(phi_rel))
     c.equal(a_rel, der(w_rel))
@@ -191,24 +191,24 @@ _TAU0 = Role("tau0", "N m", "torque offset")
 _KT = Role("kT", "1", "torque constant", positive=True)
 _K = Role("k", "", "gain")
 
-COMPONENT_KINDS: Mapping[str, Kind] = MappingProxyType(
+COMPONENT_KINDS: Mapping[str, ComponentKind] = MappingProxyType(
     {
         kind.name: kind
         for kind in (
-            Kind("inertia", _BOTH, (_J,), _inertia),
-            Kind("fixed", _ONE, (), _fixed),
-            Kind("spring", _BOTH, (_C,), _spring),
-            Kind("damper", _BOTH, (_D,), _damper),
-            Kind("spring-damper", _BOTH, (_C, _D), _spring_damper),
-            Kind("ideal-gear", _BOTH, (_RATIO,), _ideal_gear),
-            Kind("viscous-friction", _ONE, (_VISCOUS,), _viscous_friction),
-            Kind("coulomb-friction", _ONE, (_FC,), _coulomb_friction),
-            Kind("gravity", _ONE, (_GC, _GS), _gravity),
-            Kind("torque-offset", _ONE, (_TAU0,), _torque_offset),
-            Kind("torque", _ONE, (_KT,), _torque, signals_in=("tau",)),
-            Kind("speed-sensor", _ONE, (), _speed_sensor, signals_out=("w",)),
-            Kind("angle-sensor", _ONE, (), _angle_sensor, signals_out=("phi",)),
-            Kind("gain", (), (_K,), _gain, signals_in=("u",), signals_out=("y",)),
+            ComponentKind("inertia", _BOTH, (_J,), _inertia),
+            ComponentKind("fixed", _ONE, (), _fixed),
+            ComponentKind("spring", _BOTH, (_C,), _spring),
+            ComponentKind("damper", _BOTH, (_D,), _damper),
+            ComponentKind("spring-damper", _BOTH, (_C, _D), _spring_damper),
+            ComponentKind("ideal-gear", _BOTH, (_RATIO,), _ideal_gear),
+            ComponentKind("viscous-friction", _ONE, (_VISCOUS,), _viscous_friction),
+            ComponentKind("coulomb-friction", _ONE, (_FC,), _coulomb_friction),
+            ComponentKind("gravity", _ONE, (_GC, _GS), _gravity),
+            ComponentKind("torque-offset", _ONE, (_TAU0,), _torque_offset),
+            ComponentKind("torque", _ONE, (_KT,), _torque, signals_in=("tau",)),
+            ComponentKind("speed-sensor", _ONE, (), _speed_sensor, signals_out=("w",)),
+            ComponentKind("angle-sensor", _ONE, (), _angle_sensor, signals_out=("phi",)),
+            ComponentKind("gain", (), (_K,), _gain, signals_in=("u",), signals_out=("y",)),
         )
     }
 )

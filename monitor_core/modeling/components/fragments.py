@@ -10,36 +10,36 @@ from monitor_core.modeling.flat import FlatEquation, FlatInput, FlatSensor, Flat
 from monitor_core.modeling.laurent import Laurent
 
 
-class Linear:
+class LinearForm:
     """An immutable sum of coefficient * d^k variable / dt^k; terms of coefficient zero are left out."""
 
     def __init__(self, terms: Mapping[Symbol, Laurent]) -> None:
         self.terms: dict[Symbol, Laurent] = {symbol: c for symbol, c in terms.items() if c}
 
     @classmethod
-    def variable(cls, name: str) -> Linear:
+    def variable(cls, name: str) -> LinearForm:
         """The variable itself."""
         return cls({(name, 0): Laurent.number(1)})
 
-    def __neg__(self) -> Linear:
-        return Linear({symbol: -c for symbol, c in self.terms.items()})
+    def __neg__(self) -> LinearForm:
+        return LinearForm({symbol: -c for symbol, c in self.terms.items()})
 
-    def __add__(self, other: Linear) -> Linear:
+    def __add__(self, other: LinearForm) -> LinearForm:
         terms = dict(self.terms)
         for symbol, c in other.terms.items():
             terms[symbol] = terms.get(symbol, Laurent()) + c
-        return Linear(terms)
+        return LinearForm(terms)
 
-    def __sub__(self, other: Linear) -> Linear:
+    def __sub__(self, other: LinearForm) -> LinearForm:
         return self + -other
 
-    def __mul__(self, factor: Laurent) -> Linear:
-        return Linear({symbol: c * factor for symbol, c in self.terms.items()})
+    def __mul__(self, factor: Laurent) -> LinearForm:
+        return LinearForm({symbol: c * factor for symbol, c in self.terms.items()})
 
 
-def der(quantity: Linear) -> Linear:
+def der(quantity: LinearForm) -> LinearForm:
     """The derivative with respect to time; parameters are constant."""
-    return Linear({(name, order + 1): c for (name, order), c in quantity.terms.items()})
+    return LinearForm({(name, order + 1): c for (name, order), c in quantity.terms.items()})
 
 
 # --- The part of a component in the flat model ------------------------------------------------------------------------
@@ -81,8 +81,8 @@ def join(fragments: Iterable[Fragment]) -> Fragment:
 class Flange:
     """Angle, and the torque that acts on the component."""
 
-    phi: Linear
-    tau: Linear
+    phi: LinearForm
+    tau: LinearForm
 
 
 class Builder:
@@ -95,28 +95,28 @@ class Builder:
     def __getitem__(self, role: str) -> Laurent:
         return self.parameters[role]
 
-    def variable(self, name: str, unit: str, prefer: bool = False, relative: bool = False) -> Linear:
+    def variable(self, name: str, unit: str, prefer: bool = False, relative: bool = False) -> LinearForm:
         """A new unknown, "<component>.<name>"."""
         new = FlatVariable(f"{self.name}.{name}", unit, prefer, relative, self.origin)
         self._add(Fragment(variables=(new,)))
-        return Linear.variable(new.name)
+        return LinearForm.variable(new.name)
 
     def flange(self, name: str) -> Flange:
         """A new flange: two unknowns, "<component>.<name>.phi" and ".tau"."""
         return Flange(self.variable(f"{name}.phi", "rad"), self.variable(f"{name}.tau", "N m"))
 
-    def input(self, name: str, kind: int, angle: str = "") -> Linear:
+    def input(self, name: str, kind: int, angle: str = "") -> LinearForm:
         """A known signal of a kind of monitor_core.kernel.tables; ``angle`` is an unknown of this component."""
         new = FlatInput(name, kind, angle and f"{self.name}.{angle}", self.origin)
         self._add(Fragment(inputs=(new,)))
-        return Linear.variable(name)
+        return LinearForm.variable(name)
 
     def sensor(self, angle: str, quantity: str) -> None:
         """Make the component a sensor of "speed" or "angle" for its unknown ``angle``."""
         new = FlatSensor(self.name, f"{self.name}.{angle}", quantity, self.origin)
         self._add(Fragment(sensors=(new,)))
 
-    def equal(self, left: Linear, right: Linear) -> None:
+    def equal(self, left: LinearForm, right: LinearForm) -> None:
         """Add the equation left = right."""
         new = FlatEquation((left - right).terms, self.origin)
         self._add(Fragment(equations=(new,)))
@@ -180,10 +180,10 @@ def _equations(joint: Joint) -> Iterator[FlatEquation]:
     """n - 1 equalities of angles and one sum of torques."""
     first, *others = joint.ends
     for end in others:
-        equal = Linear.variable(f"{first.flange}.phi") - Linear.variable(f"{end.flange}.phi")
+        equal = LinearForm.variable(f"{first.flange}.phi") - LinearForm.variable(f"{end.flange}.phi")
         yield FlatEquation(equal.terms, joint.origin)
-    torques = Linear({})
+    torques = LinearForm({})
     for end in joint.ends:
-        tau = Linear.variable(f"{end.flange}.tau")
+        tau = LinearForm.variable(f"{end.flange}.tau")
         torques = torques - tau if end.outside else torques + tau
     yield FlatEquation(torques.terms, joint.origin)

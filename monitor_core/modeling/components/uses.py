@@ -7,7 +7,7 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import NamedTuple
 
-from monitor_core.modeling.components.component_kinds import Kind, Role, fragment
+from monitor_core.modeling.components.component_kinds import ComponentKind, Role, fragment
 from monitor_core.modeling.components.fragments import Fragment
 from monitor_core.modeling.components.units import ONE, Dimension, parse
 from monitor_core.modeling.flat import ModelError, Origin
@@ -41,13 +41,13 @@ class Use(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class DriveComponent:
     """A component in a drive: its kind, its name, its parameters by role, where it is drawn, and where its flanges are.
 
     ``uses``: of its parameters, for their units and signs.  ``nodes``: parts at one node are connected there.
     """
 
-    kind: Kind
+    kind: ComponentKind
     name: str
     parameters: Mapping[str, Laurent]
     origin: Origin

@@ -15,7 +15,7 @@ from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.elimination.balances import balances_of
 from monitor_core.modeling.elimination.minimal import Reduction
 from monitor_core.modeling.elimination.pruning import hidden, pruned
-from monitor_core.modeling.elimination.substitution import System
+from monitor_core.modeling.elimination.substitution import EquationSystem
 from monitor_core.modeling.flat import FlatModel, ModelError
 from monitor_core.modeling.laurent import NotLaurentError
 from monitor_core.modeling.statespace import StateSpace
@@ -34,7 +34,7 @@ def eliminate(flat: FlatModel, output: Output | None = None) -> StateSpace:
         raise ModelError("nothing is measured: draw a speed sensor or an angle sensor", flat.origin)
     sensors = tuple(replace(s, quantity=output or s.quantity) for s in flat.sensors)
     try:
-        system = System(flat)
+        system = EquationSystem(flat)
         ss = pruned(Reduction(flat, sensors, system, balances_of(system)), system)
     except NotLaurentError as error:
         raise ModelError(

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 from monitor_core.modeling.elimination.substitution import (
     ANGLE,
+    EquationSystem,
     Line,
     Row,
-    System,
     add_multiple,
     degree,
     substitute_all,
@@ -19,7 +19,7 @@ from monitor_core.modeling.elimination.substitution import (
 from monitor_core.modeling.flat import ModelError
 from monitor_core.modeling.laurent import Laurent
 
-Sum = dict[tuple[str, int], Laurent]
+BalanceSum = dict[tuple[str, int], Laurent]
 """(angle, power of s) or (input, 0) -> coefficient."""
 
 
@@ -27,12 +27,12 @@ Sum = dict[tuple[str, int], Laurent]
 class Balances:
     """Explicit derivatives.  ``masses``: phi_j -> s^2 phi_j; ``massless``: phi_l -> s phi_l."""
 
-    masses: dict[str, Sum]
-    massless: dict[str, Sum]
-    watched: dict[str, Sum]
+    masses: dict[str, BalanceSum]
+    massless: dict[str, BalanceSum]
+    watched: dict[str, BalanceSum]
 
 
-def balances_of(system: System) -> Balances:
+def balances_of(system: EquationSystem) -> Balances:
     """Substitute, then solve for the highest derivatives."""
     while True:
         substitute_all(system)
@@ -46,7 +46,7 @@ def balances_of(system: System) -> Balances:
         _check_progress(system, left)
 
 
-def _solve_for(system: System, power: int, names: list[str], used: Collection[int]) -> dict[str, int]:
+def _solve_for(system: EquationSystem, power: int, names: list[str], used: Collection[int]) -> dict[str, int]:
     """Row operations until each of the found names has s^power in one row only: name -> that row."""
     found: dict[str, int] = {}
     free = [k for k in range(len(system.lines)) if k not in used]
@@ -69,7 +69,7 @@ def _solve_for(system: System, power: int, names: list[str], used: Collection[in
     return found
 
 
-def _check_shape(system: System) -> None:
+def _check_shape(system: EquationSystem) -> None:
     names, equations = system.unknowns(), len(system.lines)
     for name in names:
         if system.orders[name] != ANGLE:
@@ -89,7 +89,7 @@ def _check_shape(system: System) -> None:
         )
 
 
-def _check_progress(system: System, left: list[Line]) -> None:
+def _check_progress(system: EquationSystem, left: list[Line]) -> None:
     """Check that rows without a derivative are solvable: substitution continues with those free of s now."""
     for line in left:
         if any(degree(operator) for operator in line.row.values()):
@@ -108,7 +108,7 @@ def _check_progress(system: System, left: list[Line]) -> None:
             )
 
 
-def _explicit(system: System, masses: dict[str, int], massless: dict[str, int]) -> Balances:
+def _explicit(system: EquationSystem, masses: dict[str, int], massless: dict[str, int]) -> Balances:
     accelerations = {name: _solved(system.lines[k].row, name, 2) for name, k in masses.items()}
     speeds = {name: _solved(system.lines[k].row, name, 1) for name, k in massless.items()}
     for name, total in [*accelerations.items(), *speeds.items()]:
@@ -119,11 +119,11 @@ def _explicit(system: System, masses: dict[str, int], massless: dict[str, int]) 
     return Balances(accelerations, speeds, {name: _flatten(row) for name, row in system.watched.items()})
 
 
-def _solved(row: Row, name: str, power: int) -> Sum:
+def _solved(row: Row, name: str, power: int) -> BalanceSum:
     """The row solved for s^power of the name."""
     c = row[name][power]
     return {key: -(a / c) for key, a in _flatten(row).items() if key != (name, power)}
 
 
-def _flatten(row: Row) -> Sum:
+def _flatten(row: Row) -> BalanceSum:
     return {(name, power): a for name, operator in row.items() for power, a in operator.items()}

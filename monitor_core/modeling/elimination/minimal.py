@@ -10,8 +10,8 @@ from collections.abc import Iterable, Mapping
 from typing import TypeVar
 
 from monitor_core.drive.structure import Quantity
-from monitor_core.modeling.elimination.balances import Balances, Sum
-from monitor_core.modeling.elimination.substitution import System
+from monitor_core.modeling.elimination.balances import Balances, BalanceSum
+from monitor_core.modeling.elimination.substitution import EquationSystem
 from monitor_core.modeling.flat import FlatModel, FlatSensor, ModelError
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 
@@ -32,7 +32,9 @@ class Reduction:
     of each speed, by the angle of its inertia.
     """
 
-    def __init__(self, flat: FlatModel, sensors: tuple[FlatSensor, ...], system: System, balances: Balances) -> None:
+    def __init__(
+        self, flat: FlatModel, sensors: tuple[FlatSensor, ...], system: EquationSystem, balances: Balances
+    ) -> None:
         self.flat, self.sensors, self.balances = flat, sensors, balances
         self.inputs = tuple(sorted(flat.inputs, key=lambda u: u.kind))
         declared = {v.name: k for k, v in enumerate(flat.variables)}
@@ -81,7 +83,7 @@ class Reduction:
         C, D = Dense(), Dense()
         for k, sensor in enumerate(self.sensors):
             angle = self.angle_of(sensor.angle)
-            absolute: Sum = {(name, 0): c for name, c in angle.items()}
+            absolute: BalanceSum = {(name, 0): c for name, c in angle.items()}
             self._put(C, D, k, absolute if sensor.quantity == "angle" else self._speed(angle))
         if D:
             raise ModelError(
@@ -90,15 +92,15 @@ class Reduction:
             )
         return C
 
-    def _speed(self, angle: Angles) -> Sum:
+    def _speed(self, angle: Angles) -> BalanceSum:
         """The derivative of a combination of angles."""
-        total: Sum = {}
+        total: BalanceSum = {}
         for name, c in angle.items():
             massless = self.balances.massless.get(name)
             total = _plus(total, {(name, 1): Laurent.number(1)} if massless is None else massless, c)
         return total
 
-    def _put(self, A: Dense, B: Dense, row: int, total: Sum) -> None:
+    def _put(self, A: Dense, B: Dense, row: int, total: BalanceSum) -> None:
         """Write a derivative, a sum over speeds, angles and inputs, into a row of A and B."""
         coordinates, rest = self.positions.express(_angles_of(total, self.order))
         assert not rest  # the balances depend only on combinations of the deflections
@@ -186,7 +188,7 @@ def _plus(left: Mapping[K, Laurent], right: Mapping[K, Laurent], factor: Laurent
     return out
 
 
-def _angles_of(total: Sum, names: Iterable[str]) -> Angles:
+def _angles_of(total: BalanceSum, names: Iterable[str]) -> Angles:
     """The part of a sum that depends on angles themselves."""
     return {name: total[name, 0] for name in names if (name, 0) in total}
 

@@ -7,14 +7,14 @@ from monitor_core.arrays import Ints
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.elimination.minimal import Angles, Dense, Reduction
-from monitor_core.modeling.elimination.substitution import System, needed
+from monitor_core.modeling.elimination.substitution import EquationSystem, needed
 from monitor_core.modeling.flat import FlatParameter, ModelError
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modular import krylov_basis, null_space, points_of, residues
-from monitor_core.modeling.statespace import Definition, Report, StateSpace
+from monitor_core.modeling.statespace import Report, StateSpace, SymbolicDefinition
 
 
-def pruned(reduction: Reduction, system: System) -> StateSpace:
+def pruned(reduction: Reduction, system: EquationSystem) -> StateSpace:
     """The state space of the part that the inputs move and the sensors observe.
 
     Raises:
@@ -56,7 +56,7 @@ def pruned(reduction: Reduction, system: System) -> StateSpace:
         speed_states=tuple(_speed_state(reduction, sensor.angle, kept) for sensor in reduction.sensors),
         parameters=parameters_of(flat.parameters, definitions, occurring),
         drawn=flat.parameters,
-        definitions=tuple(Definition(name, value) for name, value in definitions.items()),
+        definitions=tuple(SymbolicDefinition(name, value) for name, value in definitions.items()),
         report=Report(len(flat.equations), system.flat_states, equations),
         notes=_notes(reduction, kept, acting, definitions, occurring),
     )

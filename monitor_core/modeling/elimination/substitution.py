@@ -61,7 +61,7 @@ class Line:
     kinematic: bool = False
 
 
-class System:
+class EquationSystem:
     """The remaining equations, and observed rows: name -> row that expresses a variable of interest.
 
     ``far``: number of equations between each variable and the motor torque.  ``stiff``: relative angles of springs,
@@ -152,7 +152,7 @@ def distances(rows: Iterable[Row], sources: Sequence[str]) -> dict[str, int]:
 # --- Substitution -----------------------------------------------------------------------------------------------------
 
 
-def substitute_all(system: System) -> None:
+def substitute_all(system: EquationSystem) -> None:
     """Substitute until no row determines a variable any more; shortest rows first."""
     _Substitution(system).run()
     system.lines = [line for line in system.lines if line.row]
@@ -161,7 +161,7 @@ def substitute_all(system: System) -> None:
 class _Substitution:
     """Substitution in a system.  ``where``: rows in which each variable occurs; ``version``: changes of each row."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: EquationSystem) -> None:
         self.system = system
         self.rows = system.rows()
         self.alive = set(range(len(system.lines)))
@@ -218,7 +218,7 @@ class _Substitution:
         return sorted(i for i in affected if i in self.alive)
 
 
-def _pivots(system: System, row: Row) -> list[str]:
+def _pivots(system: EquationSystem, row: Row) -> list[str]:
     """The variables that the row may be solved for, best first: divided by numbers, far from the motor."""
     worth = {name: degree(op) + system.orders[name] for name, op in row.items()}
     highest = max(worth.values(), default=0)
@@ -230,7 +230,7 @@ def _pivots(system: System, row: Row) -> list[str]:
     return sorted(candidates, key=lambda name: (not row[name][0].is_number, system.keep[name]))
 
 
-def _check(line: Line, system: System) -> None:
+def _check(line: Line, system: EquationSystem) -> None:
     unknown = [name for name in line.row if name not in system.inputs]
     if line.row and not unknown:
         raise ModelError("its equations contradict each other: a torque acts where nothing can balance it", line.origin)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Ints
-from monitor_core.modeling.identifiability.jacobian import Sample, gradient, gradients, samples_of, union
+from monitor_core.modeling.identifiability.jacobian import GradientSample, gradient, gradients, samples_of, union
 from monitor_core.modeling.identifiability.lattice import Vector, agreed, components, short_basis
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modular import inverse, null_space, product, rank
@@ -41,7 +41,7 @@ def by_unit(unit: str, order: Sequence[str]) -> int:
 def combinations_of(
     ss: StateSpace,
     free: Sequence[str],
-    samples: Sequence[Sequence[Sample]],
+    samples: Sequence[Sequence[GradientSample]],
     rng: np.random.Generator,
     inputs: Sequence[int],
 ) -> list[tuple[str, frozenset[str]]]:
@@ -62,11 +62,11 @@ def combinations_of(
 
 
 def _named(
-    ss: StateSpace, coordinates: Sequence[Coordinate], samples: Sequence[Sequence[Sample]]
+    ss: StateSpace, coordinates: Sequence[Coordinate], samples: Sequence[Sequence[GradientSample]]
 ) -> list[tuple[str, frozenset[str]]]:
     order = sorted(range(len(coordinates)), key=lambda j: (by_unit(coordinates[j].unit, _BELOW), j))
     unit = tuple(map(tuple, np.eye(len(coordinates), dtype=np.int64).tolist()))
-    frame = Frame(tuple(c.text for c in coordinates), unit, tuple(order), samples)
+    frame = CoordinateGradients(tuple(c.text for c in coordinates), unit, tuple(order), samples)
     first = [some[0] for some in samples]
     found = list(products(with_sums(frame), first[0]))
     texts = {c.name: c.text for c in coordinates}
@@ -104,7 +104,7 @@ def _expanded(value: Laurent, sums: Mapping[str, Laurent]) -> Laurent:
 
 
 @dataclass(frozen=True)
-class Frame:
+class CoordinateGradients:
     """Coordinates by their texts, and their gradients at random points, for each prime.
 
     ``forms``: each coordinate as a sum of the first ones.  ``order``: which of them stand below the fraction stroke,
@@ -114,7 +114,7 @@ class Frame:
     texts: tuple[str, ...]
     forms: tuple[Vector, ...]
     order: tuple[int, ...]
-    samples: Sequence[Sequence[Sample]]
+    samples: Sequence[Sequence[GradientSample]]
 
     @property
     def primes(self) -> list[int]:
@@ -134,7 +134,7 @@ class Combination:
     slope: Callable[[], Ints]
 
 
-def with_sums(frame: Frame) -> Frame:
+def with_sums(frame: CoordinateGradients) -> CoordinateGradients:
     """The frame with sums in place of coordinates that are identifiable only as a sum; hidden coordinates removed."""
     bases = [union([s.plain for s in some], some) for some in frame.samples]
     forms = agreed(bases, frame.primes)
@@ -143,20 +143,20 @@ def with_sums(frame: Frame) -> Frame:
     first = [min(frame.order.index(j) for j, c in enumerate(form) if c) for form in forms]
     samples = [[_in_forms(s, forms) for s in some] for some in frame.samples]
     texts = tuple(_sum(form, frame.texts) for form in forms)
-    return Frame(texts, forms, tuple(np.argsort(first).tolist()), samples)
+    return CoordinateGradients(texts, forms, tuple(np.argsort(first).tolist()), samples)
 
 
-def _in_forms(sample: Sample, forms: Sequence[Vector]) -> Sample:
+def _in_forms(sample: GradientSample, forms: Sequence[Vector]) -> GradientSample:
     """The sample in terms of the linear forms; the first column of each form occurs in no other form."""
     prime = sample.prime
     leading = [next(j for j, c in enumerate(form) if c) for form in forms]
     multiples = np.array([form[j] for form, j in zip(forms, leading, strict=True)], dtype=np.int64)
     values = product(np.array(forms, dtype=np.int64) % prime, sample.values[:, None], prime)[:, 0]
     plain = sample.plain[:, leading] * inverse(multiples % prime, prime) % prime
-    return Sample(sample.point, values, plain * values % prime)
+    return GradientSample(sample.point, values, plain * values % prime)
 
 
-def products(frame: Frame, first: Sample) -> Iterator[Combination]:
+def products(frame: CoordinateGradients, first: GradientSample) -> Iterator[Combination]:
     """Products of powers of the coordinates that are seen; also those that are seen by themselves.
 
     ``first``: the first sample, in the first coordinates.
@@ -171,7 +171,7 @@ def products(frame: Frame, first: Sample) -> Iterator[Combination]:
             yield _product(tuple(vector.get(j, 0) for j in range(len(frame.texts))), frame, first)
 
 
-def _product(vector: Vector, frame: Frame, first: Sample) -> Combination:
+def _product(vector: Vector, frame: CoordinateGradients, first: GradientSample) -> Combination:
     powers = {frame.texts[j]: e for j, e in enumerate(vector) if e}
     alone = list(powers.values()) == [1]  # then no brackets are needed
     text = next(iter(powers)) if alone else str(Laurent([(tuple(sorted(powers.items())), Fraction(1))]))
@@ -180,7 +180,7 @@ def _product(vector: Vector, frame: Frame, first: Sample) -> Combination:
     return Combination(text, frozenset(columns), slope)
 
 
-def _slope(vector: Vector, forms: Sequence[Vector], first: Sample, sample: Sample) -> Ints:
+def _slope(vector: Vector, forms: Sequence[Vector], first: GradientSample, sample: GradientSample) -> Ints:
     """sum of e_j dlog(form_j), form_j = sum of c_ij theta_i, by the logarithms of theta."""
     prime = first.prime
     weights = np.array(vector, dtype=np.int64) % prime * inverse(sample.values, prime) % prime
@@ -189,7 +189,7 @@ def _slope(vector: Vector, forms: Sequence[Vector], first: Sample, sample: Sampl
 
 
 def entries_seen(
-    ss: StateSpace, coordinates: Sequence[str], texts: Mapping[str, str], first: Sequence[Sample]
+    ss: StateSpace, coordinates: Sequence[str], texts: Mapping[str, str], first: Sequence[GradientSample]
 ) -> Iterator[Combination]:
     """Identifiable entries of A, B and C, and sums in them; simple ones first."""
     candidates = {_positive(e) for M in (ss.A, ss.B, ss.C) for e in M.values()}
@@ -204,7 +204,7 @@ def entries_seen(
             yield Combination(text, columns, partial(_entry_slope, ss, entry, coordinates, first[0]))
 
 
-def _entry_slope(ss: StateSpace, entry: Laurent, coordinates: Sequence[str], sample: Sample) -> Ints:
+def _entry_slope(ss: StateSpace, entry: Laurent, coordinates: Sequence[str], sample: GradientSample) -> Ints:
     known = gradients(coordinates, ss.definitions, sample.point)
     return gradient(entry, known, len(coordinates), sample.point)
 

@@ -14,7 +14,7 @@ from monitor_core.arrays import Ints
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modular import (
     PRIMES,
-    Point,
+    ModularPoint,
     Seed,
     echelon,
     inverse,
@@ -23,20 +23,20 @@ from monitor_core.modeling.modular import (
     residue,
     terms_at,
 )
-from monitor_core.modeling.statespace import Definition, Entries, StateSpace
+from monitor_core.modeling.statespace import Entries, StateSpace, SymbolicDefinition
 
 Gradients = Mapping[str, Ints]
 """By name: derivatives (p,) of its logarithm with respect to the logarithms of the coordinates."""
 
 
 @dataclass(frozen=True)
-class Sample:
+class GradientSample:
     """Gradients at one point: ``values`` (p,) of the coordinates; ``seen`` (rank, p) spans the gradients.
 
     The gradients are those of the transfer function with respect to the logarithms of the coordinates.
     """
 
-    point: Point
+    point: ModularPoint
     values: Ints
     seen: Ints
 
@@ -56,7 +56,9 @@ class Sample:
         return np.asarray(self.seen * inverse(self.values, self.prime) % self.prime)
 
 
-def samples_of(ss: StateSpace, coordinates: Sequence[str], seed: Seed, inputs: Sequence[int]) -> list[list[Sample]]:
+def samples_of(
+    ss: StateSpace, coordinates: Sequence[str], seed: Seed, inputs: Sequence[int]
+) -> list[list[GradientSample]]:
     """For each prime, as many random points as it takes until no further one adds anything.
 
     ``coordinates`` are names of parameters, drawn or merged, that vary; all others are known, or follow from them.
@@ -68,25 +70,27 @@ def samples_of(ss: StateSpace, coordinates: Sequence[str], seed: Seed, inputs: S
 
 
 def _until_settled(
-    points: Iterator[Point], ss: StateSpace, coordinates: Sequence[str], inputs: Sequence[int]
-) -> list[Sample]:
-    found: list[Sample] = []
+    points: Iterator[ModularPoint], ss: StateSpace, coordinates: Sequence[str], inputs: Sequence[int]
+) -> list[GradientSample]:
+    found: list[GradientSample] = []
     spans, before = (-1, -1), (-2, -2)
     while spans != before and (point := next(points, None)):
         rows = markov_gradients(ss, gradients(coordinates, ss.definitions, point), point, inputs)
         values = np.array([point.values[name] for name in coordinates], dtype=np.int64)
-        found.append(Sample(point, values, echelon(rows, point.prime)[0]))
+        found.append(GradientSample(point, values, echelon(rows, point.prime)[0]))
         before = spans
         spans = (len(union([s.hidden for s in found], found)), len(union([s.plain for s in found], found)))
     return found
 
 
-def union(spaces: Sequence[Ints], samples: Sequence[Sample]) -> Ints:
+def union(spaces: Sequence[Ints], samples: Sequence[GradientSample]) -> Ints:
     """Sum of all the spaces, in echelon form."""
     return echelon(np.vstack(spaces), samples[0].prime)[0]
 
 
-def gradients(coordinates: Sequence[str], definitions: Sequence[Definition], point: Point) -> dict[str, Ints]:
+def gradients(
+    coordinates: Sequence[str], definitions: Sequence[SymbolicDefinition], point: ModularPoint
+) -> dict[str, Ints]:
     """The gradients of the logarithms of the coordinates, and of the parameters defined by them."""
     unit = np.eye(len(coordinates), dtype=np.int64)
     out = dict(zip(coordinates, unit, strict=True))
@@ -97,7 +101,7 @@ def gradients(coordinates: Sequence[str], definitions: Sequence[Definition], poi
     return out
 
 
-def gradient(entry: Laurent, known: Gradients, p: int, point: Point) -> Ints:
+def gradient(entry: Laurent, known: Gradients, p: int, point: ModularPoint) -> Ints:
     """The gradient (p,) of a Laurent sum with respect to the logarithms of the coordinates."""
     out = np.zeros(p, dtype=np.int64)
     for value, exponents in terms_at(entry, point):
@@ -110,7 +114,7 @@ def gradient(entry: Laurent, known: Gradients, p: int, point: Point) -> Ints:
 class _Varying:
     """A sparse matrix and its gradient, and what both make of a matrix that varies, too."""
 
-    def __init__(self, entries: Entries, rows: int, known: Gradients, p: int, point: Point) -> None:
+    def __init__(self, entries: Entries, rows: int, known: Gradients, p: int, point: ModularPoint) -> None:
         self.rows, self.prime = rows, point.prime
         places = sorted(entries)
         self.row, self.col = np.array(places, dtype=np.int64).reshape(-1, 2).T
@@ -136,7 +140,7 @@ class _Varying:
         return out
 
 
-def markov_gradients(ss: StateSpace, known: Gradients, point: Point, inputs: Sequence[int]) -> Ints:
+def markov_gradients(ss: StateSpace, known: Gradients, point: ModularPoint, inputs: Sequence[int]) -> Ints:
     """The gradients (rows, p) of C A^k B, k = 0 .. 2n - 1, all sensors and the given inputs."""
     n, p = len(ss.states), len(next(iter(known.values())))
     A = _Varying(ss.A, n, known, p, point)

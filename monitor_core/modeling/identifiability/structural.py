@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Ints
 from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.identifiability.combinations import by_unit, combinations_of
-from monitor_core.modeling.identifiability.jacobian import Sample, samples_of
+from monitor_core.modeling.identifiability.jacobian import GradientSample, samples_of
 from monitor_core.modeling.identifiability.lattice import components
 from monitor_core.modeling.modular import Seed, rank
 from monitor_core.modeling.statespace import StateSpace
@@ -70,7 +70,7 @@ def structural(
 
 
 def _sorted_out(
-    free: Sequence[FlatParameter], sample: Sample, combinations: Sequence[tuple[str, frozenset[str]]]
+    free: Sequence[FlatParameter], sample: GradientSample, combinations: Sequence[tuple[str, frozenset[str]]]
 ) -> Identifiability:
     """Sort the parameters into identifiable, groups and invisible, and assign the combinations to the groups."""
     names, hidden = [p.name for p in free], sample.hidden

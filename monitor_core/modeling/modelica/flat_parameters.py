@@ -5,17 +5,17 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from monitor_core.modeling.components.units import parse
-from monitor_core.modeling.components.uses import Part, Use, first_use, impossible, infer, sign_of
+from monitor_core.modeling.components.uses import DriveComponent, Use, first_use, impossible, infer, sign_of
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, FlatParameter, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modelica.parsing import is_parameter
-from monitor_core.modeling.modelica.values import Values, plain
+from monitor_core.modeling.modelica.values import ExpressionValues, plain
 
 
 def flat_parameters(
-    values: Values,
+    values: ExpressionValues,
     comments: Mapping[str, str],
-    parts: Sequence[Part],
+    parts: Sequence[DriveComponent],
     equations: Iterable[FlatEquation],
     known: Mapping[str, str],
 ) -> tuple[FlatParameter, ...]:
@@ -38,7 +38,7 @@ def flat_parameters(
     return tuple(_parameter(n, values, comments.get(n, ""), units.get(n, ""), every) for n in (*written, *of_tables))
 
 
-def _parameter(name: str, values: Values, meaning: str, unit: str, every: Sequence[Use]) -> FlatParameter:
+def _parameter(name: str, values: ExpressionValues, meaning: str, unit: str, every: Sequence[Use]) -> FlatParameter:
     symbol, value = values.symbols.get(name), values.nominal.get(name)
     uses = [use for use in every if name in use.value.names]
     if uses and not meaning:

@@ -12,8 +12,8 @@ from pymoca import ast
 from pymoca.tree import InstanceClass, InstanceSymbol, ModelicaError, flatten_instance, instantiate
 
 from monitor_core.kernel.tables import ONE
-from monitor_core.modeling.components.fragments import End, Fragment, Joint, Linear, connect, join
-from monitor_core.modeling.components.uses import Part
+from monitor_core.modeling.components.fragments import End, Fragment, Joint, LinearForm, connect, join
+from monitor_core.modeling.components.uses import DriveComponent
 from monitor_core.modeling.flat import (
     CONSTANT,
     FlatComponent,
@@ -28,8 +28,8 @@ from monitor_core.modeling.modelica.flat_parameters import flat_parameters, own_
 from monitor_core.modeling.modelica.leaves import Placed, bearing_joint, parts
 from monitor_core.modeling.modelica.library import BEARING, LEAVES, Leaf
 from monitor_core.modeling.modelica.parsing import is_parameter, place_of
-from monitor_core.modeling.modelica.signals import Signals
-from monitor_core.modeling.modelica.values import Values, plain
+from monitor_core.modeling.modelica.signals import SignalGroups
+from monitor_core.modeling.modelica.values import ExpressionValues, plain
 
 
 def flatten(root: ast.Tree, model: ast.Class) -> FlatModel:
@@ -55,8 +55,8 @@ class _Flattening:
         self.placed: list[Placed] = []
         self.flanges: list[str] = []
         self._visit(instance, "", place_of(model))
-        self.values = Values(flat.symbols, self.places, root)
-        self.parts: list[Part] = []
+        self.values = ExpressionValues(flat.symbols, self.places, root)
+        self.parts: list[DriveComponent] = []
         self.joints: list[Joint] = []
         for placed in self.placed:
             found = list(parts(placed, self.values))
@@ -64,7 +64,7 @@ class _Flattening:
             if placed.leaf.kind == BEARING:
                 self.joints.append(bearing_joint(placed, found))
         kinds = {p.path: p.leaf.kind for p in self.placed} | {p.name: p.kind.name for p in self.parts}
-        self.signals = Signals(_causality(instance), kinds, self.places)
+        self.signals = SignalGroups(_causality(instance), kinds, self.places)
         self.own: list[FlatEquation] = []
         self.equalities: list[FlatEquation] = []
         for equation in flat.equations:
@@ -115,7 +115,7 @@ class _Flattening:
             ends = (End(left, not clause._left_inner), End(right, not clause._right_inner))
             self.joints.append(Joint(left, ends, place))
         elif self.signals.connect(left, right):
-            equal = Linear.variable(left) - Linear.variable(right)
+            equal = LinearForm.variable(left) - LinearForm.variable(right)
             self.equalities.append(FlatEquation(equal.terms, place))
 
     def flat_model(self) -> FlatModel:

@@ -7,11 +7,11 @@ from pymoca import ast
 
 from monitor_core.modeling.components import COMPONENT_KINDS
 from monitor_core.modeling.components.fragments import End, Joint
-from monitor_core.modeling.components.uses import Part, Use
+from monitor_core.modeling.components.uses import DriveComponent, Use
 from monitor_core.modeling.flat import ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modelica.library import BEARING, REFUSED, SIGNAL_SOURCE, Leaf
-from monitor_core.modeling.modelica.values import Values, is_given, number_of, plain
+from monitor_core.modeling.modelica.values import ExpressionValues, is_given, number_of, plain
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Placed:
         return f"{self.path}.{name}"
 
 
-def parts(placed: Placed, values: Values) -> Iterator[Part]:
+def parts(placed: Placed, values: ExpressionValues) -> Iterator[DriveComponent]:
     """The parts of a library component: itself, except for friction by a table."""
     _check_refused(placed, values)
     if placed.leaf.kind == BEARING:
@@ -36,7 +36,7 @@ def parts(placed: Placed, values: Values) -> Iterator[Part]:
         yield _part(placed, values)
 
 
-def _part(placed: Placed, values: Values) -> Part:
+def _part(placed: Placed, values: ExpressionValues) -> DriveComponent:
     kind, leaf = COMPONENT_KINDS[placed.leaf.kind], placed.leaf
     parameters = {role: values.parameter(placed.inside(name)) for role, name in leaf.roles.items()}
     uses = tuple(
@@ -45,15 +45,15 @@ def _part(placed: Placed, values: Values) -> Part:
     )
     fixed = {role: Laurent.number(value) for role, value in leaf.fixed.items()}
     flanges = tuple(placed.inside(name) for name in kind.flanges)
-    return Part(kind, placed.path, {**parameters, **fixed}, placed.origin, uses, flanges)
+    return DriveComponent(kind, placed.path, {**parameters, **fixed}, placed.origin, uses, flanges)
 
 
-def _written_at(name: str, placed: Placed, values: Values) -> Origin:
+def _written_at(name: str, placed: Placed, values: ExpressionValues) -> Origin:
     """The line of the parameter's value, under the component's name."""
     return replace(values.place(placed.inside(name)), component=placed.path)
 
 
-def _bearing(placed: Placed, values: Values) -> Iterator[Part]:
+def _bearing(placed: Placed, values: ExpressionValues) -> Iterator[DriveComponent]:
     coulomb, viscous = coulomb_and_viscous(placed, values)
     at, origin = (placed.inside("flange_a"),), _written_at("tau_pos", placed, values)
     for name, kind, role, found in (
@@ -63,16 +63,16 @@ def _bearing(placed: Placed, values: Values) -> Iterator[Part]:
         if found.value:
             about = COMPONENT_KINDS[kind].role(role)
             use = Use(found.value, about.unit if found.has_unit else "", origin, about)
-            yield Part(COMPONENT_KINDS[kind], name, {role: found.value}, placed.origin, (use,), at)
+            yield DriveComponent(COMPONENT_KINDS[kind], name, {role: found.value}, placed.origin, (use,), at)
 
 
-def bearing_joint(placed: Placed, found: list[Part]) -> Joint:
+def bearing_joint(placed: Placed, found: list[DriveComponent]) -> Joint:
     """Both flanges of a bearing are one shaft, on which its friction acts."""
     shaft = (End(placed.inside("flange_a"), outside=True), End(placed.inside("flange_b"), outside=True))
     return Joint(placed.path, (*shaft, *(End(f"{part.name}.flange") for part in found)), placed.origin)
 
 
-def _check_refused(placed: Placed, values: Values) -> None:
+def _check_refused(placed: Placed, values: ExpressionValues) -> None:
     for name, (right, reason) in REFUSED.items():
         symbol = values.symbols.get(placed.inside(name))
         if symbol is not None and is_given(symbol.value) and plain(symbol.value) != right:
@@ -98,7 +98,7 @@ class Coefficient:
     has_unit: bool
 
 
-def coulomb_and_viscous(bearing: Placed, values: Values) -> tuple[Coefficient, Coefficient]:
+def coulomb_and_viscous(bearing: Placed, values: ExpressionValues) -> tuple[Coefficient, Coefficient]:
     """Intercept [N m] and slope [N m s/rad] of the line through the points of ``tau_pos``.
 
     A number becomes a parameter "<bearing>.fc" or "<bearing>.d" with that nominal value.
@@ -114,17 +114,17 @@ def coulomb_and_viscous(bearing: Placed, values: Values) -> tuple[Coefficient, C
     return Coefficient(fc, has_unit=not w1), Coefficient(d, has_unit=_is_viscous(d, values))
 
 
-Point = tuple[Laurent, Laurent]
+FrictionPoint = tuple[Laurent, Laurent]
 
 
-def _slope(first: Point, second: Point, origin: Origin) -> Laurent:
+def _slope(first: FrictionPoint, second: FrictionPoint, origin: Origin) -> Laurent:
     try:
         return (second[1] - first[1]) / (second[0] - first[0])
     except NotLaurentError:
         raise ModelError("the speeds of tau_pos must differ, by a number or one parameter", origin) from None
 
 
-def _is_viscous(slope: Laurent, values: Values) -> bool:
+def _is_viscous(slope: Laurent, values: ExpressionValues) -> bool:
     """A single name that is not declared to be a torque."""
     (name, *others) = slope.names or ("",)
     if others or slope != Laurent.symbol(name):
@@ -133,7 +133,7 @@ def _is_viscous(slope: Laurent, values: Values) -> bool:
     return declared is None or plain(declared.unit) not in ("N.m", "N m")
 
 
-def _points(table: object, values: Values, origin: Origin) -> list[Point]:
+def _points(table: object, values: ExpressionValues, origin: Origin) -> list[FrictionPoint]:
     if not isinstance(table, ast.Array):
         raise ModelError(f"tau_pos must be a table: {_FORM}", origin)
     rows = table.values if table.values and isinstance(table.values[0], ast.Array) else (table,)
@@ -148,7 +148,7 @@ def _points(table: object, values: Values, origin: Origin) -> list[Point]:
     return points
 
 
-def _named(name: str, value: Laurent, values: Values, origin: Origin) -> Laurent:
+def _named(name: str, value: Laurent, values: ExpressionValues, origin: Origin) -> Laurent:
     if not value or not value.is_number:
         return value
     values.nominal[name] = number_of(value, origin)

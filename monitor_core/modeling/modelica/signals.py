@@ -8,7 +8,7 @@ from monitor_core.modeling.flat import FlatEquation, FlatInput, FlatSensor, Mode
 from monitor_core.modeling.modelica.library import SIGNAL_SOURCE
 
 
-class Signals:
+class SignalGroups:
     """The signals of a model, in groups that are connected to each other.
 
     Args:

@@ -9,7 +9,7 @@ from typing import Any
 from pymoca import ast
 from pymoca.tree import InstanceSymbol, find_name
 
-from monitor_core.modeling.components.fragments import Linear, der
+from monitor_core.modeling.components.fragments import LinearForm, der
 from monitor_core.modeling.flat import CONSTANT, ModelError, Origin
 from monitor_core.modeling.laurent import Laurent, NotLaurentError
 from monitor_core.modeling.modelica.parsing import is_parameter, place_of
@@ -27,7 +27,7 @@ def plain(value: object) -> object:
 
 
 @dataclass
-class Values:
+class ExpressionValues:
     """Evaluates expressions.
 
     A parameter with a value that is a number stays a parameter, that number its nominal value, unless it is final or
@@ -83,7 +83,7 @@ class Values:
             raise ModelError(f"a parameter cannot depend on a variable: {names}", origin)
         return found
 
-    def linear(self, node: Any, origin: Origin) -> Linear:
+    def linear(self, node: Any, origin: Origin) -> LinearForm:
         """The value of an expression that is linear in the variables."""
         match node:
             case ast.Primary(value=value):
@@ -103,7 +103,7 @@ class Values:
                 return self._name(str(node), None, origin)
             case ast.Expression(operator="der", operands=[argument]):
                 value = self.linear(argument, origin)
-                return der(Linear({s: c for s, c in value.terms.items() if s[0] != CONSTANT}))
+                return der(LinearForm({s: c for s, c in value.terms.items() if s[0] != CONSTANT}))
             case ast.Expression(operator=str() as symbol, operands=operands):
                 return operation(symbol.removeprefix("."), [self.linear(o, origin) for o in operands], origin)
             case ast.Expression():
@@ -112,7 +112,7 @@ class Values:
                 raise ModelError("arrays are not supported", origin)
         raise ModelError("only numbers, names, + - * / ^ and der(...) are supported", origin)
 
-    def _call(self, call: ast.Expression, origin: Origin) -> Linear:
+    def _call(self, call: ast.Expression, origin: Origin) -> LinearForm:
         name = str(call.operator)
         function = FUNCTIONS[name.removeprefix("Modelica.Math.")]  # others: refused with all names
         arguments = [without_variables(self.linear(argument, origin)) for argument in call.operands]
@@ -131,7 +131,7 @@ class Values:
         except (ValueError, TypeError, OverflowError):
             raise ModelError(f"{name} is not defined for these arguments", origin) from None
 
-    def _name(self, name: str, found: ast.Symbol | None, origin: Origin) -> Linear:
+    def _name(self, name: str, found: ast.Symbol | None, origin: Origin) -> LinearForm:
         if name == "time":
             raise ModelError("equations cannot depend on time", origin)
         symbol = self.symbols.get(name)
@@ -139,7 +139,7 @@ class Values:
             return constant(self._outside(name, found, origin))
         if symbol.type.name not in ("Real", "Integer"):
             raise ModelError(f"{name} is of type {symbol.type.name}, not a number", origin)
-        return constant(self.parameter(name)) if is_parameter(symbol) else Linear.variable(name)
+        return constant(self.parameter(name)) if is_parameter(symbol) else LinearForm.variable(name)
 
     def _outside(self, name: str, found: ast.Symbol | None, origin: Origin) -> Laurent:
         """A constant of a package."""
@@ -157,7 +157,7 @@ class Values:
 # --- Sums, products, quotients and powers -----------------------------------------------------------------------------
 
 
-def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
+def operation(symbol: str, values: Sequence[LinearForm], origin: Origin) -> LinearForm:
     """An operation on the values of its operands."""
     if len(values) == 1 and symbol in "+-":
         return values[0] if symbol == "+" else -values[0]
@@ -190,7 +190,7 @@ def operation(symbol: str, values: Sequence[Linear], origin: Origin) -> Linear:
     raise ModelError(f'"{symbol}" of variables: equations must be linear, with constant coefficients', origin)
 
 
-def without_variables(value: Linear) -> Laurent | None:
+def without_variables(value: LinearForm) -> Laurent | None:
     """The constant part; None if there are variables."""
     if any(name != CONSTANT for name, _ in value.terms):
         return None
@@ -205,15 +205,15 @@ def number_of(value: Laurent, origin: Origin) -> float:
         raise ModelError("this number is too large to calculate with", origin) from None
 
 
-def constant(value: Laurent) -> Linear:
+def constant(value: Laurent) -> LinearForm:
     """A sum without variables."""
-    return Linear({(CONSTANT, 0): value})
+    return LinearForm({(CONSTANT, 0): value})
 
 
-def _divided(value: Linear, divisor: Laurent) -> Linear:
+def _divided(value: LinearForm, divisor: Laurent) -> LinearForm:
     if not divisor:
         raise ZeroDivisionError
-    return Linear({symbol: c / divisor for symbol, c in value.terms.items()})
+    return LinearForm({symbol: c / divisor for symbol, c in value.terms.items()})
 
 
 def _power(base: Laurent, exponent: Laurent) -> Laurent:

@@ -17,7 +17,7 @@ import numpy as np
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import split_name
 from monitor_core.excitation import ExcitationError
-from monitor_core.identification import IdentificationError, Quality, turning_weight
+from monitor_core.identification import FitQuality, IdentificationError, turning_weight
 from monitor_core.modeling import ModelError
 from monitor_core.wording import listed
 from service.can.messages import DescriptionError
@@ -25,8 +25,8 @@ from service.can.user_errors import IngestError
 from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.commissioning.checked_axis import configured
 from service.commands.commissioning.commissioning_remedies import (
-    Motion,
     Retry,
+    SuggestedMotion,
     followers_monitored,
     memories_of,
     memory_change,
@@ -60,7 +60,7 @@ _MISTAKES = (
     *(ConfigErrors, AxisError, ExcitationError),
 )
 """Errors that end the commissioning of one axis."""
-Progress = Callable[[str, str, float], None]
+CommissioningProgress = Callable[[str, str, float], None]
 """Called with the phase, "identify" or "calibrate", the present work, and the completed share of it, 0 to 1"""
 
 
@@ -81,7 +81,9 @@ class Order(NamedTuple):
 # --- From the records to nominal values and thresholds ----------------------------------------------------------------
 
 
-def commission_axis(order: Order, review: Review, progress: Progress = lambda _phase, _work, _share: None) -> Outcome:
+def commission_axis(
+    order: Order, review: Review, progress: CommissioningProgress = lambda _phase, _work, _share: None
+) -> Outcome:
     """Identify and calibrate an axis, unless both are done already with the same configuration and records.
 
     ``review``: findings about its signals; an axis with faults is refused.
@@ -112,13 +114,13 @@ def commission_axis(order: Order, review: Review, progress: Progress = lambda _p
     return outcome
 
 
-def _identified(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
+def _identified(order: Order, text: str, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
     progress("identify", "reading the records", 0.0)
     attempts = _Attempts(order, text, outcome)
     try:
         found = attempts.run(progress)
         report, outcome = found.report, found.outcome
-        if report.is_poor or report.result.verdict.quality is Quality.FAIR or _is_coupled(outcome, found.axis):
+        if report.is_poor or report.result.verdict.quality is FitQuality.FAIR or _is_coupled(outcome, found.axis):
             motors = motors_without_ratio(found.text, found.axis.id, order.records, order.folder)
             outcome = replace(outcome, notes=(*outcome.notes, *_without_ratio(motors)))
     except _MISTAKES as error:
@@ -162,7 +164,7 @@ class _Attempts:
         self._without_links: _Attempt | None = None
         """A usable fit without the load of links, which stands if the one with it is not usable"""
 
-    def run(self, progress: Progress) -> _Attempt:
+    def run(self, progress: CommissioningProgress) -> _Attempt:
         """The attempt that stands."""
         while True:
             found, again = self._attempt(progress)
@@ -179,7 +181,7 @@ class _Attempts:
                 self._without_links = found
             self._apply(again)
 
-    def _attempt(self, progress: Progress) -> tuple[_Attempt, Retry | None]:
+    def _attempt(self, progress: CommissioningProgress) -> tuple[_Attempt, Retry | None]:
         """Identify with the present configuration; also the changes that the result suggests."""
         order, text = self._order, self._text
         config, axis = configured(text, order.axis_id, order.folder)
@@ -276,7 +278,7 @@ def not_identified(report: IdentificationReport, taken: str, lacks: str) -> str:
     return f"not identified: {report.rejection}{taken}" + (f". {lacks.removesuffix('.')}" if lacks else "")
 
 
-def _with_motion(order: Order, text: str, outcome: Outcome, motion: Motion) -> Outcome:
+def _with_motion(order: Order, text: str, outcome: Outcome, motion: SuggestedMotion) -> Outcome:
     """Add a file with a motion of the axis that shows what its records do not.
 
     ``text``: the configuration with which its nominal values were identified.
@@ -304,7 +306,7 @@ _PHASES = 1
 """Seed for the phases of a planned motion, so that the same records give the same file."""
 
 
-def _calibrated(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
+def _calibrated(order: Order, text: str, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
     options, found, step = order.options, None, _within("calibrate", progress)
     for _ in range(_MOST_REMEDIES):
         try:
@@ -343,7 +345,7 @@ _AT_ONCE = 10_000
 """Number of samples between two reports of progress"""
 
 
-def _replayed(order: Order, text: str, outcome: Outcome, progress: Progress) -> Outcome:
+def _replayed(order: Order, text: str, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
     """Add the parameters that the daemon could not test in these records, as the axis temperature is unknown."""
     from service.pipeline.axis_monitors import AxisMonitors
 
@@ -370,7 +372,7 @@ def _as_found(order: Order, text: str, outcome: Outcome) -> tuple[Config, NamedA
     return configured(own, order.axis_id, order.folder)
 
 
-def _within(phase: str, progress: Progress) -> Callable[[str, float, float], None]:
+def _within(phase: str, progress: CommissioningProgress) -> Callable[[str, float, float], None]:
     return lambda work, done, total: progress(phase, work, done / total if total else 0.0)
 
 

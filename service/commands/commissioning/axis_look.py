@@ -22,7 +22,7 @@ _MAX_MISSING_SHARE = 0.02
 _STILL = sentence("move it", "let the robot work, or run a motion that `axiswatch excite` plans")
 
 
-class Range(NamedTuple):
+class ValueRange(NamedTuple):
     """The range of values of a signal."""
 
     signal: str
@@ -65,7 +65,7 @@ class AxisLook(NamedTuple):
         return lost / (lost + self.loaded.source.samples)
 
     @property
-    def ranges(self) -> tuple[Range, ...]:
+    def ranges(self) -> tuple[ValueRange, ...]:
         """Ranges of torque and motion; empty without samples."""
         if self.loaded is None:
             return ()
@@ -74,8 +74,8 @@ class AxisLook(NamedTuple):
         return _range(config.torque, "N m", record.u), motion
 
 
-def _range(source: SignalConfig, unit: str, values: Floats) -> Range:
-    return Range(f"{source.message}.{source.signal}", unit, float(values.min()), float(values.max()))
+def _range(source: SignalConfig, unit: str, values: Floats) -> ValueRange:
+    return ValueRange(f"{source.message}.{source.signal}", unit, float(values.min()), float(values.max()))
 
 
 def look_at_axis(

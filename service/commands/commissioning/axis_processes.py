@@ -21,7 +21,7 @@ _POLL_S = 0.2
 """Shortest time between two reports of a process [s]"""
 
 
-class Step(NamedTuple):
+class AxisStep(NamedTuple):
     """Progress of the commissioning of an axis."""
 
     axis_id: str
@@ -35,7 +35,7 @@ class Step(NamedTuple):
 def outcomes(
     orders: Sequence[Order],
     reviews: Mapping[str, Review],
-    show: Callable[[Step], None],
+    show: Callable[[AxisStep], None],
 ) -> Iterator[Outcome]:
     """The outcome of each axis as soon as it is known; ``show`` is called with the steps in between."""
     workers = min(len(orders), os.cpu_count() or 1)
@@ -44,7 +44,7 @@ def outcomes(
             yield _commissioned(order, reviews[order.axis_id], show)
         return
     context = get_context("spawn")  # not forked: this process has threads
-    steps: SimpleQueue[Step] = context.SimpleQueue()
+    steps: SimpleQueue[AxisStep] = context.SimpleQueue()
     with ProcessPoolExecutor(workers, context, initializer=_connect, initargs=(steps,)) as pool:
         axes = {pool.submit(_commission, order, reviews[order.axis_id]): order.axis_id for order in orders}
         waiting = set(axes)
@@ -72,7 +72,7 @@ def _result(task: Future[Outcome], axis_id: str) -> Outcome:
         return Outcome(axis_id, refusal=f"not commissioned: {reason}")
 
 
-def _steps(axis_id: str, show: Callable[[Step], None]) -> Callable[[str, str, float], None]:
+def _steps(axis_id: str, show: Callable[[AxisStep], None]) -> Callable[[str, str, float], None]:
     """Pass on the first step of each kind, and then no more than can be read."""
     before, shown_s = ("", ""), 0.0
 
@@ -81,7 +81,7 @@ def _steps(axis_id: str, show: Callable[[Step], None]) -> Callable[[str, str, fl
         now_s = time.monotonic()
         if (phase, work) != before or now_s - shown_s >= _POLL_S:
             before, shown_s = (phase, work), now_s
-            show(Step(axis_id, phase, work, share))
+            show(AxisStep(axis_id, phase, work, share))
 
     return step
 
@@ -89,11 +89,11 @@ def _steps(axis_id: str, show: Callable[[Step], None]) -> Callable[[str, str, fl
 # --- In the process of an axis ----------------------------------------------------------------------------------------
 
 
-_queues: list[SimpleQueue[Step]] = []
+_queues: list[SimpleQueue[AxisStep]] = []
 """Queue to the process that shows the steps"""
 
 
-def _connect(steps: SimpleQueue[Step]) -> None:
+def _connect(steps: SimpleQueue[AxisStep]) -> None:
     end_with_parent()
     _queues.append(steps)
 
@@ -114,7 +114,7 @@ def _commission(order: Order, review: Review) -> Outcome:
     return _commissioned(order, review, _queues[0].put)
 
 
-def _commissioned(order: Order, review: Review, show: Callable[[Step], None]) -> Outcome:
+def _commissioned(order: Order, review: Review, show: Callable[[AxisStep], None]) -> Outcome:
     """The outcome of an axis; a file that cannot be written, or an internal error, ends only this axis."""
     try:
         return commission_axis(order, review, _steps(order.axis_id, show))

@@ -15,7 +15,7 @@ from service.can.frames import FrameKey
 from service.commands.commissioning.checked_axis import moves
 from service.commands.listen import LiveBus, live_buses, rounds
 from service.config import Config
-from service.ingest.bus_samples import Values
+from service.ingest.bus_samples import QuantityValues
 from service.ingest.timestamp_jitter import Stamps
 
 _SHOW_S = 1.0
@@ -94,7 +94,7 @@ class _Motions:
         self._quantities = {axis.id: axis.config.output for axis in config.axes}
         self._values: dict[str, list[Floats]] = {}
 
-    def add(self, values: Iterator[Values]) -> None:
+    def add(self, values: Iterator[QuantityValues]) -> None:
         for found in values:
             if found.quantity == self._quantities[found.axis_id]:
                 self._values.setdefault(found.axis_id, []).append(found.si)

@@ -24,9 +24,8 @@ from service.config.drive_sources import model_of_axis
 from service.config.schema import SignalConfig
 from service.config.unit_names import unit_as_recorded
 from service.ingest.loaded_records import Loaded
-from service.ingest.recorded_units import unit_text
+from service.ingest.recorded_units import Signal, unit_text
 
-Signal = Literal["torque", "motion"]
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
 FASTEST = 2000.0
 """Speed [rad/s] (19 000 revolutions per minute) that no motor of a robot reaches."""

@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.drive import OF_ANGLE, Term, split_name
-from monitor_core.identification import Effect, Obstacle, Quality, Record, TurningWeight
+from monitor_core.identification import Effect, FitQuality, Obstacle, Record, TurningWeight
 from monitor_core.wording import listed
 from service.commands.commissioning.checked_axis import fastest
 from service.commands.commissioning.link_load import LinkLoad
@@ -89,7 +89,7 @@ def retry(
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
     used = axis.config.model.drive
-    one_mass, fair = used == _ONE_MASS.name, report.result.verdict.quality is Quality.FAIR
+    one_mass, fair = used == _ONE_MASS.name, report.result.verdict.quality is FitQuality.FAIR
     replaceable = unfit and used.removesuffix(_WEIGHT) in _LIBRARY
     weight = links() if (replaceable or one_mass) and not tried else None
     if weight and (unfit or fair or weight.explains_much_more):
@@ -203,7 +203,7 @@ def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Corre
     return (Correction(("estimator", "memory_s"), memory_s, reason),)
 
 
-class Motion(NamedTuple):
+class SuggestedMotion(NamedTuple):
     """Settings for a planned motion that would show more of an axis."""
 
     lost: tuple[str, ...]
@@ -212,7 +212,7 @@ class Motion(NamedTuple):
     """Parameters to determine, and the limits, taken from the records"""
 
 
-def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motion | None:
+def motion_for(report: IdentificationReport, records: Sequence[Record]) -> SuggestedMotion | None:
     """Plan that would show the missing parameters; None: nothing is missing, or nothing was identified."""
     result = report.result
     lost = tuple(w.name for w in result.watched if w.obstacle in (Obstacle.NOT_SHOWN, Obstacle.TOGETHER))
@@ -229,7 +229,7 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Motio
     most_hz = _OF_NYQUIST * 0.5 / result.estimate.interval_s
     if most_hz < request.band_hz[1]:
         request = request._replace(band_hz=(0.0, _three_digits(most_hz)))
-    return Motion(lost, request)
+    return SuggestedMotion(lost, request)
 
 
 def _three_digits(value: float) -> float:
@@ -247,7 +247,7 @@ def _angle(record: Record) -> Floats:
 # --- After a calibration that was refused -----------------------------------------------------------------------------
 
 
-class Remedy(NamedTuple):
+class CalibrationRemedy(NamedTuple):
     """Changes for another calibration."""
 
     words: str
@@ -255,22 +255,22 @@ class Remedy(NamedTuple):
     options: CalibrationOptions
 
 
-def remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationOptions) -> Remedy | None:
+def remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationOptions) -> CalibrationRemedy | None:
     """Changes to try if these records do not suffice; None: only other records can help."""
     outcome = replace(outcome, notes=(*outcome.notes, f"{error}."))
     if error.budget_s is not None:
         budget_s = _rounded(error.budget_s)
-        return Remedy(f"a budget of {budget_s:g} s", outcome, replace(options, budget_s=budget_s))
+        return CalibrationRemedy(f"a budget of {budget_s:g} s", outcome, replace(options, budget_s=budget_s))
     if error.memory_s is not None:
         reason = "for a longer one the records are too short"
         changes = [Correction(("estimator", "memory_s"), error.memory_s, reason)]
         if error.joint_state:
             changes.append(Correction(("estimator", "joint_state"), True, f"with a memory of {error.memory_s:g} s"))
         words = ", ".join(change.change for change in changes)
-        return Remedy(words, replace(outcome, corrections=(*outcome.corrections, *changes)), options)
+        return CalibrationRemedy(words, replace(outcome, corrections=(*outcome.corrections, *changes)), options)
     left = tuple(name for name in outcome.watched if name not in error.without)
     if error.without and left:
-        return Remedy(f"monitor = {list(left)}", replace(outcome, watched=left), options)
+        return CalibrationRemedy(f"monitor = {list(left)}", replace(outcome, watched=left), options)
     return None
 
 

@@ -28,7 +28,7 @@ _MAX_NAMED = 5
 """Most identifiers of frames that are listed"""
 
 
-class Look(NamedTuple):
+class LiveLook(NamedTuple):
     """Findings about all buses and axes."""
 
     buses: tuple[str, ...]
@@ -36,7 +36,7 @@ class Look(NamedTuple):
     axes: tuple[AxisLook, ...]
 
 
-def look_at(config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show) -> Look:
+def look_at(config: Config, text: str, folder: Path, seconds: float, stop: Event, show: Show) -> LiveLook:
     """Listen for this time, or until ``stop``, and report what was received.
 
     ``text``: the configuration, valid in ``folder``, where the short record is written.
@@ -59,7 +59,7 @@ def look_at(config: Config, text: str, folder: Path, seconds: float, stop: Event
         missing = tuple(missing_messages(axis, inputs, traffic, heard.seconds))
         made = partial(reviews.__getitem__, axis.id)
         axes.append(look_at_axis(axis, heard.stamps[axis.id], loaded[axis.id], missing, made))
-    return Look(tuple(_bus_problems(config, heard)), tuple(axes))
+    return LiveLook(tuple(_bus_problems(config, heard)), tuple(axes))
 
 
 def _loaded(config: Config, axis_id: str, path: Path, heard: Heard) -> Loaded | str:

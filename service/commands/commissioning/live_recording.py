@@ -13,7 +13,7 @@ from service.can.frame_recorder import span_s
 from service.can.user_errors import RecordError
 from service.commands.commissioning.axis_look import AxisLook
 from service.commands.commissioning.bus_recording import record_buses
-from service.commands.commissioning.live_look import Look, look_at
+from service.commands.commissioning.live_look import LiveLook, look_at
 from service.commands.progress import steps_bar
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
@@ -96,7 +96,7 @@ def _length_s(motion: Path) -> float:
     return float(row.partition(",")[0])
 
 
-def _words(look: Look) -> Iterator[str]:
+def _words(look: LiveLook) -> Iterator[str]:
     yield from map(_sentence, look.buses)
     for axis in look.axes:
         proposals = (f"{words}; proposed after the recording" for words in axis.proposals)

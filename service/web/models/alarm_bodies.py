@@ -4,12 +4,11 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from monitor_core.detection import Doubt, Kind, Stage
+from monitor_core.detection import ChangeKind, Direction, Doubt, Stage
 from monitor_core.monitoring import AlarmEvent, AlarmState, Priority
 from service.web.models.bodies import (
     SENTENCES,
     Body,
-    Direction,
     GivenText,
     GivenTime,
     Number,
@@ -96,7 +95,7 @@ class Alarm(Body):
         description="whether it was raised in the conditions of the calibration records; false: the false-alarm budget "
         "is not kept there; null: unknown"
     )
-    kind: Kind = Field(
+    kind: ChangeKind = Field(
         description="step or drift; empty: unknown, or not known yet; forecast: a long-term drift that will reach a "
         "limit soon, or has reached it"
     )

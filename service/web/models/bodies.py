@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Iterable
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import AfterValidator, AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -50,7 +50,6 @@ Time = Annotated[str, BeforeValidator(_iso), Field(json_schema_extra={"format": 
 """A time in an answer, made from a text or from microseconds since 1970"""
 TextOrNull = Annotated[str | None, BeforeValidator(lambda text: text or None)]
 """An empty text becomes null"""
-Direction = Literal["up", "down"]
 
 
 class Body(BaseModel):

@@ -12,7 +12,7 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
 from monitor_core.kernel.compile import entry
 from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import Axes, Plant
@@ -31,7 +31,9 @@ def excursions_of(g: Floats, place: Ints, origin: Ints, pieces: int = 1) -> Excu
     return peaks
 
 
-def count(plant: Plant, limits: Sequence[tuple[Limit, ...]], seed: int, samples: int) -> tuple[Floats, int]:
+def count(
+    plant: Plant, limits: Sequence[tuple[HypothesisThreshold, ...]], seed: int, samples: int
+) -> tuple[Floats, int]:
     """False alarms of each bank (len(limits),) in so many tested samples; after an alarm its g begin at zero."""
     bank = HypothesisBank(plant.model, plant.settings, default_hypotheses(plant.model, plant.settings))
     axes = Axes(plant, np.random.default_rng(seed), 1)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.fault_trials import PROBES, run_trials
-from monitor_core.calibration.injection import Fault, changed_values, equivalent_load, faulty_torque
+from monitor_core.calibration.injection import InjectedFault, changed_values, equivalent_load, faulty_torque
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
 from monitor_core.detection.multimodel.naming import Event
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.standard_drives import INTERVAL_S
@@ -25,7 +25,7 @@ from tests.core.simulated import changing_output
 OWN = (Threshold(1.0, 30.0), Threshold(1.0, 12.0), Threshold(1.0, 80.0))
 PLANT = plant_with(0.0, memory=100)
 MODEL, SETTINGS = AXIS = MonitoredAxis(PLANT.model, replace(PLANT.settings, thresholds=OWN))
-FAULTS = [Fault("kT", 0.3), Fault("kT", -0.3), Fault("1/Ja", 0.3), Fault("fm", 0.6)]
+FAULTS = [InjectedFault("kT", 0.3), InjectedFault("kT", -0.3), InjectedFault("1/Ja", 0.3), InjectedFault("fm", 0.6)]
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +64,7 @@ def test_it_is_the_same_as_the_whole_record_with_the_fault_in_it(healthy: Sample
 
 
 def test_without_a_fault_nothing_is_found(healthy: SampleBlock) -> None:
-    found, _ = run_trials(AXIS, healthy, [Fault("fm", 1e-9), Fault("1/Ja", 1e-9)], 10, 6.0)
+    found, _ = run_trials(AXIS, healthy, [InjectedFault("fm", 1e-9), InjectedFault("1/Ja", 1e-9)], 10, 6.0)
     assert all(caught.found_within(6.0) == 0.0 for caught in found)
     assert all(caught.delay(0.5) == np.inf for caught in found)
 
@@ -73,7 +73,7 @@ def test_a_change_that_is_not_found_is_tried_at_few_onsets(
     healthy: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By the multi-model detector with thresholds that nothing reaches; smaller changes are not tried."""
-    never = [Limit(h.cause, h.size, 1e9, 0.0, h.alike) for h in default_hypotheses(MODEL, SETTINGS)]
+    never = [HypothesisThreshold(h.cause, h.size, 1e9, 0.0, h.alike) for h in default_hypotheses(MODEL, SETTINGS)]
     samples, run = list[int](), HypothesisBank.run
 
     def counted(bank: HypothesisBank, block: SampleBlock) -> list[Event]:
@@ -81,7 +81,7 @@ def test_a_change_that_is_not_found_is_tried_at_few_onsets(
         return run(bank, block)
 
     monkeypatch.setattr(HypothesisBank, "run", counted)
-    faults = [Fault("kT", size) for size in (0.1, 0.3, -0.1)]
+    faults = [InjectedFault("kT", size) for size in (0.1, 0.3, -0.1)]
     found, onsets = run_trials(AXIS, healthy, faults, 3 * PROBES, 0.5, never)
     assert onsets == 3 * PROBES
     assert [caught.fault for caught in found] == faults

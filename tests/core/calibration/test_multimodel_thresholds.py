@@ -12,7 +12,7 @@ from scipy.stats import poisson
 from monitor_core.calibration import multimodel_healthy as watched
 from monitor_core.calibration import multimodel_thresholds as hypotheses
 from monitor_core.calibration.fault_trials import run_trials
-from monitor_core.calibration.injection import Fault
+from monitor_core.calibration.injection import InjectedFault
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import RECORD_PARTS, healthy_evidence
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
@@ -21,9 +21,9 @@ from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection import Alarm
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import (
-    Limit,
-    Limits,
+    HypothesisThreshold,
     MultiModelDetector,
+    MultiModelThresholds,
     bank_of,
     guaranteed,
 )
@@ -64,7 +64,7 @@ def test_the_budget_is_kept(colour: float, seed: int) -> None:
     plant = plant_with(colour)
     found = limits(plant, seed)
     assert found.lower < found.total < found.upper <= 1.5 / BUDGET
-    calibrated = bank_of(plant.model, plant.settings, Limits(1.0, found.own))
+    calibrated = bank_of(plant.model, plant.settings, MultiModelThresholds(1.0, found.own))
     count = false_alarms(calibrated, plant, seed + 1)
     h = guaranteed(len(found.own), BUDGET)
     by_guarantee = false_alarms(
@@ -99,7 +99,7 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     plant = plant_with(0.0, memory=100)
     healthy = record(plant, seed, RECORD // 5)
     own = bank_limits(plant.axis, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
-    faults = [Fault("kT", 0.3), Fault("1/Ja", -0.3), Fault("fm", 1e-9)]
+    faults = [InjectedFault("kT", 0.3), InjectedFault("1/Ja", -0.3), InjectedFault("fm", 1e-9)]
     by_bank, _ = run_trials(plant.axis, healthy, faults, 20, 6.0, own)
     paper, onsets = run_trials(plant.axis, healthy, faults, 20, 6.0)
     assert len(by_bank[0].delay_s) == onsets
@@ -158,8 +158,8 @@ def test_sizes_lie_within_their_intervals_where_innovations_are_coloured(colour:
     bank = HypothesisBank(plant.model, plant.settings)
     found = healthy_evidence(bank, [record(plant, seed, RECORD)])
     each = zip(bank.hypotheses, found.allowance.tolist(), found.size_error.tolist(), strict=True)
-    own = tuple(Limit(h.cause, h.size, H_OF_SIZES, a, h.alike, error) for h, a, error in each)
-    detector = MultiModelDetector(plant.model, plant.settings, Limits(1.0, own))
+    own = tuple(HypothesisThreshold(h.cause, h.size, H_OF_SIZES, a, h.alike, error) for h, a, error in each)
+    detector = MultiModelDetector(plant.model, plant.settings, MultiModelThresholds(1.0, own))
     inside = [
         abs(alarm.size - true) < 1.645 * alarm.size_sd
         for cause, name, factor in FAULTS

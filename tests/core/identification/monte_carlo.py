@@ -19,7 +19,7 @@ from monitor_core.excitation.prediction import Sensitivities
 from monitor_core.excitation.reference_experiment import BAND_HZ, NOISE, TORQUE_RMS
 from monitor_core.identification import Record
 from monitor_core.identification.greybox import fit
-from monitor_core.identification.problem import Disturbance, Predictor, Problem
+from monitor_core.identification.problem import Disturbance, PredictorKind, Problem
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass
 from tests.core.identification.problems import EIGHT, TRUE
@@ -93,7 +93,7 @@ def closed_loop(seeds: Sequence[int], slow: float = 0.0) -> list[Record]:
 def spread(records: Sequence[Record], seed: int, disturbance: Disturbance | None = None) -> Spread:
     """Fit each record: output error, or, with a disturbance, the innovations form."""
     rng = np.random.default_rng(seed)
-    predictor: Predictor = "innovations" if disturbance else "output-error"
+    predictor: PredictorKind = "innovations" if disturbance else "output-error"
     found = []
     for record in records:
         nominal = dict(REFERENCE_VALUES)

@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.excitation.reference_experiment import experiment
 from monitor_core.identification import Record
-from monitor_core.identification.predictor.prediction_errors import Predictor
+from monitor_core.identification.predictor.prediction_errors import RecordPredictor
 from monitor_core.identification.problem import Problem
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.cases import Case, record
@@ -39,13 +39,13 @@ def perturbed(rng: np.random.Generator, spread: float) -> dict[str, float]:
     return dict(zip(EIGHT, TRUE * np.exp(spread * rng.standard_normal(len(EIGHT))), strict=True))
 
 
-def all_errors(predictor: Predictor, xi: Floats) -> Floats:
+def all_errors(predictor: RecordPredictor, xi: Floats) -> Floats:
     found = predictor.errors(xi)
     assert all(e.good for e in found)
     return np.concatenate([e.eps for e in found])
 
 
-def all_gradients(predictor: Predictor, xi: Floats) -> Floats:
+def all_gradients(predictor: RecordPredictor, xi: Floats) -> Floats:
     """d eps / d xi (all samples, P)."""
     found = predictor.errors(xi)
     out = np.zeros((sum(e.eps.size for e in found), xi.size))
@@ -56,7 +56,7 @@ def all_gradients(predictor: Predictor, xi: Floats) -> Floats:
     return out * predictor.layout.rates(xi)
 
 
-def by_differences(predictor: Predictor, xi: Floats, steps: Sequence[float]) -> Floats:
+def by_differences(predictor: RecordPredictor, xi: Floats, steps: Sequence[float]) -> Floats:
     """The same by differences of fourth order."""
     columns = []
     for j, h in enumerate(steps):
@@ -67,7 +67,7 @@ def by_differences(predictor: Predictor, xi: Floats, steps: Sequence[float]) -> 
     return np.stack(columns, axis=1)
 
 
-def check_gradients(predictor: Predictor, tolerance: float) -> None:
+def check_gradients(predictor: RecordPredictor, tolerance: float) -> None:
     """Of all entries of the vector at its start, in units of their largest."""
     xi = predictor.start()
     analytic = all_gradients(predictor, xi)

@@ -28,10 +28,10 @@ from monitor_core.identification.assessment.bode import bode_of
 from monitor_core.identification.assessment.explained_torque import explained_torque
 from monitor_core.identification.assessment.outlook import Outlook
 from monitor_core.identification.assessment.verdict import (
-    Basis,
     Effect,
+    FitQuality,
     Measure,
-    Quality,
+    VerdictBasis,
     missing_effects,
 )
 from monitor_core.identification.greybox import Estimate, fit
@@ -110,8 +110,8 @@ def test_an_axis_in_a_closed_loop_is_found_from_values_far_off(weight: bool, see
     for name, value, sd in zip(e.names, e.theta, e.sd, strict=True):
         print(f"{name} = {value:.4g} +- {sd:.2g}, true {true[name]:g}")
         assert value == pytest.approx(true[name], abs=max(0.03 * abs(true[name]), 5 * sd))
-    assert result.verdict.quality is Quality.GOOD
-    assert result.verdict.basis is Basis.HALVES
+    assert result.verdict.quality is FitQuality.GOOD
+    assert result.verdict.basis is VerdictBasis.HALVES
     assert result.verdict.missing == ()
     assert result.rejection is None
 
@@ -129,7 +129,7 @@ def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyP
 def test_a_weight_that_the_drive_lacks_is_named(seed: int) -> None:
     result = found([record(seed, weight=True)])
     print(result.verdict)
-    assert result.verdict.quality is Quality.POOR
+    assert result.verdict.quality is FitQuality.POOR
     assert result.verdict.missing[0] is Effect.POSE
 
 
@@ -151,7 +151,7 @@ def test_an_axis_that_mostly_rubs_is_judged_by_its_torque(seed: int) -> None:
     result = found([replace(rec, u=rec.u + fc * np.tanh(speed / SCALE))])
     print(result.verdict, result.estimate.values)
     assert result.verdict.measure is Measure.TORQUE
-    assert result.verdict.quality is not Quality.POOR
+    assert result.verdict.quality is not FitQuality.POOR
     assert result.estimate.values["J"] == pytest.approx(VALUES["J"], rel=0.15)
 
 
@@ -193,7 +193,7 @@ def test_an_axis_that_mostly_creeps_is_identified_from_its_faster_motion(seed: i
     J = result.estimate.values["J"]
     print(result.verdict, J)
     assert 0.02 < result.slow_left_out < 0.1
-    assert result.verdict.quality is Quality.GOOD
+    assert result.verdict.quality is FitQuality.GOOD
     assert pytest.approx(VALUES["J"], rel=0.05) == J
 
 

@@ -11,7 +11,7 @@ from monitor_core.arrays import Complexes
 from monitor_core.excitation import multisine
 from monitor_core.identification.assessment.bode import drive_response, held_response
 from monitor_core.identification.black_boxes.frequency_response import DECIBEL, by_gradient, root_of
-from monitor_core.identification.predictor.held_drive import Linear
+from monitor_core.identification.predictor.held_drive import LinearDrive
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from tests.core.identification.systems import INTERVAL_S
@@ -102,7 +102,7 @@ def test_derivatives_of_any_linear_model(seed: int, delay_s: float) -> None:
 
     def response(step: float) -> tuple[Complexes, Complexes]:
         moved = A + step * dA, B + step * dB, C + step * dC, none(3), none(2)
-        linear = Linear(*moved, dA[..., None], dB[..., None], dC[:, None], none((3, 1)), none((2, 1)))
+        linear = LinearDrive(*moved, dA[..., None], dB[..., None], dC[:, None], none((3, 1)), none((2, 1)))
         return held_response(linear, torque, INTERVAL_S, f, delay_s)
 
     difference = (response(1e-6)[0] - response(-1e-6)[0]) / 2e-6

@@ -10,10 +10,10 @@ from scipy.stats import chi2
 
 from monitor_core.excitation import experiment
 from monitor_core.identification import (
+    FitQuality,
     GapCut,
     IdentificationOptions,
     Problem,
-    Quality,
     Record,
     cut_at_gaps,
     identify,
@@ -80,7 +80,7 @@ def test_identify_cuts_a_record_where_nothing_was_received(seed: int) -> None:
     assert found.options == options
     off = e.theta - np.array([REFERENCE_VALUES[name] for name in e.names])
     assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(EIGHT))
-    assert (found.rejection, found.verdict.quality) == (None, Quality.GOOD)
+    assert (found.rejection, found.verdict.quality) == (None, FitQuality.GOOD)
     as_given = identify(problem, [torn], options=replace(options, cut_at_gaps=False))
     assert (as_given.gap_cuts, len(as_given.estimation)) == ((), 1)
-    assert as_given.verdict.quality is Quality.POOR  # a drive that runs through a gap explains nothing
+    assert as_given.verdict.quality is FitQuality.POOR  # a drive that runs through a gap explains nothing

@@ -11,7 +11,7 @@ from monitor_core.drive.kalman import filter_gain
 from monitor_core.identification import Record
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.greybox.criterion import choose_disturbance, outliers
-from monitor_core.identification.predictor.prediction_errors import Predictor
+from monitor_core.identification.predictor.prediction_errors import RecordPredictor
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
@@ -321,10 +321,10 @@ SHORT = 600
 LIMIT = 5.0  # standard deviations of the innovations
 
 
-def predictor_of(rec: Record) -> Predictor:
+def predictor_of(rec: Record) -> RecordPredictor:
     """K is large: a torque noise of .6 N m beside an output noise of .3 rad/s."""
     problem = reference_problem(predictor="innovations", disturbance=Disturbance(torque=0.6, output=0.3))
-    return Predictor(problem, [rec], choose_disturbance(problem, [rec]))
+    return RecordPredictor(problem, [rec], choose_disturbance(problem, [rec]))
 
 
 def with_errors(rec: Record, which: np.ndarray, size: float) -> Record:

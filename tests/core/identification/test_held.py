@@ -14,7 +14,7 @@ from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.kalman import held_disturbance, prediction_variance
 from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, Output
 from monitor_core.excitation.reference_experiment import NOISE
-from monitor_core.identification.predictor.held_drive import Linear, Structure, hold, hold_late
+from monitor_core.identification.predictor.held_drive import LinearDrive, Structure, hold, hold_late
 from monitor_core.identification.predictor.noise import Levels, gain
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
@@ -24,7 +24,7 @@ VALUES = {**REFERENCE_VALUES, "fc": 0.0, "tau0": -0.1}
 DRIVES = [three_mass("speed"), three_mass("angle"), three_mass("angle").with_disturbance()]
 
 
-def at(drive: Drive, free: tuple[str, ...] = FREE, given: dict[str, float] = VALUES) -> Linear:
+def at(drive: Drive, free: tuple[str, ...] = FREE, given: dict[str, float] = VALUES) -> LinearDrive:
     complete = {**given, "Td": 0.7}
     kept = {p.name: complete[p.name] for p in drive.parameters}
     return Structure(drive, free, AxisModel(drive, kept, ()).balance()).at(kept)

@@ -12,7 +12,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.structure import DELAY
 from monitor_core.identification import Record
 from monitor_core.identification.greybox.criterion import criterion, fit_starts, settled
-from monitor_core.identification.predictor.prediction_errors import Errors, Predictor
+from monitor_core.identification.predictor.prediction_errors import Errors, RecordPredictor
 from monitor_core.identification.predictor.prepared_record import MOST_LEVELS, series
 from monitor_core.identification.problem import Disturbance, Problem
 from monitor_core.modeling.simulated_axis import simulate_linear
@@ -60,7 +60,7 @@ def test_errors_and_gradients_are_those_of_the_monitor(name: str, seed: int) -> 
     pinned = case.settings(settle_s=0.0, P0=tuple(1e-60 * case.model.scale**2))
     t_us = np.rint(rec.t * 1e6).astype(np.int64)
     _, trace = AxisMonitor(case.model, pinned).update_traced(SampleBlock(t_us, rec.u, rec.y))
-    predictor = Predictor(as_monitor(case), [rec], None)
+    predictor = RecordPredictor(as_monitor(case), [rec], None)
     (found,) = predictor.errors(predictor.start())
     scale = float(np.nanstd(trace.eps))
     np.testing.assert_allclose(found.eps[1:], trace.eps[1:], rtol=0, atol=1e-9 * scale)
@@ -90,7 +90,7 @@ def test_gradients_of_every_case(name: str, motion: str, seed: int) -> None:
     rec = case_record(seed, case, 300, jitter=0.2)
     rec = replace(rec, valid=np.random.default_rng(seed).random(300) > 0.1)
     problem = as_monitor(case, motion=motion, initial="free", free_delay=True, delay_s=0.0004)
-    predictor = Predictor(problem, [rec], None)
+    predictor = RecordPredictor(problem, [rec], None)
     check_gradients(predictor, 1e-6)
 
 
@@ -103,7 +103,7 @@ def test_gradients_through_the_gain(output: str, initial: str, seed: int) -> Non
     ratio = 0.3 if output == "speed" else 100.0
     noise = Disturbance(torque=ratio, slow=ratio, time_constant_s=0.1, free=("torque", "slow", "time_constant"))
     problem = as_monitor(case, K=None, initial=initial, predictor="innovations", free_delay=True, delay_s=0.001)
-    predictor = Predictor(problem, records, noise)
+    predictor = RecordPredictor(problem, records, noise)
     assert predictor.layout.levels == ("torque", "slow")
     assert predictor.layout.names[-2:] == ("Td", "delay")
     check_gradients(predictor, 3e-6)
@@ -115,7 +115,7 @@ def test_gradients_through_the_gain_where_the_output_depends_on_theta(seed: int)
     noise = Disturbance(torque=5.0, slow=2.0, time_constant_s=0.1)
     problem = Problem(drive, values(2, gravity=False), ("r", "J1", "1/k1"), initial="first")
     rec = reference_record(seed, 300)
-    check_gradients(Predictor(problem, [rec], noise), 3e-6)
+    check_gradients(RecordPredictor(problem, [rec], noise), 3e-6)
 
 
 def test_the_initial_states_are_those_of_least_squares(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -125,7 +125,7 @@ def test_the_initial_states_are_those_of_least_squares(seed: int, monkeypatch: p
         replace(reference_record(seed + 1, 300), t=np.asarray(np.arange(300) * 0.01)),
     ]
     records[1] = replace(records[1], y=records[1].y + 50 * np.exp(-np.arange(300) / 40))
-    predictor = Predictor(Problem(three_mass("speed"), REFERENCE_VALUES, ("Jm",)), records, Disturbance(3.0))
+    predictor = RecordPredictor(Problem(three_mass("speed"), REFERENCE_VALUES, ("Jm",)), records, Disturbance(3.0))
     start, shared = predictor.start(), predictor.layout.shared
     J = all_gradients(predictor, start)[:, shared:]
     best = start[shared:] - np.linalg.lstsq(J, all_errors(predictor, start), rcond=None)[0]
@@ -155,7 +155,7 @@ def test_derivatives_by_initial_states_alone_are_the_same(output: str, seed: int
         case, K=None, initial="free", predictor="innovations", free_delay=True, delay_s=0.001,
         varying={free[0]: ("heat",)},
     )  # fmt: skip
-    predictor = Predictor(problem, records, Disturbance(torque=1.0))
+    predictor = RecordPredictor(problem, records, Disturbance(torque=1.0))
     xi, shared = predictor.start(), predictor.layout.shared
     xi[:shared] += 1e-3
     for part, all_ in zip(predictor.errors_by_starts(xi), predictor.errors(xi), strict=True):
@@ -167,7 +167,7 @@ def test_derivatives_by_initial_states_alone_are_the_same(output: str, seed: int
 
 def test_the_errors_are_those_of_the_vector_as_it_is_now(seed: int) -> None:
     """The last ones are kept, but not for a vector that was written to meanwhile."""
-    predictor = Predictor(
+    predictor = RecordPredictor(
         Problem(three_mass("speed"), REFERENCE_VALUES, EIGHT), [reference_record(seed, 100)], Disturbance(1.0)
     )
     xi = predictor.start()
@@ -186,7 +186,7 @@ def test_friction_and_gravity_held_at_zero_are_as_if_they_were_not_there(motion:
     nominal = {**case.model.nominal, **dict.fromkeys(("fc", "tau0", "gc", "gs"), 0.0)}
     rec, some = case_record(seed, case, 200), replace(as_monitor(case, motion=motion), nominal=nominal)
     held, free = ("J1", "fa"), ("J1", "fa", "fc", "tau0", "gc", "gs")
-    without, all_ = (Predictor(replace(some, free=names), [rec], None) for names in (held, free))
+    without, all_ = (RecordPredictor(replace(some, free=names), [rec], None) for names in (held, free))
     expected = all_errors(all_, all_.start())
     found = all_errors(without, without.start())
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * abs(expected).max())
@@ -198,7 +198,7 @@ def test_gravity_of_a_measured_angle_that_a_free_ratio_scales(seed: int) -> None
     """Not a sample missing and no friction: nothing else gives an input derivatives."""
     still = {**values(3), "fc": 0.0, "fa": 0.0, "tau0": 0.0}
     case = Case("", "angle", ("r", "gc", "gs"), still, drive=partial(chain, 3))
-    check_gradients(Predictor(as_monitor(case), [case_record(seed, case, 200)], None), 3e-6)
+    check_gradients(RecordPredictor(as_monitor(case), [case_record(seed, case, 200)], None), 3e-6)
 
 
 def test_what_is_slow_corrects_the_state_but_does_not_count(seed: int) -> None:
@@ -206,17 +206,19 @@ def test_what_is_slow_corrects_the_state_but_does_not_count(seed: int) -> None:
     case = BY_NAME["speed-springs"]
     rec, problem = case_record(seed, case, 400), as_monitor(case)
     least = float(np.median(abs(rec.y)))
-    predictors = (Predictor(replace(problem, min_speed=speed), [rec], problem.disturbance) for speed in (0.0, least))
+    predictors = (
+        RecordPredictor(replace(problem, min_speed=speed), [rec], problem.disturbance) for speed in (0.0, least)
+    )
     (every,), (fast,) = (predictor.errors(predictor.start()) for predictor in predictors)
     counts = abs(rec.y) >= least
     np.testing.assert_array_equal(fast.eps, np.where(counts, every.eps, 0.0))
     np.testing.assert_array_equal(fast.psi, np.where(counts[:, None], every.psi, 0.0))
-    predictor = Predictor(replace(problem, min_speed=least), [rec], problem.disturbance)
+    predictor = RecordPredictor(replace(problem, min_speed=least), [rec], problem.disturbance)
     found = criterion(predictor, predictor.start(), np.inf)
     assert found.samples == np.count_nonzero(counts)
     assert found.cost == pytest.approx(float(fast.eps @ fast.eps))
     with pytest.raises(ValueError, match="nowhere as fast as 1e"):
-        Predictor(replace(problem, min_speed=1e9), [rec], None)
+        RecordPredictor(replace(problem, min_speed=1e9), [rec], None)
 
 
 def test_a_signal_that_was_not_measured_everywhere_keeps_its_value(seed: int) -> None:
@@ -250,11 +252,11 @@ def test_parameters_that_follow_a_signal(seed: int) -> None:
         varying={"fm": ("temperature",)},
         slopes={"fm per temperature": b},
     )
-    predictor = Predictor(problem, [rec], None)
+    predictor = RecordPredictor(problem, [rec], None)
     assert predictor.layout.names == (*EIGHT, "fm per temperature")
     errors = all_errors(predictor, predictor.start())
     assert abs(errors).max() < 1e-10 * np.std(rec.y)
-    check_gradients(Predictor(problem, [replace(rec, y=rec.y + 1)], None), 1e-6)
+    check_gradients(RecordPredictor(problem, [replace(rec, y=rec.y + 1)], None), 1e-6)
 
 
 @pytest.mark.parametrize("noise", [None, Disturbance(torque=0.1, output=1e-3)])
@@ -267,8 +269,8 @@ def test_a_constant_torque_that_follows_a_signal_is_an_exact_input(noise: Distur
     kind: Literal["innovations", "output-error"] = "output-error" if noise is None else "innovations"
     plain = Problem(drive, given, ("kT", "fm", "tau0"), kind, disturbance=noise)
     problem = replace(plain, varying={"tau0": ("s",)}, slopes={"tau0 per s": b})
-    follows = Predictor(problem, [replace(rec, signals={"s": signal})], noise)
-    larger = Predictor(plain, [replace(rec, u=rec.u + b * signal)], noise)
+    follows = RecordPredictor(problem, [replace(rec, signals={"s": signal})], noise)
+    larger = RecordPredictor(plain, [replace(rec, u=rec.u + b * signal)], noise)
     errors = all_errors(follows, follows.start())
     np.testing.assert_allclose(errors, all_errors(larger, larger.start()), rtol=0, atol=1e-10 * float(np.std(rec.y)))
     assert follows.layout.names == ("kT", "fm", "tau0", "tau0 per s")
@@ -283,7 +285,7 @@ def test_a_missing_sample_is_not_looked_at(seed: int) -> None:
     valid = np.random.default_rng(seed).random(300) > 0.2
     other = np.where(valid, rec.y, 1e3)
     found = [
-        all_errors(p := Predictor(as_monitor(case), [replace(rec, y=y, valid=valid)], None), p.start())
+        all_errors(p := RecordPredictor(as_monitor(case), [replace(rec, y=y, valid=valid)], None), p.start())
         for y in (rec.y, other)
     ]
     np.testing.assert_array_equal(found[0], found[1])
@@ -292,7 +294,7 @@ def test_a_missing_sample_is_not_looked_at(seed: int) -> None:
 
 def test_values_that_make_no_sense_are_not_good(seed: int) -> None:
     rec = reference_record(seed, 2000)
-    predictor = Predictor(
+    predictor = RecordPredictor(
         Problem(
             three_mass("speed"), {**REFERENCE_VALUES, "fm": -50.0}, ("fm",), "output-error",
             bounds={"fm": (-100.0, 1.0)},

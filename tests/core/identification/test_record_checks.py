@@ -20,7 +20,7 @@ from monitor_core.identification import (
     shown_inertia,
 )
 from monitor_core.identification.record_checks import motion_checks
-from monitor_core.identification.record_checks.findings import Finding
+from monitor_core.identification.record_checks.findings import RecordFinding
 from monitor_core.identification.record_checks.known_axis import antiresonance_s, rigid_inertia
 from monitor_core.identification.record_checks.sample_checks import outliers
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fit
@@ -43,7 +43,7 @@ def kinds(record: Record, known: KnownAxis = KNOWN) -> list[tuple[str, str]]:
     return [(finding.kind, finding.severity) for finding in check_record(record, known)]
 
 
-def only(record: Record, known: KnownAxis = KNOWN) -> Finding:
+def only(record: Record, known: KnownAxis = KNOWN) -> RecordFinding:
     (finding,) = check_record(record, known)
     return finding
 

@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.excitation import multisine
 from monitor_core.identification import IdentificationOptions, Problem, identify
-from monitor_core.identification.assessment.verdict import Effect, Quality
+from monitor_core.identification.assessment.verdict import Effect, FitQuality
 from monitor_core.identification.greybox import fit
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
@@ -32,7 +32,7 @@ def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> No
     assert found.standstill is not None
     assert found.estimate.problem.min_speed == found.standstill.speed
     assert found.slow_left_out == 0.0  # the axis stands; it does not creep
-    assert found.verdict.quality is Quality.GOOD
+    assert found.verdict.quality is FitQuality.GOOD
     for name, value in TRUE.items():
         assert found.estimate.values[name] == pytest.approx(value, rel=0.1), name
 
@@ -153,7 +153,7 @@ def test_an_axis_that_moves_one_way_has_no_offset_and_no_weight(seed: int) -> No
     print(found.estimate.values, found.verdict)
     assert found.estimate.values["tau0"] == 0
     assert found.held["tau0"] == "the axis moves in one direction only, so it cannot be told from fc"
-    assert found.verdict.quality is not Quality.POOR
+    assert found.verdict.quality is not FitQuality.POOR
     assert Effect.POSE not in found.verdict.missing
     assert found.estimate.values["J"] == pytest.approx(TRUE["J"], rel=0.1)
     usual = 100.0  # rad/s; friction that falls with the time hides what is viscous

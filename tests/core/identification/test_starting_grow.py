@@ -14,8 +14,8 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.starting import Growth, grow, mass_count
 from monitor_core.identification.starting.chains import Chain, ChainParameters, chain, problem_of
 from monitor_core.identification.starting.growing_chains import (
+    ChainMode,
     Modal,
-    Mode,
     grown_chains,
     joined,
     lacking,
@@ -147,9 +147,9 @@ def behind(case: Case) -> list[float]:
 def test_a_mode_joins_in_its_place() -> None:
     """In order of frequency; its weight is no smaller than a hundredth of the largest and no larger than that."""
     known = Modal(np.array([0.0, 5.0]), np.array([2.0, 1.0]), np.array([0.1, 0.2]))
-    between = joined(known, Mode(3.0, 9.0, 0.3, 1.0))
+    between = joined(known, ChainMode(3.0, 9.0, 0.3, 1.0))
     np.testing.assert_array_equal(between, [[0.0, 3.0, 5.0], [2.0, 2.0, 1.0], [0.1, 0.3, 0.2]])
-    assert joined(known, Mode(3.0, 0.001, 0.3, 1.0)).a[1] == 0.02
+    assert joined(known, ChainMode(3.0, 0.001, 0.3, 1.0)).a[1] == 0.02
 
 
 def test_decays_of_light_dampers_are_those_of_the_poles() -> None:

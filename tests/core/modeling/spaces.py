@@ -15,7 +15,7 @@ from monitor_core.modeling.flat import FlatInput, FlatParameter, FlatSensor
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modular import Seed, krylov_basis, points_of, residues
 from monitor_core.modeling.standard_drives import DRAWINGS
-from monitor_core.modeling.statespace import Definition, Report, StateSpace
+from monitor_core.modeling.statespace import Report, StateSpace, SymbolicDefinition
 from tests.core.modeling.expressions import parse
 
 UNITS = {"kT": "1", "M": "kg m^2", "J": "kg m^2", "k": "N m/rad", "d": "N m s/rad", "f": "N m s/rad"}
@@ -39,7 +39,7 @@ def space(
 ) -> StateSpace:
     """A state space with the least around it."""
     n = 1 + max([r for r, _ in (*A, *B)] + [c for _, c in (*A, *C)])
-    tied = tuple(Definition(name, parse(text)) for name, text in (definitions or {}).items())
+    tied = tuple(SymbolicDefinition(name, parse(text)) for name, text in (definitions or {}).items())
     present = sorted(set[str]().union(*(e.names for M in (A, B, C) for e in M.values())))
     drawn = set(present).union(*(d.value.names for d in tied)) - {d.name for d in tied}
     known = units or {}

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.components import COMPONENT_KINDS, Fragment, fragment, join
-from monitor_core.modeling.components.component_kinds import Kind
+from monitor_core.modeling.components.component_kinds import ComponentKind
 from monitor_core.modeling.components.units import parse
 from monitor_core.modeling.flat import CONSTANT, FlatEquation, Origin
 from monitor_core.modeling.laurent import Laurent
@@ -137,7 +137,7 @@ def test_physics_satisfies_the_equations_and_nothing_else_does(
 
 
 @pytest.mark.parametrize("kind", COMPONENT_KINDS.values(), ids=lambda kind: kind.name)
-def test_connections_and_signals_make_up_for_the_missing_equations(kind: Kind) -> None:
+def test_connections_and_signals_make_up_for_the_missing_equations(kind: ComponentKind) -> None:
     part = component(kind.name)
     assert len(part.variables) == len(part.equations) + len(kind.flanges) + len(kind.signals_in)
     for name in (*kind.signals_in, *kind.signals_out):

@@ -15,7 +15,7 @@ from monitor_core.arrays import Ints
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.modular import (
     PRIMES,
-    Point,
+    ModularPoint,
     echelon,
     null_space,
     points_of,
@@ -65,7 +65,7 @@ def test_rank_and_null_space_are_those_over_the_rationals(
 @given(seed=seeds, prime=primes)
 def test_residues_are_a_ring_homomorphism(seed: int, prime: int) -> None:
     rng = np.random.default_rng(seed)
-    point = Point(prime, {name: int(rng.integers(1, prime)) for name in "abc"})
+    point = ModularPoint(prime, {name: int(rng.integers(1, prime)) for name in "abc"})
 
     def draw() -> Laurent:
         terms = []

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.trend.entries import Entry
+from monitor_core.trend.entries import HistoryEntry
 
 HOUR_US = 3_600_000_000
 START_US = 1_760_000_000_000_000
@@ -24,7 +24,7 @@ def months(
     sd: float = 0.0005,
     size: float = SIZE,
     start_us: int = START_US,
-) -> list[Entry]:
+) -> list[HistoryEntry]:
     """An entry each hour: ``course`` of the hours, with white and with exponentially correlated scatter.
 
     The parameter is about ``size``; scatter and sd are for one of 0.06.
@@ -41,6 +41,6 @@ def months(
     starts = start_us + np.arange(hours) * HOUR_US
     variance = (sd * size / SIZE) ** 2
     return [
-        Entry(int(s), int(s) + HOUR_US, int(s) + HOUR_US // 2, float(v), variance, 3600.0)
+        HistoryEntry(int(s), int(s) + HOUR_US, int(s) + HOUR_US // 2, float(v), variance, 3600.0)
         for s, v in zip(starts, values, strict=True)
     ]

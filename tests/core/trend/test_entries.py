@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.trend.entries import Entry, as_rows, from_rows, inflation, merged, thinned
+from monitor_core.trend.entries import HistoryEntry, as_rows, from_rows, inflation, merged, thinned
 from tests.core.trend.courses_of_months import START_US, months
 
 
@@ -18,7 +18,7 @@ def test_the_variance_of_a_mean_is_the_sum_over_all_pairs(n: int, rho: float) ->
 
 
 def test_merged_entries_count_by_their_information() -> None:
-    a, b = Entry(0, 10, 5, 1.0, 0.01, 3.0), Entry(10, 30, 20, 3.0, 0.03, 4.0)
+    a, b = HistoryEntry(0, 10, 5, 1.0, 0.01, 3.0), HistoryEntry(10, 30, 20, 3.0, 0.03, 4.0)
     found = merged([a, b])
     assert (found.start_us, found.end_us, found.operating_s) == (0, 30, 7.0)
     assert (found.mean, found.variance) == pytest.approx((1.5, 0.0075))

@@ -11,7 +11,7 @@ from monitor_core.drive import AxisModel
 from monitor_core.excitation.reference_experiment import NOISE
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model
 from monitor_core.monitoring import AxisBatch
-from monitor_core.trend import PARTS, Kept, LearningWindow, Reading, WindowDoubt, WindowError
+from monitor_core.trend import PARTS, EstimateReading, KeptReason, LearningWindow, WindowDoubt, WindowError
 from monitor_core.trend.learning_window import SKIPPED
 from tests.core.honesty import settings_for
 from tests.core.simulated import simulated, torques
@@ -41,7 +41,7 @@ def window_of(values: Mapping[str, float], rng: np.random.Generator) -> Learning
     rec = simulated(rng, MODEL.drive, u, 0.05, NOISE["speed"], values)
     window = LearningWindow(MODEL, READINGS * SPAN_S)
     for _, event in AxisBatch([MODEL], [SETTINGS]).run(rec.t_us[:, np.newaxis], rec.u, rec.y):
-        if isinstance(event, Reading):
+        if isinstance(event, EstimateReading):
             window.take(event)
     return window
 
@@ -60,13 +60,13 @@ def test_the_new_nominal_values_are_the_true_ones_within_their_standard_deviatio
     assert 0.35 < np.sqrt(np.mean(np.square(z))) < 2.2
 
 
-def reading(d: Floats, known: Sequence[bool] = (True,) * 3, holds: bool = True) -> Reading:
+def reading(d: Floats, known: Sequence[bool] = (True,) * 3, holds: bool = True) -> EstimateReading:
     """A reading at that deviation, in sizes, each with a standard deviation of one hundredth."""
     value = MODEL.theta0 + d * MODEL.scale
-    return Reading(0, tuple(value), tuple((0.01 * MODEL.scale) ** 2), tuple(known), 60.0, RHO, holds)
+    return EstimateReading(0, tuple(value), tuple((0.01 * MODEL.scale) ** 2), tuple(known), 60.0, RHO, holds)
 
 
-def filled(of_reading: Callable[[float], Reading], window: LearningWindow | None = None) -> LearningWindow:
+def filled(of_reading: Callable[[float], EstimateReading], window: LearningWindow | None = None) -> LearningWindow:
     """A window of four hours, with readings at shares of its length."""
     window = window or LearningWindow(MODEL, 240 * 60.0)
     for _ in range(SKIPPED):
@@ -97,7 +97,7 @@ def test_the_mean_is_weighted_with_the_information(seed: int) -> None:
 def test_what_is_not_observed_keeps_its_value_and_is_named() -> None:
     seldom = filled(lambda at: reading(np.array([0.02, 0.3, 0.1]), (True, at < 0.2, False)))
     found = seldom.learned()
-    assert found.kept == {"1/Ja": Kept.NOT_OBSERVED, "fm": Kept.NOT_OBSERVED}
+    assert found.kept == {"1/Ja": KeptReason.NOT_OBSERVED, "fm": KeptReason.NOT_OBSERVED}
     np.testing.assert_allclose(found.theta, MODEL.theta0 * [1.02, 1, 1])
     assert np.isnan(found.standard_deviation[1:]).all()
 
@@ -121,7 +121,7 @@ def test_a_poor_estimate_keeps_its_value() -> None:
     ],
 )
 def test_refused_with_the_reason(
-    of_reading: Callable[[float], Reading], doubt: WindowDoubt, names: tuple[str, ...]
+    of_reading: Callable[[float], EstimateReading], doubt: WindowDoubt, names: tuple[str, ...]
 ) -> None:
     with pytest.raises(WindowError) as refused:
         filled(of_reading).learned()
@@ -140,9 +140,9 @@ def test_a_delay_is_no_property_of_the_gearbox() -> None:
     model = AxisModel(drive, {**MODEL.nominal, "delay": 0.0}, ("fm", "delay"), {"delay": 1e-3})
     window = LearningWindow(model, 240 * 60.0)
     value = (1.1 * model.theta0[0], 5e-4)
-    seen = Reading(0, value, tuple((0.01 * model.scale) ** 2), (True, True), 60.0, RHO)
+    seen = EstimateReading(0, value, tuple((0.01 * model.scale) ** 2), (True, True), 60.0, RHO)
     found = filled(lambda _: seen, window).learned()
-    assert found.kept == {"delay": Kept.BY_DEFINITION}
+    assert found.kept == {"delay": KeptReason.BY_DEFINITION}
     np.testing.assert_allclose(found.theta, model.theta0 * [1.1, 1])
 
 

@@ -8,7 +8,7 @@ from monitor_core.arrays import Floats
 from monitor_core.excitation.reference_experiment import NOISE
 from monitor_core.modeling.standard_drives import INTERVAL_S, reference_model
 from monitor_core.monitoring import AxisBatch, TrendMonitor
-from monitor_core.trend.entries import Reading
+from monitor_core.trend.entries import EstimateReading
 from tests.core.honesty import settings_for
 from tests.core.simulated import simulated, torques
 
@@ -18,7 +18,7 @@ SETTINGS = settings_for("speed", TORQUE_NOISE, 4.0, joint=False)
 
 
 @cache
-def readings(seed: int, blocks: int) -> list[list[Reading]]:
+def readings(seed: int, blocks: int) -> list[list[EstimateReading]]:
     """Those of some healthy axes, run in so many blocks."""
     model, settings = reference_model("speed"), SETTINGS
     rng = np.random.default_rng(seed)
@@ -26,10 +26,10 @@ def readings(seed: int, blocks: int) -> list[list[Reading]]:
     rec = simulated(rng, model.drive, u, TORQUE_NOISE, NOISE["speed"])
     t_us = np.repeat(rec.t_us[:, np.newaxis], AXES, axis=1)
     batch = AxisBatch([model] * AXES, [settings] * AXES)
-    found: list[list[Reading]] = [[] for _ in range(AXES)]
+    found: list[list[EstimateReading]] = [[] for _ in range(AXES)]
     for part in np.array_split(np.arange(len(u)), blocks):
         for a, event in batch.run(t_us[part], u[part], rec.y[part]):
-            if isinstance(event, Reading):
+            if isinstance(event, EstimateReading):
                 found[a].append(event)
     return found
 

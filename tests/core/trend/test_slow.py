@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from monitor_core.trend.entries import Entry
+from monitor_core.trend.entries import HistoryEntry
 from monitor_core.trend.slow_history import DAY, DAYS, HOURS, SlowHistory
 
 HOUR_S = 2.0
@@ -73,7 +73,7 @@ def test_what_was_saved_goes_on_and_times_may_be_shifted(steps: list[int], cut: 
     assert [_moved(e, shift) for e in uninterrupted.entries] == list(shifted.entries)
 
 
-def _moved(e: Entry, by: int) -> Entry:
+def _moved(e: HistoryEntry, by: int) -> HistoryEntry:
     return e._replace(start_us=e.start_us + by, middle_us=e.middle_us + by, end_us=e.end_us + by)
 
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from monitor_core.trend.entries import Entry
+from monitor_core.trend.entries import HistoryEntry
 from monitor_core.trend.trend import FEWEST, Trend, trend_of
 from tests.core.trend.courses_of_months import HOUR_US, SIZE, START_US, months
 
 HOUR_S = 3600.0
 
 
-def known(entries: list[Entry], size: float = SIZE, hour_s: float = HOUR_S) -> Trend:
+def known(entries: list[HistoryEntry], size: float = SIZE, hour_s: float = HOUR_S) -> Trend:
     found = trend_of(entries, size, hour_s)
     assert found is not None
     return found

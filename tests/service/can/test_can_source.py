@@ -15,7 +15,7 @@ import pytest
 from service.can.bus import can_devices, open_bus, send
 from service.can.bus_reader import CanReader, FrameQueue
 from service.can.frames import Frame, FrameBlock, FrameFilter, FrameKey
-from service.can.receivers import Receiver, Rejected, frame_of
+from service.can.receivers import FrameReceiver, Rejected, frame_of
 from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
@@ -96,7 +96,7 @@ def wait_for_stamps(first: can.BusABC, second: can.BusABC, sender: can.BusABC) -
         stamped = all(m is not None and m.timestamp < sent + pause_s / 2 for m in messages)
 
 
-def until_last(receiver: Receiver) -> tuple[list[Frame], Counter[Rejected]]:
+def until_last(receiver: FrameReceiver) -> tuple[list[Frame], Counter[Rejected]]:
     """The frames up to one with the data "last", and the number of rejected ones."""
     frames, rejected = list[Frame](), Counter[Rejected]()
     end = time.monotonic() + PATIENCE_S
@@ -114,7 +114,7 @@ def test_datagrams_in_blocks_give_the_frames_that_python_can_gives(seed: int, fi
     rng = random.Random(seed)
     keys = [STANDARD, EXTENDED, FrameKey(0x100, True), FrameKey(0x7FF, False)]
     with multicast(*keys[:2] if filtered else ()) as (first, second, sender):
-        in_blocks, single = receiver_of(first), Receiver(second)
+        in_blocks, single = receiver_of(first), FrameReceiver(second)
         assert in_blocks.name == "udp_multicast in blocks"
         found, expected = list[Frame](), list[Frame]()
         rejected, expected_rejected = Counter[Rejected](), Counter[Rejected]()

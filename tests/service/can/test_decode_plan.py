@@ -21,7 +21,7 @@ from service.can.decode_plan import MessagePlan
 from service.can.decoder import Decoder
 from service.can.frames import CLASSIC_BYTES, FD_BYTES, Frame, FrameBlock, FrameKey, concatenate_frames
 from service.can.message_files import read_messages
-from service.can.messages import Bits, ByteOrder, Kind, MessageSet, message_of
+from service.can.messages import Bits, ByteOrder, MessageSet, NumberKind, message_of
 from tests.service.ingest.plant import DBC
 
 FRAMES = 12
@@ -119,7 +119,7 @@ MODERATE = NUMBERS.filter(lambda number: abs(number) < 1e100)
 @st.composite
 def table_signals(draw: st.DrawFn) -> list[Bits]:
     """Signals of a table of ids, which may overlap."""
-    kinds: st.SearchStrategy[Kind] = st.sampled_from(["unsigned", "signed", "float"])
+    kinds: st.SearchStrategy[NumberKind] = st.sampled_from(["unsigned", "signed", "float"])
     orders: st.SearchStrategy[ByteOrder] = st.sampled_from(["little", "big"])
     found = []
     for k in range(draw(st.integers(1, 4))):

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from service.can.frames import concatenate_frames
-from service.can.inferred_layout import Field, Part, counts_frames, find_multiplexer, infer_layout
+from service.can.inferred_layout import BitRange, Field, counts_frames, find_multiplexer, infer_layout
 from service.can.log_files import CanLog
 
 N = 1000
@@ -73,7 +73,7 @@ def test_bits_that_look_like_a_float_of_all_sizes_are_none() -> None:
     counter = 0x30 + np.arange(N) % 16
     data = np.column_stack([counter.astype(np.uint8), packed(">hi", smooth(rng, 3e3, 20), 2e9 + smooth(rng, 1e7, 20))])
     counted, _, *numbers = infer_layout(data)
-    assert (counted.kind, counted.part) == ("counter", Part(0, 4))
+    assert (counted.kind, counted.part) == ("counter", BitRange(0, 4))
     assert places(tuple(numbers)) == [(1, 2, "big", "signed"), (3, 4, "big", "unsigned")]
 
 
@@ -120,7 +120,7 @@ def test_a_counter_that_shares_its_byte(shift: int, length: int, other: int) -> 
     beside = other << (length if shift == 0 else 0)
     data = (numbers << shift | beside).astype(np.uint8)[:, np.newaxis]
     parts = {part.kind: part for part in infer_layout(data)}
-    assert parts["counter"].part == Part(shift, length)
+    assert parts["counter"].part == BitRange(shift, length)
     np.testing.assert_array_equal(parts["counter"].values(data), numbers)
     np.testing.assert_array_equal(parts["constant"].values(data), other)
 

@@ -17,7 +17,7 @@ from service.can import bus_reader
 from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
 from service.can.frames import Frame, FrameFilter, FrameKey
-from service.can.receivers import Receiver
+from service.can.receivers import FrameReceiver
 from service.can.socket_receivers import SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.commands.play import PlayFrame, play_frames
@@ -94,7 +94,7 @@ def test_nothing_is_lost_at_4000_frames_a_second(tmp_path: Path) -> None:
     assert set(stats.dropped.values()) == {0}
 
 
-def receiver_with_small_buffer(bus: can.BusABC) -> Receiver:
+def receiver_with_small_buffer(bus: can.BusABC) -> FrameReceiver:
     receiver = receiver_of(bus)
     assert isinstance(bus, SocketcanBus)
     bus.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
@@ -134,7 +134,7 @@ def test_the_buffer_holds_a_pause_of_the_reader(tmp_path: Path) -> None:
         assert receiver.overflow == 0
 
 
-def all_of(receiver: Receiver, count: int) -> list[Frame]:
+def all_of(receiver: FrameReceiver, count: int) -> list[Frame]:
     """The frames that wait, in blocks of no more than a hundred."""
     found, end = list[Frame](), time.monotonic() + PATIENCE_S
     while len(found) < count and time.monotonic() < end:
@@ -149,7 +149,7 @@ def test_both_readers_give_the_same_frames(tmp_path: Path, seed: int) -> None:
     config, rng = bus_config(tmp_path, options={"fd": True}), random.Random(seed)
     lengths = [*range(9), 12, 16, 20, 24, 32, 48, 64]
     with open_bus(config) as first, open_bus(config) as second, open_bus(config) as sender:
-        in_blocks, single = receiver_of(first), Receiver(second)
+        in_blocks, single = receiver_of(first), FrameReceiver(second)
         assert isinstance(in_blocks, SocketReceiver)
         sent, found, expected = list[tuple[FrameKey, bytes]](), list[Frame](), list[Frame]()
         for k in range(600):  # shorter data after longer, so that no old byte may be left

@@ -15,7 +15,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
 from service.client import Client, ClientError, Remark
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.journal import Journal
 from tests import golden
 from tests.end_to_end.processes import PATIENCE_S
@@ -99,7 +99,7 @@ def test_answers_as_json_are_those_of_the_api(stage: Stage) -> None:
 
 @pytest.mark.usefixtures("url")
 def test_an_alarm_that_is_not_yet_recorded_is_in_the_list(stage: Stage) -> None:
-    entry = Entry("demo.axis1", "N m s/rad", 0.06, FM_ALARM, AlarmRules("high"))
+    entry = AlarmEntry("demo.axis1", "N m s/rad", 0.06, FM_ALARM, AlarmRules("high"))
     for number, first in (0, "not yet recorded"), (7, "7 not yet recorded"):
         waiting = AlarmsSnapshot(unrecorded=(as_recorded(entry, number, recorded=False),), waiting=1)
         stage.snapshot = replace(stage.snapshot, alarms=waiting)

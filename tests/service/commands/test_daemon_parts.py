@@ -16,9 +16,9 @@ from service.commands.daemon_parts import DaemonParts, needs_cyclic_clock
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.history_recording import HistoryState
-from service.pipeline.kernel_cache import CacheFiller, Shape
+from service.pipeline.kernel_cache import CacheFiller, KernelShape
 from service.pipeline.worker import Worker
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.journal import Journal
 from tests.conftest import ROOT
 from tests.end_to_end.processes import PATIENCE_S, demo_config, edit
@@ -32,8 +32,8 @@ def test_the_kernel_of_the_estimates_is_compiled_first(tmp_path: Path, monkeypat
     fill, compiled, order = CacheFiller.fill, AxisMonitors.compile, list[str]()
     served, last = threading.Event(), threading.Event()
 
-    def slowly(self: CacheFiller, shapes: Collection[Shape]) -> bool:
-        if Shape.MULTIMODEL in shapes:
+    def slowly(self: CacheFiller, shapes: Collection[KernelShape]) -> bool:
+        if KernelShape.MULTIMODEL in shapes:
             order.append("multi-model detector")
             last.set()
         else:
@@ -70,7 +70,7 @@ def test_the_option_lets_other_machines_in_which_is_logged_once(
 def test_an_alarm_whose_frames_are_there_can_have_its_report(tmp_path: Path) -> None:
     with closing(Journal(tmp_path / "alarms.sqlite")) as journal:
         ended = replace(FM_ALARM, ended_us=FM_ALARM.updated_us)
-        (number,) = journal.record([Entry("demo.axis1", "N m s/rad", 0.06, ended)])
+        (number,) = journal.record([AlarmEntry("demo.axis1", "N m s/rad", 0.06, ended)])
     (tmp_path / "recordings").mkdir()
     (tmp_path / "recordings" / "frames-20260301T115900Z-20260301T120000Z.log").touch()
     with daemon_thread(demo(tmp_path, 1)) as page:
@@ -84,7 +84,7 @@ def test_the_parts_of_a_daemon_know_the_groups_and_why_files_are_not_written(
     config = changed(demo(tmp_path, 2), only="axis1", alarms={"group": "line"})
     with ExitStack() as stack:
         parts = DaemonParts(config, None, threading.Event(), stack)
-        parts.state.journal.record([Entry(axis.id, "N m s/rad", 0.06, FM_ALARM) for axis in config.axes])
+        parts.state.journal.record([AlarmEntry(axis.id, "N m s/rad", 0.06, FM_ALARM) for axis in config.axes])
         assert [alarm.follows for alarm in parts.state.journal.standing()] == [None, None]
         assert set(parts.problems().values()) == {None}
         full = replace(parts.worker.snapshot, history=HistoryState(problem="no space"))

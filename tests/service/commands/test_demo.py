@@ -14,7 +14,7 @@ from service.commands.commissioning import axis_processes
 from service.config import Config, load
 from service.config.drive_sources import shipped
 from service.pipeline.axis_monitors import FramePipeline
-from service.simulation.robot import Fault, columns_of, table_lines
+from service.simulation.robot import SimulatedFault, columns_of, table_lines
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch
 from tests.service.commands.commissioned_demo import COMMISSIONED, as_shipped
@@ -132,7 +132,7 @@ def test_the_whole_way_ends_in_a_monitor_that_names_the_fault(
     assert "1 of 1 axis ready." in (tmp_path / "made" / "report.html").read_text(encoding="utf-8")
     assert signals(daemon.config) == signals(demo(tmp_path, 1))
 
-    fault = Fault("demo.axis1", {"fm": 1.3}, 12.0)
+    fault = SimulatedFault("demo.axis1", {"fm": 1.3}, 12.0)
     found = live(FramePipeline(daemon.config), blocks(demo(tmp_path, 1), 20.0, seed, [fault]))
     assert {(c.alarm.parameter, c.alarm.direction) for c in found if c.alarm.stage == "named"} == {("fm", "up")}
     assert min(c.alarm.raised_us for c in found) > START_US + 12e6

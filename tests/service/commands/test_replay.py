@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.service.command_line import axiswatch, shown
 from tests.service.robot_tables import configured, write_table
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("without_pictures")
 def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
     """A configuration, and a table of twelve seconds in which the friction grows by half after six."""
     folder = tmp_path_factory.mktemp("replay")
-    fault = Fault("demo.axis1", {"fm": 1.5}, 6.0)
+    fault = SimulatedFault("demo.axis1", {"fm": 1.5}, 6.0)
     write_table(folder / "a.csv", configured(folder, "replay"), seed, [fault], 12)
     return folder
 
@@ -125,7 +125,7 @@ def found(tmp_path_factory: pytest.TempPathFactory, seed: int) -> dict[str, Any]
     folder = tmp_path_factory.mktemp("drift")
     file = configured(folder, "drift", ("[robot.axis.estimator]", f"{OWN}[robot.axis.estimator]"))
     # A fault is a factor of what is there by then.
-    drift = [Fault("demo.axis1", {"fm": 1 + PER_S / (1 + PER_S * k)}, k + 0.5) for k in range(round(LENGTH_S))]
+    drift = [SimulatedFault("demo.axis1", {"fm": 1 + PER_S / (1 + PER_S * k)}, k + 0.5) for k in range(round(LENGTH_S))]
     write_table(folder / "a.csv", file, seed, drift, LENGTH_S)
     text = shown(
         "replay",

@@ -9,7 +9,7 @@ import pytest
 from typer.testing import Result
 
 from service.commands.exit_codes import NOT_TESTED
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.conftest import no_pictures
 from tests.service.command_line import axiswatch, refused
 from tests.service.identification.report_pages import read
@@ -36,7 +36,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Path:
     head, first, second = file.read_text(encoding="utf-8").split("[[robot.axis]]")
     file.write_text("[[robot.axis]]".join([head, f"{first}{GATE}", second]), encoding="utf-8")
     lines = ["t,u,phi,mode"]
-    for t, u, phi in rows(file, seed, [Fault("demo.axis1", {"fm": 1.5}, 8.0)], 20):
+    for t, u, phi in rows(file, seed, [SimulatedFault("demo.axis1", {"fm": 1.5}, 8.0)], 20):
         s = t - START_S
         if not 1.0 < s < 1.3:
             lines.append(f"{t + (7200 if s > 18 else 0):.6f},{u!r},{phi!r},{0 if 7 < s < 7.5 else 1}")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.config import ConfigErrors, Problem, load
+from service.config import ConfigErrors, ConfigProblem, load
 
 SHIPPED = Path(__file__).resolve().parents[3] / "config"
 BASE = (Path(__file__).parent / "config_base.toml").read_text(encoding="utf-8")
@@ -80,10 +80,10 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "a.toml"
 
 
-def found(file: Path, text: str) -> list[Problem]:
+def found(file: Path, text: str) -> list[ConfigProblem]:
     """The problems of the text, none if it loads; all of them in lines that exist."""
     file.write_text(text, encoding="utf-8")
-    problems: list[Problem] | None = None
+    problems: list[ConfigProblem] | None = None
     try:
         load(file, {})
     except ConfigErrors as errors:

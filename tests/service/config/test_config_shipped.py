@@ -12,7 +12,7 @@ from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from service.can.message_files import read_messages
 from service.can.messages import find_signal
 from service.config import Config, load
-from service.config.base_table import Table
+from service.config.base_table import TomlTable
 from service.config.loading import table_in
 from service.config.toml_lines import Keys, positions
 from tests.service.found_files import nominal_text, thresholds_text
@@ -58,11 +58,11 @@ def test_every_key_of_the_schema_is_in_the_example(everything: Config) -> None:
     every = {(table, key) for table in {table for table, _ in shown} for key in table.model_fields}
     assert shown == every
     assert {table.__name__ for table, _ in shown} == {
-        table.__name__ for table in _kinds(Table) if not table.__subclasses__()
+        table.__name__ for table in _kinds(TomlTable) if not table.__subclasses__()
     }
 
 
-def _kinds(table: type[Table]) -> set[type[Table]]:
+def _kinds(table: type[TomlTable]) -> set[type[TomlTable]]:
     return {kind for own in table.__subclasses__() for kind in (own, *_kinds(own))}
 
 
@@ -81,7 +81,7 @@ def test_what_the_example_calls_a_default_is_one(everything: Config) -> None:
 
 
 def test_bounds_and_defaults_are_explained_in_the_schema() -> None:
-    for table in _kinds(Table):
+    for table in _kinds(TomlTable):
         assert [name for name, field in table.model_fields.items() if not field.description] == []
 
 
@@ -105,7 +105,7 @@ def test_robot_dbc(axis: int) -> None:
         assert message.decode_simple(data)[name] == pytest.approx(-12.345)
 
 
-def _tables(table: type[Table], values: dict[str, Any]) -> Iterator[tuple[type[Table], set[str]]]:
+def _tables(table: type[TomlTable], values: dict[str, Any]) -> Iterator[tuple[type[TomlTable], set[str]]]:
     yield table, set(values)
     for key, value in values.items():
         inner = table_in(table.model_fields[key].annotation)

@@ -11,7 +11,7 @@ import pytest
 from monitor_core.drive.kalman import filter_gain
 from monitor_core.drive.operating_conditions import Follow
 from monitor_core.drive.signal_terms import Term
-from service.config import AxisConfig, Config, ConfigErrors, Problem, conditions_of, load
+from service.config import AxisConfig, Config, ConfigErrors, ConfigProblem, conditions_of, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.config.remarks import remarks
@@ -50,7 +50,7 @@ def file_with(robot: Path, changes: Mapping[str, Mapping[str, Any]] = {}, axis: 
     return path
 
 
-def problems(robot: Path) -> list[Problem]:
+def problems(robot: Path) -> list[ConfigProblem]:
     with pytest.raises(ConfigErrors) as caught:
         load(robot, {})
     return caught.value.problems

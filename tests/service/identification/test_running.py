@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from monitor_core.identification import Quality, Record
+from monitor_core.identification import FitQuality, Record
 from monitor_core.identification.assessment.bode import band, drive_response
 from monitor_core.identification.greybox import colour_of, traces_of
 from monitor_core.identification.identification_result import ParameterRow, Start
@@ -66,7 +66,7 @@ def test_a_bus_that_was_away_for_moments_does_not_spoil_the_record(folder: Path,
     off = e.theta - np.array([REFERENCE_VALUES[name] for name in e.names])
     assert float(off @ np.linalg.solve(e.covariance, off)) < chi2.isf(1e-6, len(FREE))
     assert found.rejection == ""
-    assert found.result.verdict.quality is Quality.GOOD
+    assert found.result.verdict.quality is FitQuality.GOOD
 
 
 def test_a_record_of_nothing_but_gaps_is_used_as_it_is(folder: Path, robot: Config, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ import scipy.io
 
 from monitor_core.samples import SampleBlock
 from service.can.frames import Frame, FrameBlock
-from service.config.base_table import Reading
+from service.config.base_table import ReadingContext
 from service.config.schema import Config
 from service.ingest.bus_samples import Ingest
 
@@ -178,4 +178,4 @@ def make_config(folder: Path, *axes: Axis, **bus: Any) -> Config:
         **bus,
     }
     values = {"bus": [bus0], "robot": [{"name": "r", "axis": list(axes)}]}
-    return Config.model_validate(values, context=Reading(folder))
+    return Config.model_validate(values, context=ReadingContext(folder))

@@ -21,7 +21,7 @@ from monitor_core.sampling import (
 from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE, count_time, read_cycle, release_held
 from monitor_core.sampling.pairing import MOTION, NO_TIME, SAMPLE, TORQUE, add_pair, add_value, flush_pairing
 from monitor_core.sampling.stamp_meter import frame_received, sample_timed
-from service.ingest.timestamp_jitter import Clock, Stamps, stamps_of
+from service.ingest.timestamp_jitter import ClockKind, Stamps, stamps_of
 
 Kind = Literal["torque", "motion"]
 LIMITS = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS["angle"]
@@ -137,7 +137,7 @@ class StampMeter:
     def timed(self, received_us: int, time_us: int) -> None:
         _meter(self._meter, received_us, time_us, True)
 
-    def stamps(self, clock: Clock, fitted_s: float | None = None, counted_s: float | None = None) -> Stamps:
+    def stamps(self, clock: ClockKind, fitted_s: float | None = None, counted_s: float | None = None) -> Stamps:
         return stamps_of(self._meter, clock, fitted_s, counted_s)
 
 

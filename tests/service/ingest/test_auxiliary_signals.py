@@ -19,8 +19,8 @@ from service.commands.play import encode_table
 from service.config import Config
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.bus_samples import Ingest
-from service.ingest.csv_tables import Rows
-from service.ingest.encode import FrameEncoder, Values
+from service.ingest.csv_tables import CsvRows
+from service.ingest.encode import FrameEncoder, SampleValues
 from service.ingest.motion_derivatives import MotionDerivative, derivative_late
 from service.ingest.quantities import HeldColumns
 from service.ingest.records import read_record
@@ -273,7 +273,7 @@ def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) 
     at_once, in_blocks = (
         concatenate(
             [
-                taken.samples(Rows({n: c[k : k + length] for n, c in columns.items()}, 1.0), k)
+                taken.samples(CsvRows({n: c[k : k + length] for n, c in columns.items()}, 1.0), k)
                 for k in range(0, rows, length)
             ]
         )
@@ -309,7 +309,7 @@ def test_what_is_encoded_is_what_is_received(tmp_path: Path) -> None:
     encoder, ingest = FrameEncoder(config, "bus0"), Ingest(config, "bus0")
     found = []
     for k in range(3):
-        values: dict[str, Values] = {"r.one": (1.0, 2.0, (5.0 + k, 99.0)), "r.two": (0.5, 0.25 * k)}
+        values: dict[str, SampleValues] = {"r.one": (1.0, 2.0, (5.0 + k, 99.0)), "r.two": (0.5, 0.25 * k)}
         frames = encoder.encode(values, k)
         assert frames[0].key.can_id == 320, "signals first: they are of this sample"
         assert sum(key.can_id == 272 for key, _ in frames) == 1

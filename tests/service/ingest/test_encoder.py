@@ -15,7 +15,7 @@ from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.ingest.loaded_records import load as load_record
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.service import robot_tables
 from tests.service.axis_with_columns import written
 from tests.service.pipeline.robots import blocks, live, replayed
@@ -148,7 +148,7 @@ def test_a_record_to_identify_from_is_made_whole(course: Course, tmp_path: Path)
 
 def test_a_simulated_encoder_on_the_bus(seed: int, tmp_path: Path) -> None:
     """Frames as such an encoder makes them; the daemon's own pipeline sees one course."""
-    fault = [Fault("demo.axis1", {"kT": 0.66}, 14.0)]
+    fault = [SimulatedFault("demo.axis1", {"kT": 0.66}, 14.0)]
     period = 1.0
     wrapping, plain = (
         load(config(tmp_path / name, line), {}) for name, line in (("a", f"wrap_period = {period!r}"), ("b", ""))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from service.ingest.live_roles import Series
+from service.ingest.live_roles import SignalSeries
 
 H, COUNT = 0.005, 2000
 TRUE = np.asarray(H * np.arange(COUNT), np.float64)
@@ -34,7 +34,7 @@ def stalled(t: Floats) -> Floats:
 
 @pytest.mark.parametrize("received", [on_time, in_bunches, stalled, lambda t: stalled(in_bunches(t))])
 def test_late_frames_are_even_samples(received: Callable[[Floats], Floats]) -> None:
-    series = Series(received(TRUE), TRUE)
+    series = SignalSeries(received(TRUE), TRUE)
     assert series.interval_s == pytest.approx(H, rel=0.003)
     even = series.even_s
     assert np.ptp(even - TRUE) < 0.03
@@ -42,6 +42,6 @@ def test_late_frames_are_even_samples(received: Callable[[Floats], Floats]) -> N
 
 def test_after_a_loss_the_times_of_receipt_are_taken() -> None:
     kept = (TRUE < 4.0) | (TRUE > 4.5)
-    series = Series(TRUE[kept], TRUE[kept])
+    series = SignalSeries(TRUE[kept], TRUE[kept])
     assert series.interval_s == pytest.approx(H, rel=1e-6)
     assert series.even_s is series.t

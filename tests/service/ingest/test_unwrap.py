@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from service.ingest.unwrap import Motion, Turns
+from service.ingest.unwrap import MotionPoint, Turns
 
 H_US = 5000
 GAP_US = 50_000
@@ -73,7 +73,7 @@ def test_after_a_gap_it_starts_afresh(after_us: int, angle: float) -> None:
 def test_it_goes_on_from_where_it_was() -> None:
     """Not later than the last sample, as where two records overlap."""
     turns = Turns(1.0, GAP_US)
-    turns.resume(Motion(0, 17.9, 0.1 / H_US))
+    turns.resume(MotionPoint(0, 17.9, 0.1 / H_US))
     unwrapped, _ = turns.take(np.array([H_US]), np.array([0.0]))
     assert unwrapped[0] == pytest.approx(18.0)
     turns = Turns(1.0, GAP_US)

@@ -7,13 +7,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from monitor_core.detection import Alarm, Cause, Name
+from monitor_core.detection import Alarm, Cause, FormerName
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
 from service.config.schema_links import AlarmLimits, LinksConfig
 from service.links.delivery import Delivery, Message
 from service.links.running import Links
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from service.store.outbox import Outbox
@@ -26,13 +26,13 @@ NOON_US = 1_772_366_400_000_000
 RAISED = Alarm("kT", "up", NOON_US - 2 * SECOND, NOON_US, NOON_US, None, None, None, 1)
 NAMED = replace(
     RAISED, parameter="fm", stage="named", kind="step", size=0.018, size_sd=0.002, causes=(Cause("fm", 0.97),),
-    updated_us=NOON_US + 5 * SECOND, past=(Name(NOON_US + 4 * SECOND, "changed", "kT", "up"),),
+    updated_us=NOON_US + 5 * SECOND, past=(FormerName(NOON_US + 4 * SECOND, "changed", "kT", "up"),),
 )  # fmt: skip
 
 
 def record(journal: Journal, alarm: Alarm = RAISED, axis: str = AXIS, rules: AlarmRules | None = None) -> int:
     """Record an alarm; its id."""
-    (number,) = journal.record([Entry(axis, "N m s/rad", 0.06, alarm, rules or AlarmRules())])
+    (number,) = journal.record([AlarmEntry(axis, "N m s/rad", 0.06, alarm, rules or AlarmRules())])
     return number
 
 

@@ -11,8 +11,8 @@ from service.config import AxisConfig, Config, load
 from service.ingest.encode import Encoded, FrameEncoder
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
-from service.simulation.axis import Reading
-from service.simulation.robot import Fault, Moment, SimulatedRobot
+from service.simulation.axis import SimulatedSample
+from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot
 from tests.service.command_line import as_json
 
 DEMO = Path(__file__).resolve().parents[3] / "config" / "demo.toml"
@@ -54,8 +54,8 @@ def moments(
     config: Config,
     seconds: float,
     seed: int,
-    faults: Sequence[Fault] = (),
-    measured: Callable[[Moment], Mapping[str, Reading]] = lambda moment: moment.readings,
+    faults: Sequence[SimulatedFault] = (),
+    measured: Callable[[Moment], Mapping[str, SimulatedSample]] = lambda moment: moment.readings,
 ) -> Iterator[tuple[float, list[Encoded]]]:
     """Times since the start, and the frames that a robot sends then."""
     encoder = FrameEncoder(config, config.bus[0].name)
@@ -69,9 +69,9 @@ def blocks(
     config: Config,
     seconds: float,
     seed: int,
-    faults: Sequence[Fault] = (),
+    faults: Sequence[SimulatedFault] = (),
     every_s: float = 0.1,
-    measured: Callable[[Moment], Mapping[str, Reading]] = lambda moment: moment.readings,
+    measured: Callable[[Moment], Mapping[str, SimulatedSample]] = lambda moment: moment.readings,
 ) -> Iterator[FrameBlock]:
     """The frames of a robot in blocks of that length."""
     block: list[Frame] = []

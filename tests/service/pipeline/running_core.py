@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config
-from service.pipeline.alarm_recording import Alarms, quantities
+from service.pipeline.alarm_recording import AlarmRecorder, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusIntake
@@ -25,7 +25,7 @@ from service.pipeline.recording import Recording
 from service.pipeline.snapshot import AxisSnapshot
 from service.pipeline.wall_clock import WallClock
 from service.pipeline.worker import Compiled, Worker
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from service.store.checkpoints import Checkpoints
 from service.store.epochs import Epoch
 from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore
@@ -52,7 +52,7 @@ def cell(folder: Path, axes: int = 2) -> Config:
 
 def changed_axis(folder: Path, seconds_s: float, seed: int) -> list[Frame]:
     """Frames of two axes; the friction of the first is not the configured one, from the start."""
-    found = blocks(demo(folder, 2), seconds_s, seed, [Fault(AXIS, {"fm": 1.3}, 0.0)])
+    found = blocks(demo(folder, 2), seconds_s, seed, [SimulatedFault(AXIS, {"fm": 1.3}, 0.0)])
     return [frame for block in found for frame in block.frames()]
 
 
@@ -104,7 +104,7 @@ class StandingCore:
         monitors = self.core.monitors
         restored = resume_monitors(monitors, self.begun, self.checkpoints, self.journal, clock_us())
         self.messages = (*self.begun.messages, *restored.messages, *start_messages)
-        alarms = Alarms(self.journal, quantities(monitors.by_id), wall=wall)
+        alarms = AlarmRecorder(self.journal, quantities(monitors.by_id), wall=wall)
         alarms.adopt(restored.open)
         self.compiled = Compiled(Future(), Future())
         self.failed = threading.Event()

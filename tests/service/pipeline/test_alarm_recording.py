@@ -13,14 +13,14 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
 from service.config import load
 from service.config.schema_model import AlarmsConfig
-from service.pipeline.alarm_recording import RETRY_S, Alarms, AxisAlarm, Quantity, alarm_rules
+from service.pipeline.alarm_recording import RETRY_S, AlarmRecorder, AxisAlarm, JournalQuantity, alarm_rules
 from service.store import database
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal
 from tests.service.config.config_texts import CONFIG
 
 AXIS = "cell.axis1"
-QUANTITIES = {(AXIS, "fm"): Quantity("N m s/rad", 0.06), (AXIS, "kT"): Quantity("1", 1.0)}
+QUANTITIES = {(AXIS, "fm"): JournalQuantity("N m s/rad", 0.06), (AXIS, "kT"): JournalQuantity("1", 1.0)}
 
 
 def episode(parameter: str = "fm", crossings: int = 1, ended_us: int | None = None, raised_us: int = 20) -> Alarm:
@@ -58,7 +58,7 @@ def locked(path: Path) -> Iterator[None]:
 
 def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(path: Path, journal: Journal) -> None:
     clock = Clock()
-    alarms = Alarms(journal, QUANTITIES, clock, {(AXIS, "fm"): AlarmRules("high")})
+    alarms = AlarmRecorder(journal, QUANTITIES, clock, {(AXIS, "fm"): AlarmRules("high")})
     with locked(path):
         alarms.record([AxisAlarm(AXIS, episode())])
         assert alarms.open(AXIS) == (episode(),)
@@ -93,7 +93,7 @@ def test_what_the_disk_refuses_is_shown_at_once_and_written_later_in_order(path:
 
 def test_what_a_person_acknowledges_before_the_disk_takes_it_is_written_with_it(path: Path, journal: Journal) -> None:
     clock, note = Clock(), Note(60, "anna", "heard it", "WO-1")
-    alarms = Alarms(journal, QUANTITIES, clock, {(AXIS, "kT"): AlarmRules(latched=True)})
+    alarms = AlarmRecorder(journal, QUANTITIES, clock, {(AXIS, "kT"): AlarmRules(latched=True)})
     alarms.record([AxisAlarm(AXIS, episode("kT", raised_us=10, ended_us=15))])
     with locked(path):
         ended, standing = episode("kT", raised_us=20, ended_us=50), episode(raised_us=30)
@@ -132,7 +132,7 @@ def test_what_a_person_acknowledges_before_the_disk_takes_it_is_written_with_it(
 
 def test_at_the_end_what_waits_is_written_at_once_or_logged_as_lost(path: Path, journal: Journal) -> None:
     """The disk may have been made free a moment before the daemon is restarted."""
-    alarms = Alarms(journal, QUANTITIES, Clock())
+    alarms = AlarmRecorder(journal, QUANTITIES, Clock())
     with locked(path):
         alarms.record([AxisAlarm(AXIS, episode())])
         alarms.acknowledge(1, Note(60, "anna", "heard it"))
@@ -149,7 +149,7 @@ def test_at_the_end_what_waits_is_written_at_once_or_logged_as_lost(path: Path, 
 
 def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_clock(journal: Journal) -> None:
     clock = Clock()
-    alarms = Alarms(journal, QUANTITIES, clock)
+    alarms = AlarmRecorder(journal, QUANTITIES, clock)
     alarms.record([AxisAlarm(AXIS, episode())])
     assert [a.state for a in alarms.snapshot(30).standing] == ["unacknowledged"]
     journal.act(1, AlarmEvent.SHELVE, Note(40, "anna"), 100)
@@ -161,7 +161,7 @@ def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_cl
 def test_an_off_delay_ends_by_the_given_clock(journal: Journal) -> None:
     rules = {(AXIS, "fm"): AlarmRules(off_delay_s=1e-5)}
     journal.apply_rules(rules, 0)
-    alarms = Alarms(journal, QUANTITIES, Clock(), rules)
+    alarms = AlarmRecorder(journal, QUANTITIES, Clock(), rules)
     alarms.record([AxisAlarm(AXIS, episode())])
     alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])
     assert [(a.state, a.active) for a in alarms.snapshot(59).standing] == [("unacknowledged", True)]
@@ -173,7 +173,7 @@ def test_an_off_delay_ends_by_the_given_clock(journal: Journal) -> None:
 
 
 def test_an_axis_out_of_service_is_known_and_hides_alarms_that_the_disk_refuses(path: Path, journal: Journal) -> None:
-    alarms = Alarms(journal, QUANTITIES, Clock())
+    alarms = AlarmRecorder(journal, QUANTITIES, Clock())
     removed = Note(40, "anna", "new gearbox")
     assert alarms.removed(AXIS) is None
     journal.services.change(AXIS, AlarmEvent.REMOVE, removed)
@@ -199,7 +199,7 @@ def test_rules_are_those_of_the_axis_and_its_parameter() -> None:
 
 
 def test_the_end_of_an_alarm_is_shown_only_when_it_is_recorded(path: Path, journal: Journal) -> None:
-    alarms = Alarms(journal, QUANTITIES)
+    alarms = AlarmRecorder(journal, QUANTITIES)
     alarms.record([AxisAlarm(AXIS, episode())])
     with locked(path):
         alarms.record([AxisAlarm(AXIS, episode(ended_us=50))])

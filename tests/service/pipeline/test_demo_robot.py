@@ -9,7 +9,7 @@ from service.config import Config, load
 from service.config.drive_sources import shipped
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
-from service.simulation.robot import Fault, FaultError, SimulatedRobot
+from service.simulation.robot import FaultError, SimulatedFault, SimulatedRobot
 from tests.service.pipeline.robots import START_US, blocks, demo, with_axes
 from tests.shares import soaked
 
@@ -24,7 +24,9 @@ def commissioned(axes: int) -> Config:
     return with_axes(config, config.robot[0].axis[:axes])
 
 
-def alarms(folder: Path, axes: int, seconds: float, seed: int, faults: list[Fault]) -> list[tuple[float, AxisAlarm]]:
+def alarms(
+    folder: Path, axes: int, seconds: float, seed: int, faults: list[SimulatedFault]
+) -> list[tuple[float, AxisAlarm]]:
     """Every change of an alarm, with the time since the start at which it is known."""
     core, found, end_s = FramePipeline(commissioned(axes)), list[tuple[float, AxisAlarm]](), 0.0
     for frames in blocks(demo(folder, axes), seconds, seed, faults):
@@ -44,7 +46,7 @@ def test_healthy_axes_are_quiet(tmp_path: Path, seed: int) -> None:
     soaked([("fm", 1.3, "up"), ("kT", 0.9, "down"), ("1/Ja", 1.1, "up")], ("kT", 0.9, "down")),
 )
 def test_a_fault_is_named_in_a_second(tmp_path: Path, seed: int, name: str, factor: float, direction: str) -> None:
-    fault = Fault("demo.axis2", {name: factor}, FAULT_S)
+    fault = SimulatedFault("demo.axis2", {name: factor}, FAULT_S)
     found = alarms(tmp_path, 2, FAULT_S + 5, seed, [fault])
     assert {(c.axis_id, c.alarm.parameter, c.alarm.direction) for _, c in found if c.alarm.stage == "named"} == {
         ("demo.axis2", name, direction)
@@ -63,10 +65,10 @@ def test_a_fault_is_named_in_a_second(tmp_path: Path, seed: int, name: str, fact
 @pytest.mark.parametrize(
     ("fault", "message"),
     [
-        (Fault("demo.axis1", {"Jm": -1.0}, 1), "inertia of the motor must be finite and greater than zero"),
-        (Fault("demo.axis1", {"1/Ja": 0.0}, 1), "fault: "),
+        (SimulatedFault("demo.axis1", {"Jm": -1.0}, 1), "inertia of the motor must be finite and greater than zero"),
+        (SimulatedFault("demo.axis1", {"1/Ja": 0.0}, 1), "fault: "),
     ],
 )
-def test_an_impossible_fault_is_said(tmp_path: Path, fault: Fault, message: str) -> None:
+def test_an_impossible_fault_is_said(tmp_path: Path, fault: SimulatedFault, message: str) -> None:
     with pytest.raises(FaultError, match=re.escape(message)):
         SimulatedRobot(demo(tmp_path), faults=[fault])

@@ -15,7 +15,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from service.pipeline import kernel_cache
-from service.pipeline.kernel_cache import VARIABLE, CacheFiller, Shape, choose, compile_kernel, fingerprint
+from service.pipeline.kernel_cache import VARIABLE, CacheFiller, KernelShape, choose, compile_kernel, fingerprint
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 
 
@@ -80,10 +80,10 @@ FAILED = "the kernel could not be compiled in a separate process"
 
 
 def test_a_filled_cache_needs_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    compile_kernel(Shape.FEW_AXES)
+    compile_kernel(KernelShape.FEW_AXES)
     monkeypatch.setattr(sys, "executable", "/no/such/program")
     with capture_logs() as logs:
-        assert CacheFiller().fill([Shape.FEW_AXES])
+        assert CacheFiller().fill([KernelShape.FEW_AXES])
     assert logs == []
 
 
@@ -94,7 +94,7 @@ def test_a_process_that_fails_is_told_and_the_start_goes_on(
     monkeypatch.setenv(VARIABLE, str(tmp_path))
     monkeypatch.setattr(sys, "executable", program)
     with capture_logs() as logs:
-        assert CacheFiller().fill([Shape.FEW_AXES])
+        assert CacheFiller().fill([KernelShape.FEW_AXES])
     assert [entry["event"] for entry in logs] == [FAILED]
     assert reason in logs[0]["reason"]
 
@@ -106,7 +106,7 @@ def test_a_stop_ends_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     endless.chmod(0o755)
     monkeypatch.setattr(sys, "executable", str(endless))
     filler, ended = CacheFiller(), list[bool]()
-    thread = threading.Thread(target=lambda: ended.append(filler.fill([Shape.FEW_AXES])))
+    thread = threading.Thread(target=lambda: ended.append(filler.fill([KernelShape.FEW_AXES])))
     thread.start()
     wait_for((tmp_path / "begun").exists)
     with capture_logs() as logs:
@@ -117,9 +117,9 @@ def test_a_stop_ends_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 _KILLED = """
 import time
-from service.pipeline.kernel_cache import CacheFiller, Shape
+from service.pipeline.kernel_cache import CacheFiller, KernelShape
 filler = CacheFiller()
-filler.begin(Shape.FEW_AXES)
+filler.begin(KernelShape.FEW_AXES)
 print("begun", flush=True)
 time.sleep(1000)
 """
@@ -161,7 +161,7 @@ def test_after_a_stop_none_is_started(tmp_path: Path, monkeypatch: pytest.Monkey
     filler = CacheFiller()
     filler.stop()
     with capture_logs() as logs:
-        assert not filler.fill([Shape.FEW_AXES])
+        assert not filler.fill([KernelShape.FEW_AXES])
     assert logs == []
 
 

@@ -12,19 +12,19 @@ from monitor_core.detection import Alarm
 from service.can.frames import FrameBlock
 from service.config import Config
 from service.config.schema_model import DetectorConfig
-from service.pipeline.alarm_recording import Alarms, AxisAlarm, quantities
+from service.pipeline.alarm_recording import AlarmRecorder, AxisAlarm, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
-from service.simulation.axis import Reading
-from service.simulation.robot import Fault, Moment
-from service.store.checkpoints import AxisState, Checkpoints
+from service.simulation.axis import SimulatedSample
+from service.simulation.robot import Moment, SimulatedFault
+from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.journal import Journal
 from service.texts.alarm_words import episode_words
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 
 BROKEN_S, ENDS_S = 12.0, 20.0
 BLOCK_S = 0.5
-FAULTS = (Fault("demo.axis1", {"kT": 0.8}, BROKEN_S), Fault("demo.axis2", {"fm": 1.4}, BROKEN_S))
+FAULTS = (SimulatedFault("demo.axis1", {"kT": 0.8}, BROKEN_S), SimulatedFault("demo.axis2", {"fm": 1.4}, BROKEN_S))
 SWAPPED = "demo.axis3"
 
 
@@ -34,7 +34,7 @@ def watched(folder: Path, axes: int = 3, **detector: object) -> Config:
     return changed(demo(folder, axes), detector=DetectorConfig.model_validate(own))
 
 
-def measured(moment: Moment) -> Mapping[str, Reading]:
+def measured(moment: Moment) -> Mapping[str, SimulatedSample]:
     """The third axis measures its torque with the wrong sign from some time on."""
     readings = dict(moment.readings)
     if moment.time_s >= BROKEN_S:
@@ -50,7 +50,7 @@ class Run(NamedTuple):
     """A daemon without clock, threads and buses: its core, its journal, its checkpoints."""
 
     core: FramePipeline
-    alarms: Alarms
+    alarms: AlarmRecorder
     saver: Checkpointer
     messages: tuple[str, ...]
 
@@ -67,7 +67,7 @@ class Run(NamedTuple):
 def start(config: Config, journal: Journal, checkpoints: Checkpoints) -> Run:
     core = FramePipeline(config)
     restored = restore(core.monitors, checkpoints, journal, START_US)
-    alarms = Alarms(journal, quantities(core.monitors.by_id))
+    alarms = AlarmRecorder(journal, quantities(core.monitors.by_id))
     alarms.adopt(restored.open)
     alarms.record(restored.changes)
     saver = Checkpointer(checkpoints, core.monitors, 60.0, lambda: START_US)
@@ -129,7 +129,7 @@ def test_a_damaged_state_of_the_bank_is_quarantined_and_the_estimates_go_on(
     other = monitor.multimodel.bank.to_arrays()
     names = ("demo.axis1 (multi-model detector)", "demo.axis2 (multi-model detector)")
     states = [(monitor.multimodel_key, broken), ("another version", other)]
-    checkpoints.save([AxisState(n, *state) for n, state in zip(names, states, strict=True)], START_US)
+    checkpoints.save([MonitorState(n, *state) for n, state in zip(names, states, strict=True)], START_US)
     again = start(config, journal, checkpoints)
     broken_state, other_version = again.messages
     assert broken_state.startswith("demo.axis1: part of its checkpoint is not used")

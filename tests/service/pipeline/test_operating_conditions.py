@@ -14,7 +14,7 @@ from service.can.frames import Frame, FrameBlock
 from service.config import Config, load
 from service.ingest.records import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.service.ingest.plant import rows_of
 from tests.service.pipeline.robots import START_US, cut, live, replayed, with_axes
 from tests.service.pipeline.varying_robot import LENGTH_S, VARYING, frames_of, robot
@@ -64,7 +64,7 @@ def healthy(file: Path, seed: int) -> list[Frame]:
 
 @pytest.fixture(scope="module")
 def broken(file: Path, seed: int) -> list[Frame]:
-    return frames_of(load(file, {}), seed + 1, [Fault("demo.axis1", {"fm": 1.4}, FAULT_S)])
+    return frames_of(load(file, {}), seed + 1, [SimulatedFault("demo.axis1", {"fm": 1.4}, FAULT_S)])
 
 
 @pytest.fixture(scope="module")

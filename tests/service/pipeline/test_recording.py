@@ -14,7 +14,7 @@ from service.can.user_errors import RecordError
 from service.pipeline import recording as recording_module
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.recording import Extracts, FrameRing, Recording, RecordingFolder
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from service.texts.instants import microseconds
 from tests.end_to_end.processes import PATIENCE_S, demo_config, wait_for
 from tests.service.pipeline.robots import START_US, blocks, demo, replayed
@@ -206,7 +206,7 @@ def test_the_replay_of_a_recording_raises_its_alarm_again(tmp_path: Path, seed: 
     folders = RecordingFolder(tmp_path / "log", 10**9), RecordingFolder(tmp_path / "blf", 10**9, {"can0": 0})
     recordings = [Recording(extracts=Extracts(folder, 30, 5, lambda: START_US)) for folder in folders]
     raised = []
-    for block in blocks(config, 65, seed, [Fault("demo.axis1", {"fm": 2.0}, 50.0)]):
+    for block in blocks(config, 65, seed, [SimulatedFault("demo.axis1", {"fm": 2.0}, 50.0)]):
         core.take("can0", block)
         changes = core.update()
         for recording in recordings:

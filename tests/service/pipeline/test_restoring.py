@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Name
+from monitor_core.detection import Alarm, Crossing, FormerName
 from monitor_core.detection.cusum.cusum_evidence import Evidence
 from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AlarmState, AxisMonitor
@@ -15,9 +15,9 @@ from service.can.frames import FrameBlock
 from service.config import Config
 from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.checkpointing import Checkpointer, Loss, Restored, loss_messages, restore
-from service.store.alarm_entries import Entry
-from service.store.checkpoints import AxisState, Checkpoints
+from service.pipeline.checkpointing import Checkpointer, LostState, Restored, loss_messages, restore
+from service.store.alarm_entries import AlarmEntry
+from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, changed, demo
 from tests.service.store.quarantine import quarantined
@@ -92,7 +92,7 @@ def test_an_alarm_newer_than_the_checkpoint_is_adopted_and_can_end(
     """Also where there is no checkpoint, as after damage."""
     if is_saved:
         save(monitors, checkpoints)
-    journal.record([Entry(AXIS, "N m s/rad", 0.06, OPEN)])
+    journal.record([AlarmEntry(AXIS, "N m s/rad", 0.06, OPEN)])
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.open == (AxisAlarm(AXIS, OPEN),)
     assert found.by_id[AXIS].open_alarms == (OPEN,)
@@ -108,7 +108,7 @@ def _healthy(time_us: int, names: tuple[str, ...]) -> Evidence:
     return Evidence(time_us, names, np.zeros(p), 1e-6 * np.eye(p), np.zeros((p, p)), 4.0, 1.0, (0,) * p, past, 12)
 
 
-NAMED = replace(OPEN, parameter="kT", stage="named", past=(Name(40, "changed", "fm", "up"),))
+NAMED = replace(OPEN, parameter="kT", stage="named", past=(FormerName(40, "changed", "fm", "up"),))
 NEWER = replace(OPEN, updated_us=60, crossings=9)
 
 
@@ -129,7 +129,7 @@ def test_the_journal_decides_on_an_alarm_of_the_checkpoint(
     monitors.by_id[AXIS].adopt([OPEN])
     save(monitors, checkpoints)
     for alarm in recorded:
-        journal.record([Entry(AXIS, "1", 1.0, alarm)])
+        journal.record([AlarmEntry(AXIS, "1", 1.0, alarm)])
     found, restored = again(tmp_path, checkpoints, journal)
     assert found.by_id[AXIS].open_alarms == open_
     assert restored.changes == unrecorded
@@ -150,14 +150,14 @@ def test_an_alarm_that_ended_after_the_checkpoint_is_reopened_and_no_row_overlap
     monitors.by_id[AXIS].adopt([first])
     assert monitors.by_id[AXIS].apply([Crossing("kT", "up", 40, 35)]) == []
     save(monitors, checkpoints)
-    journal.record([Entry(AXIS, "N m s/rad", 0.06, alarm) for alarm in (first, replace(first, ended_us=50))])
+    journal.record([AlarmEntry(AXIS, "N m s/rad", 0.06, alarm) for alarm in (first, replace(first, ended_us=50))])
     found, _ = again(tmp_path, checkpoints, journal)
     monitor = found.by_id[AXIS]
     healthy = _healthy(99, monitor.model.monitored)
     d = np.array([0.02 if name == "fm" else 0.0 for name in healthy.parameters])
     ((kind, alarm),) = monitor.apply([replace(healthy, deviation=d)])
     assert (kind, alarm.parameter, alarm.raised_us, alarm.reopened_us) == ("reopened", "fm", 20, 40)
-    journal.record([Entry(AXIS, "N m s/rad", 0.06, alarm)])
+    journal.record([AlarmEntry(AXIS, "N m s/rad", 0.06, alarm)])
     rows, _ = journal.query()
     assert [(a.id, a.ended_us, a.state) for a in rows] == [(1, None, "unacknowledged")]
 
@@ -185,7 +185,7 @@ def test_arrays_of_another_shape_are_quarantine(
     tmp_path: Path, monitors: AxisMonitors, checkpoints: Checkpoints, journal: Journal
 ) -> None:
     arrays = monitors.by_id[AXIS].to_arrays()
-    checkpoints.save([AxisState(AXIS, monitors.by_id[AXIS].key, {**arrays, "floats": np.zeros(3)})], NOW_US)
+    checkpoints.save([MonitorState(AXIS, monitors.by_id[AXIS].key, {**arrays, "floats": np.zeros(3)})], NOW_US)
     found, restored = again(tmp_path, checkpoints, journal)
     (message,) = restored.messages
     assert "does not fit this version" in message
@@ -194,7 +194,7 @@ def test_arrays_of_another_shape_are_quarantine(
 
 
 def test_alarms_of_what_is_no_longer_monitored(tmp_path: Path, checkpoints: Checkpoints, journal: Journal) -> None:
-    entries = [Entry(AXIS, "N m", 0.08, replace(OPEN, parameter="fc")), Entry("demo.axis7", "1", 1.0, OPEN)]
+    entries = [AlarmEntry(AXIS, "N m", 0.08, replace(OPEN, parameter="fc")), AlarmEntry("demo.axis7", "1", 1.0, OPEN)]
     journal.record(entries)
     found, restored = again(tmp_path, checkpoints, journal)
     assert restored.messages == (
@@ -216,17 +216,17 @@ OTHER, DAMAGED = "it was saved with another model", "it is damaged"
 def test_losses_in_words() -> None:
     """One message names all that an axis lost; axes and reasons are kept apart."""
     assert list(loss_messages([])) == []
-    losses = [Loss(A, "history", OTHER, parameter) for parameter in ("kT", "1/Ja", "fm", "")]
-    (message,) = loss_messages([Loss(A, "estimates", OTHER), *losses, Loss(A, "multimodel", OTHER)])
+    losses = [LostState(A, "history", OTHER, parameter) for parameter in ("kT", "1/Ja", "fm", "")]
+    (message,) = loss_messages([LostState(A, "estimates", OTHER), *losses, LostState(A, "multimodel", OTHER)])
     assert message == (
         "cell.axis1: its checkpoint is not used and was quarantined: it was saved with another model (restarted: the"
         " estimates, the evidence of the multi-model detector and the long-term history of kT, 1/Ja and fm)"
     )
     losses = [
-        Loss(A, "estimates", DAMAGED),
-        Loss(B, "multimodel", OTHER),
-        Loss(A, "history", OTHER, "fm"),
-        Loss("cell.axis3", "history", DAMAGED),
+        LostState(A, "estimates", DAMAGED),
+        LostState(B, "multimodel", OTHER),
+        LostState(A, "history", OTHER, "fm"),
+        LostState("cell.axis3", "history", DAMAGED),
     ]
     assert list(loss_messages(losses)) == [
         "cell.axis1: its checkpoint is not used and was quarantined: it is damaged (restarted: the estimates); it was"

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from monitor_core.detection import Alarm, Reach
-from monitor_core.trend.entries import Reading
+from monitor_core.trend.entries import EstimateReading
 from service.config import Config
-from service.pipeline.alarm_recording import Alarms, AxisAlarm, quantities
+from service.pipeline.alarm_recording import AlarmRecorder, AxisAlarm, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.trends import Trends
-from service.store.checkpoints import AxisState, Checkpoints
+from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.journal import Journal
 from tests.service.pipeline.robots import START_US, changed, demo
 from tests.service.store.quarantine import quarantined
@@ -29,7 +29,7 @@ def limited(folder: Path, limits: dict[str, tuple[float, ...]]) -> Config:
     return changed(config, "axis1", model={"limits": limits})
 
 
-def readings(hours: int, per_hour: float, seed: int, others: bool = True) -> list[Reading]:
+def readings(hours: int, per_hour: float, seed: int, others: bool = True) -> list[EstimateReading]:
     """Twelve readings an hour; fm begins at its nominal value and drifts by that part of it each hour."""
     rng = np.random.default_rng(seed)
     found = []
@@ -37,11 +37,11 @@ def readings(hours: int, per_hour: float, seed: int, others: bool = True) -> lis
         fm = 0.06 * (1 + per_hour * k / 12) + 0.0015 * rng.normal()
         value = (1 + 0.02 * rng.normal(), 0.01 + 1e-4 * rng.normal(), fm)
         t_us = START_US + k * 300_000_000
-        found.append(Reading(t_us, value, (4e-4, 1e-8, 2.25e-6), (others, others, True), 300.0, 0.05))
+        found.append(EstimateReading(t_us, value, (4e-4, 1e-8, 2.25e-6), (others, others, True), 300.0, 0.05))
     return found
 
 
-def feed(trends: Trends, some: Sequence[Reading], most: int | None = None) -> list[AxisAlarm]:
+def feed(trends: Trends, some: Sequence[EstimateReading], most: int | None = None) -> list[AxisAlarm]:
     changes = []
     for reading in some:
         trends.take(AXIS, [reading])
@@ -134,7 +134,7 @@ def test_damage_is_told_counted_and_quarantined(tmp_path: Path, checkpoints: Che
     monitors = AxisMonitors(config.axes)
     feed(monitors.trends, readings(30, 0.0, 1), 0)
     save(monitors, checkpoints)
-    part = AxisState(f"{AXIS} fm (history)", monitors.trends.axes[AXIS].key, {"entries": np.ones((3, 6))})
+    part = MonitorState(f"{AXIS} fm (history)", monitors.trends.axes[AXIS].key, {"entries": np.ones((3, 6))})
     checkpoints.save([part], NOW_US)
     later = restarted(config, checkpoints, journal, "the long-term history of fm)")
     assert later.lost == {AXIS: 1, "demo.axis2": 0}
@@ -168,7 +168,7 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
 ) -> None:
     """Neither in the journal, nor by the monitor that finds it there after a restart."""
     monitors = AxisMonitors(limited(tmp_path, {"fm": (0.09,)}).axes)
-    alarms = Alarms(journal, quantities(monitors.by_id))
+    alarms = AlarmRecorder(journal, quantities(monitors.by_id))
     change = Alarm("fm", "up", 10, 40, 50, None, 0.03, 0.001, 2)
     alarms.record([AxisAlarm(AXIS, FORECAST), AxisAlarm(AXIS, change)])
     found, total = journal.query(AXIS)

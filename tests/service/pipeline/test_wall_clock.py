@@ -8,12 +8,12 @@ from structlog.testing import capture_logs
 
 from service.can.frames import Frame, FrameBlock
 from service.pipeline.wall_clock import WallClock
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 from tests.service.pipeline.running_core import StandingCore
 
 HOUR_US = 3_600_000_000
-FAULTS = [Fault("demo.axis1", {"fm": 2.0}, 6.0), Fault("demo.axis1", {"fm": 0.5}, 14.0)]
+FAULTS = [SimulatedFault("demo.axis1", {"fm": 2.0}, 6.0), SimulatedFault("demo.axis1", {"fm": 0.5}, 14.0)]
 """And it is as before"""
 LENGTH_S, STEP_S = 36.0, 9.0
 

@@ -18,8 +18,8 @@ from service.pipeline.checkpointing import states_of
 from service.pipeline.publishing import BOUNDS_S, READ_S, UNREAD_S, ProcessingTime
 from service.pipeline.snapshot import Histogram, Snapshot
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, next_block_s
-from service.simulation.robot import Fault
-from service.store.alarm_entries import Entry
+from service.simulation.robot import SimulatedFault
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint
@@ -37,7 +37,7 @@ SAID = ("said at the start",)
 def frames(tmp_path_factory: pytest.TempPathFactory, seed: int) -> list[Frame]:
     """Twelve seconds of two axes; after six, the friction of the first has doubled."""
     config = demo(tmp_path_factory.mktemp("frames"), 2)
-    fault = Fault("demo.axis1", {"fm": 2.0}, 6.0)
+    fault = SimulatedFault("demo.axis1", {"fm": 2.0}, 6.0)
     return [frame for block in blocks(config, 12.0, seed, [fault]) for frame in block.frames()]
 
 
@@ -272,7 +272,7 @@ def test_stopping_writes_the_alarms_that_the_disk_has_refused(
 ) -> None:
     record, refused = bench.journal.record, list[str]()
 
-    def refuse_once(entries: Iterable[Entry]) -> list[int]:
+    def refuse_once(entries: Iterable[AlarmEntry]) -> list[int]:
         found = list(entries)
         if found and not refused:
             refused.append(found[0].axis)

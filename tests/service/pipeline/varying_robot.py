@@ -5,7 +5,7 @@ from pathlib import Path
 
 from service.can.frames import Frame
 from service.config import Config
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.demo_text import demo_text
 from tests.service.pipeline.robots import DEMO, START_US, moments
 
@@ -71,7 +71,9 @@ def robot(folder: Path) -> Path:
     return folder / "robot.toml"
 
 
-def frames_of(config: Config, seed: int, faults: Sequence[Fault] = (), length_s: float = LENGTH_S) -> list[Frame]:
+def frames_of(
+    config: Config, seed: int, faults: Sequence[SimulatedFault] = (), length_s: float = LENGTH_S
+) -> list[Frame]:
     """The frames of a moment are received one after the other."""
     return [
         Frame(START_US + round(time_s * 1e6) + 40 * n, *f.key, f.data)

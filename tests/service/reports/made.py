@@ -10,15 +10,15 @@ import numpy as np
 
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.fault_trials import TrialResult
-from monitor_core.calibration.injection import Fault
+from monitor_core.calibration.injection import InjectedFault
 from monitor_core.calibration.multimodel_thresholds import BankLimits
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.flat import FlatParameter
 from monitor_core.modeling.laurent import Laurent
-from monitor_core.modeling.statespace import Definition, Entries, Report, StateSpace
+from monitor_core.modeling.statespace import Entries, Report, StateSpace, SymbolicDefinition
 from monitor_core.settings import Threshold
 from service.config import load
 from service.config.axis_settings import axis_settings
@@ -46,7 +46,7 @@ def merged(drive: StateSpace, name: str = "Jm") -> StateSpace:
     brake = FlatParameter("J2", "kg m^2", "brake", 0.001, True)
     ratio = FlatParameter("n", "1", "ratio of the brake", 0.5)
     kept = tuple(p for p in drive.drawn if p.name != "Jm")
-    definition = Definition(name, symbol("J1") + symbol("n", 2) * symbol("J2"))
+    definition = SymbolicDefinition(name, symbol("J1") + symbol("n", 2) * symbol("J2"))
     return replace(renamed(drive, {"Jm": name}), drawn=(rotor, brake, ratio, *kept), definitions=(definition,))
 
 
@@ -70,9 +70,9 @@ def renamed(drive: StateSpace, names: Mapping[str, str]) -> StateSpace:
 
 ONSETS, WITHIN_S = 30, 4.0
 OWN = (
-    Limit("kT", 0.1, 11.0, 0.001),
-    Limit("kT", -0.1, 12.0, 0.002),
-    Limit("torque sign", math.nan, 13.0, 0.0, ("output sign",)),
+    HypothesisThreshold("kT", 0.1, 11.0, 0.001),
+    HypothesisThreshold("kT", -0.1, 12.0, 0.002),
+    HypothesisThreshold("torque sign", math.nan, 13.0, 0.0, ("output sign",)),
 )
 
 
@@ -142,4 +142,6 @@ def caught(name: str, size: float, delays: Sequence[float] | np.ndarray, names: 
     assert len(delays) == len(first) == ONSETS
     exact = name == "kT"
     way = "up" if size > 0 else "down"
-    return TrialResult(Fault(name, size), exact, np.array(delays), first, (way,) * ONSETS, 3.0 if exact else math.nan)
+    return TrialResult(
+        InjectedFault(name, size), exact, np.array(delays), first, (way,) * ONSETS, 3.0 if exact else math.nan
+    )

@@ -10,13 +10,13 @@ import pytest
 
 from monitor_core.detection import Alarm, Cause
 from service.config import load
-from service.ingest.records import Quality, Step
+from service.ingest.records import RecordQuality, RecordStep
 from service.pipeline.alarm_recording import as_recorded
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.replay_course import Timeline, TimeUnit
 from service.reports.replay_report import alarm_table
 from service.reports.replay_result import Replay, ReplayedAxis
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 
 ROOT = Path(__file__).resolve().parents[3]
 S = 1_000_000
@@ -30,7 +30,7 @@ def axis(*alarms: Alarm) -> ReplayedAxis:
     line.take(np.arange(3800, 3851, dtype=np.int64) * S)
     course: Any = SimpleNamespace(timeline=line, h={"kT": 1.0, "fm": 1.0})
     snapshot: Any = None
-    recorded = [as_recorded(Entry("cell.a1", "", 1.0, alarm), n) for n, alarm in enumerate(alarms)]
+    recorded = [as_recorded(AlarmEntry("cell.a1", "", 1.0, alarm), n) for n, alarm in enumerate(alarms)]
     return ReplayedAxis(snapshot, recorded, (), course)
 
 
@@ -89,7 +89,7 @@ def test_axes_of_a_robot_whose_alarms_the_same_payload_explains_name_each_other(
     }
     monitors = AxisMonitors(config.axes)
     monkeypatch.setattr(monitors, "update", lambda _samples, _see: list(found.items()))
-    record: Any = SimpleNamespace(steps=lambda: [Step({}, 1.0)], quality=Quality({}))
+    record: Any = SimpleNamespace(steps=lambda: [RecordStep({}, 1.0)], quality=RecordQuality({}))
     replay = Replay(monitors, config, drawn=False)
     replay.add(record, lambda _done: None)
     axes = replay.result(["record"], "demo.toml").axes

@@ -11,10 +11,10 @@ import pytest
 from rich.console import Console
 
 from monitor_core.detection import DetectorName
-from monitor_core.detection.multimodel.multimodel_detector import Limit
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
 from service.reports.calibration_files import as_html, as_json, as_toml
 from service.reports.calibration_report import Calibration, answer, faults, hypotheses, print_text, promises
-from service.reports.formats import Table
+from service.reports.formats import TextTable
 from tests.golden import check, page_text
 from tests.service.reports.made import OWN, by_hand
 
@@ -26,7 +26,7 @@ def alarming(kind: DetectorName) -> Calibration:
     return replace(by_hand(), alarms=kind)
 
 
-def causes(calibration: Calibration) -> Table:
+def causes(calibration: Calibration) -> TextTable:
     table = hypotheses(calibration)
     assert table is not None
     return table
@@ -63,7 +63,7 @@ def test_a_table_has_each_fact_once() -> None:
     assert table.rows[0] == ("kT +10 %", "exact", "13 %", "15 s", "27 s", "kT 67 %, 1/Ja 33 %")
     calibration = by_hand()
     assert calibration.result.bank is not None
-    own = (*OWN, Limit("fm", 0.1, 5.71, 0.0), Limit("fm", -0.1, 5.74, 0.0))
+    own = (*OWN, HypothesisThreshold("fm", 0.1, 5.71, 0.0), HypothesisThreshold("fm", -0.1, 5.74, 0.0))
     bank = replace(calibration.result.bank, limits=replace(calibration.result.bank.limits, own=own))
     alike = replace(calibration, result=replace(calibration.result, bank=bank))
     assert causes(alike).rows[-1] == ("fm", "2", "5.7", "0")

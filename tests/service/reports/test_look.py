@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from service.reports.formats import TEMPLATES
-from service.reports.plot_style import COLOURS, DOWN, ESTIMATE, LIMIT, NOMINAL, UP, Look
+from service.reports.plot_style import COLOURS, DOWN, ESTIMATE, LIMIT, NOMINAL, UP, LineStyle
 from tests.conftest import ROOT
 
 DASHBOARD = ROOT / "service" / "web" / "dashboard" / "src"
@@ -37,7 +37,7 @@ def test_both_style_sheets_take_them_from_there(path: Path) -> None:
     ("name", "look"),
     [("ESTIMATE", ESTIMATE), ("NOMINAL", NOMINAL), ("THRESHOLD", LIMIT), ("UP", UP), ("DOWN", DOWN)],
 )
-def test_lines_are_those_of_the_dashboard(name: str, look: Look) -> None:
+def test_lines_are_those_of_the_dashboard(name: str, look: LineStyle) -> None:
     """Dashes are counted in pixels there, in widths of the line here."""
     source = (DASHBOARD / "axis_page.tsx").read_text(encoding="utf-8")
     line = re.search(rf'const {name} = {{ colour: "(\w+)"(?:, dash: \[(\d+), (\d+)\])?(?:, width: (\d+))? }}', source)

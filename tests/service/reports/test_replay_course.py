@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Ints
 from monitor_core.detection import Crossing
-from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector
+from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector, MultiModelThresholds
 from monitor_core.kernel.admission import DOUBTED, GATED, IDLE, RESTART, SEED, SETTLE, SKIP, TRACK
 from monitor_core.kernel.block import Trace
 from monitor_core.kernel.state import COUNTERS
@@ -24,7 +24,7 @@ from monitor_core.settings import Threshold
 from service.can.decoder import FRAME_REASONS
 from service.ingest.unwrap import AMBIGUOUS
 from service.reports import replay_course as rows
-from service.reports.replay_course import PAUSE_S, SIGMAS, Course, Timeline, time_unit
+from service.reports.replay_course import PAUSE_S, SIGMAS, ReplayCourse, Timeline, time_unit
 from service.reports.replay_html import REASONS
 from service.reports.replay_report import dated
 from tests.core.cases import BY_NAME, record
@@ -52,7 +52,7 @@ class Ran:
         settings = replace(settings, thresholds=own)
         fleet = Fleet([case.model], [settings])
         self.monitor: AxisMonitor = fleet.monitors[0]
-        self.course = Course(self.monitor, most)
+        self.course = ReplayCourse(self.monitor, most)
         self.crossings: list[Crossing] = []
         traces: list[Trace] = []
         for a, b in pairwise([0, *sorted(cuts), SAMPLES]):
@@ -160,7 +160,7 @@ def test_blocks_may_be_cut_anywhere(ran: Ran, seed: int) -> None:
     assert other.timeline.stretches == ran.course.timeline.stretches
 
 
-def _all_of(course: Course) -> Iterator[NDArray[Any]]:
+def _all_of(course: ReplayCourse) -> Iterator[NDArray[Any]]:
     yield from (course.edges, course.gaps, *(course.fate(fate) for fate in rows.FATES))
     for name in course.h:
         yield from (course.mean(name), course.unseen(name), course.tested(name))
@@ -181,9 +181,9 @@ def test_gaps_are_marked_where_no_samples_were(ran: Ran) -> None:
 def test_the_multimodel_detector_has_the_same_bins_and_loses_no_crossing(seed: int) -> None:
     case = BY_NAME["paper"]
     block = Ran.make_block(seed)
-    beside = MultiModelDetector(case.model, case.settings(outlier_limit=6.0), Limits(1e6))
+    beside = MultiModelDetector(case.model, case.settings(outlier_limit=6.0), MultiModelThresholds(1e6))
     fleet = Fleet([case.model], [case.settings(outlier_limit=6.0)], {0: beside}, {0: "multimodel"})
-    course = Course(fleet.monitors[0], 64)
+    course = ReplayCourse(fleet.monitors[0], 64)
     g: list[NDArray[np.float64]] = []
     took: list[NDArray[np.bool_]] = []
     tested: list[NDArray[np.bool_]] = []
@@ -261,7 +261,7 @@ def test_what_a_line_of_times_does_not_have() -> None:
     timeline, where = line(np.arange(10_000) * 100 * S, [1234])
     assert (timeline.pauses, len(timeline.stretches), where[-1]) == (9_999, 4096, 0)
     case = BY_NAME["paper"]
-    empty = Course(AxisMonitor(case.model, case.settings()))
+    empty = ReplayCourse(AxisMonitor(case.model, case.settings()))
     assert (empty.used, empty.edges.size, empty.largest(rows.UP, rows.DOWN, name="kT")) == (0, 1, 0.0)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from service.commands.output_files import table_console
-from service.reports.formats import Table, for_terminal
+from service.reports.formats import TextTable, for_terminal
 
-_TABLE = Table(
+_TABLE = TextTable(
     ("axis", "parameter", "size ± sd", "onset", "raised", "ended"),
     [("robot1.axis1", "torque offset", "+0.354 ± 0.049 N m (+354 %)", *["1062720.37 s"] * 3)],
 )

@@ -9,7 +9,7 @@ from service.config import Config
 from service.config.drive_sources import LIBRARY, model_called
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import SPEED_RMS, ControlledAxis
-from service.simulation.robot import Fault
+from service.simulation.robot import SimulatedFault
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live
 from tests.service.robot_tables import course
 from tests.shares import soaked
@@ -102,7 +102,7 @@ def test_a_fault_of_any_drive_is_named_and_nothing_else(
     broken = "fm" if "fm" in monitor else "f"
     found = live(
         FramePipeline(config),
-        blocks(config, FAULT_S + 15, seed, [Fault("demo.axis1", {broken: 1.3}, FAULT_S)]),
+        blocks(config, FAULT_S + 15, seed, [SimulatedFault("demo.axis1", {broken: 1.3}, FAULT_S)]),
     )
     assert {change.alarm.parameter for change in found} == {broken}
     assert found[0].alarm.direction == "up"

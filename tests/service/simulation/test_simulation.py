@@ -22,7 +22,7 @@ from service.config.schema import SpeedConfig
 from service.config.schema_model import EstimatorConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, SimulatedConditions
-from service.simulation.robot import Fault, Moment, SimulatedRobot, run_robot, sender
+from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config
 from tests.service.pipeline.robots import changed, demo, on_bus
 from tests.service.robot_tables import course
@@ -68,8 +68,8 @@ def test_axes_of_different_intervals_come_in_the_order_of_time(tmp_path: Path, s
 
 def test_faults_happen_once_and_in_time(tmp_path: Path, seed: int) -> None:
     config = demo(tmp_path, 2)
-    faults = [Fault("demo.axis2", {"fm": 2.0}, 0.5), Fault("demo.axis1", {"kT": 0.5}, 0.2)]
-    happened: list[Fault] = []
+    faults = [SimulatedFault("demo.axis2", {"fm": 2.0}, 0.5), SimulatedFault("demo.axis1", {"kT": 0.5}, 0.2)]
+    happened: list[SimulatedFault] = []
     healthy = SimulatedRobot(config, seed).moments()
     broken = SimulatedRobot(config, seed, faults).moments(happened.append)
     first_difference: dict[str, int] = {}
@@ -84,9 +84,9 @@ def test_faults_happen_once_and_in_time(tmp_path: Path, seed: int) -> None:
 def test_a_fault_waits_until_it_may_happen(tmp_path: Path, seed: int) -> None:
     """In the demo, until its detector is compiled."""
     allowed = threading.Event()
-    fault = Fault("demo.axis1", {"fm": 2.0}, 0.1)
+    fault = SimulatedFault("demo.axis1", {"fm": 2.0}, 0.1)
     robot = SimulatedRobot(demo(tmp_path, 1), seed, [fault], allowed.is_set)
-    happened: list[Fault] = []
+    happened: list[SimulatedFault] = []
     moments = robot.moments(happened.append)
     assert next(m for m in moments if m.time_s >= 0.2).time_s == pytest.approx(0.2)
     assert happened == []

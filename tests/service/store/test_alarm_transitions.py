@@ -19,7 +19,7 @@ from monitor_core.monitoring import (
     AlarmTransitionError,
     ShelfEndError,
 )
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_transitions import MIGRATION, Note
 from service.store.database import StoreError
 from service.store.journal import MIGRATIONS, Journal, UnknownAlarmError
@@ -32,7 +32,7 @@ PLAIN = AlarmRules()
 
 
 def recorded(journal: Journal, alarm: Alarm = RAISED, rules: AlarmRules = PLAIN) -> int:
-    (number,) = journal.record([Entry(AXIS, "N m s/rad", 0.06, alarm, rules)])
+    (number,) = journal.record([AlarmEntry(AXIS, "N m s/rad", 0.06, alarm, rules)])
     return number
 
 
@@ -252,7 +252,7 @@ def test_an_axis_out_of_service_announces_nothing_and_comes_back_as_it_is(journa
     rules = {(AXIS, "fm"): PLAIN, (AXIS, "kT"): AlarmRules(suppressed=True)}
     journal.apply_rules(rules, 0)
     fm, gone = recorded(journal), recorded(journal, replace(RAISED, parameter="Ja"))
-    other = journal.record([Entry("demo.axis2", "1", 1.0, RAISED)])[0]
+    other = journal.record([AlarmEntry("demo.axis2", "1", 1.0, RAISED)])[0]
     journal.services.change(AXIS, E.REMOVE, by("anna", 5, "gearbox is changed", "WO-9"))
     kT = recorded(journal, replace(RAISED, parameter="kT", raised_us=6 * SECOND), rules[AXIS, "kT"])
     recorded(journal, ended(7, replace(RAISED, parameter="Ja")))
@@ -289,14 +289,16 @@ def test_the_first_alarm_of_a_robot_is_first_out_while_others_that_followed_are_
 ) -> None:
     def raised(axis: str, second: int, parameter: str = "fm") -> int:
         alarm = replace(RAISED, parameter=parameter, raised_us=second * SECOND, updated_us=second * SECOND)
-        return journal.record([Entry(axis, "1", 1.0, alarm)])[0]
+        return journal.record([AlarmEntry(axis, "1", 1.0, alarm)])[0]
 
     def marks() -> dict[int, tuple[bool, int | None]]:
         return {a.id: (a.first_out, a.follows) for a in journal.query()[0]}
 
     def end(axis: str, second: int) -> None:
         at = second * SECOND
-        journal.record([Entry(axis, "1", 1.0, replace(RAISED, raised_us=at, updated_us=at, ended_us=9000 * SECOND))])
+        journal.record(
+            [AlarmEntry(axis, "1", 1.0, replace(RAISED, raised_us=at, updated_us=at, ended_us=9000 * SECOND))]
+        )
 
     first = raised("cell.a", 100)
     same = raised("cell.a", 150, "kT")
@@ -330,7 +332,7 @@ def test_axes_of_a_robot_that_show_the_same_payload_name_each_other(journal: Jou
             updated_us=at,
             doubt=doubt,
         )
-        journal.record([Entry(axis, "1", 1.0, named)])
+        journal.record([AlarmEntry(axis, "1", 1.0, named)])
 
     raised("cell.a", 1000, "kT", "down", payload)
     raised("cell.b", 1100, "load", "up", Cause("load", 0.99))
@@ -355,7 +357,7 @@ def test_axes_of_a_robot_that_show_the_same_payload_name_each_other(journal: Jou
 def test_the_first_of_a_group_is_first_out_whatever_their_robots(journal: Journal) -> None:
     for second, axis in enumerate(("cell.a", "cell2.b", "cell.c")):
         alarm = replace(RAISED, raised_us=second * SECOND, updated_us=second * SECOND)
-        journal.record([Entry(axis, "1", 1.0, alarm)])
+        journal.record([AlarmEntry(axis, "1", 1.0, alarm)])
 
     def marks() -> list[tuple[bool, int | None]]:
         return [(a.first_out, a.follows) for a in sorted(journal.query()[0], key=lambda a: a.id)]

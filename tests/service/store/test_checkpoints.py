@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Arrays
 from service.store.checkpoints import (
-    Arrays,
-    AxisState,
     Checkpoint,
     Checkpoints,
+    MonitorState,
     QuarantinedCheckpoint,
     UnreadableError,
     pack,
@@ -36,13 +36,13 @@ def assert_equal(a: Arrays, b: Arrays) -> None:
 
 
 def test_arrays_come_back_bit_by_bit_the_last_of_each_axis(checkpoints: Checkpoints, seed: int) -> None:
-    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
+    checkpoints.save([MonitorState("demo.axis1", "key", arrays(seed))], 5)
     found = checkpoints.load("demo.axis1", "key", now_us=6)
     assert isinstance(found, Checkpoint)
     assert found.at_us == 5
     assert_equal(found.arrays, arrays(seed))
     for at_us in (1, 2):
-        states = [AxisState(f"demo.axis{k}", "key", arrays(seed + k + at_us)) for k in range(3)]
+        states = [MonitorState(f"demo.axis{k}", "key", arrays(seed + k + at_us)) for k in range(3)]
         checkpoints.save(states, at_us)
     for k in range(3):
         found = checkpoints.load(f"demo.axis{k}", "key", now_us=3)
@@ -52,7 +52,7 @@ def test_arrays_come_back_bit_by_bit_the_last_of_each_axis(checkpoints: Checkpoi
 
 
 def test_another_key_is_quarantined_once(checkpoints: Checkpoints, tmp_path: Path, seed: int) -> None:
-    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
+    checkpoints.save([MonitorState("demo.axis1", "key", arrays(seed))], 5)
     found = checkpoints.load("demo.axis1", "other key", now_us=6)
     assert isinstance(found, QuarantinedCheckpoint)
     assert "another model" in found.reason
@@ -61,7 +61,7 @@ def test_another_key_is_quarantined_once(checkpoints: Checkpoints, tmp_path: Pat
 
 
 def test_what_the_monitor_refuses_can_be_quarantined(checkpoints: Checkpoints, tmp_path: Path, seed: int) -> None:
-    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
+    checkpoints.save([MonitorState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.quarantine("demo.axis1", "no array 'ints'", now_us=6)
     assert checkpoints.load("demo.axis1", "key", now_us=7) is None
     assert quarantined(tmp_path) == [("demo.axis1", "no array 'ints'")]
@@ -70,7 +70,7 @@ def test_what_the_monitor_refuses_can_be_quarantined(checkpoints: Checkpoints, t
 @pytest.mark.parametrize("column", ["arrays", "key", "checksum", "at_us"])
 def test_a_flipped_bit_is_noticed(column: str, tmp_path: Path, seed: int) -> None:
     checkpoints = Checkpoints(tmp_path / FILE)
-    checkpoints.save([AxisState("demo.axis1", "key", arrays(seed))], 5)
+    checkpoints.save([MonitorState("demo.axis1", "key", arrays(seed))], 5)
     checkpoints.close()
     flip_a_bit(tmp_path / FILE, column, random.Random(seed))
     checkpoints = Checkpoints(tmp_path / FILE)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_transitions import Note
 from service.store.database import StoreError
 from service.store.epochs import Epoch, EpochPlan, EpochValue
@@ -29,10 +29,10 @@ def journal_with_alarms(folder: Path) -> Journal:
     journal.epochs.begin_with([FIRST], 5)
     rules = AlarmRules(latched=True)
     entries = [
-        Entry(AXIS, "N m s/rad", 0.06, OPEN),
-        Entry(AXIS, "1", 1.0, Alarm("kT", "up", 10, 21, 30, None, 0.2, 0.1, 1)),
-        Entry(AXIS, "1", 1.0, Alarm("Ja", "up", 10, 22, 30, None, 0.2, 0.1, 1), rules),
-        Entry("cell.a4", "1", 1.0, Alarm("kT", "up", 10, 23, 30, None, 0.2, 0.1, 1)),
+        AlarmEntry(AXIS, "N m s/rad", 0.06, OPEN),
+        AlarmEntry(AXIS, "1", 1.0, Alarm("kT", "up", 10, 21, 30, None, 0.2, 0.1, 1)),
+        AlarmEntry(AXIS, "1", 1.0, Alarm("Ja", "up", 10, 22, 30, None, 0.2, 0.1, 1), rules),
+        AlarmEntry("cell.a4", "1", 1.0, Alarm("kT", "up", 10, 23, 30, None, 0.2, 0.1, 1)),
     ]
     numbers = journal.record(entries)
     for number in (numbers[0], numbers[2]):

@@ -8,7 +8,7 @@ import pytest
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
-from service.pipeline.alarm_recording import RETRY_S, Alarms, AxisAlarm, Quantity
+from service.pipeline.alarm_recording import RETRY_S, AlarmRecorder, AxisAlarm, JournalQuantity
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoints
 from service.store.database import StoreError
@@ -80,7 +80,7 @@ def test_a_disk_that_is_full_at_the_start_is_an_error_that_names_the_file(
 
 def test_a_shelf_that_is_over_hides_nothing_though_its_end_cannot_be_recorded(disk: SmallDisk) -> None:
     journal, now = Journal(disk.folder / "alarms.sqlite"), [0.0]
-    alarms = Alarms(journal, {(AXIS, "p"): Quantity("1", 1.0)}, lambda: now[0])
+    alarms = AlarmRecorder(journal, {(AXIS, "p"): JournalQuantity("1", 1.0)}, lambda: now[0])
     alarms.record([AxisAlarm(AXIS, ALARM)])
     journal.act(1, AlarmEvent.SHELVE, Note(30, "anna"), 100)
     disk.fill()

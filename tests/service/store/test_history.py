@@ -21,16 +21,20 @@ from service.store.history_store import (
     RESOLUTIONS,
     SHARE_PRUNED,
     Bounds,
+    HistoryPoint,
+    HistorySeries,
     HistoryStore,
-    Point,
     Resolution,
-    Series,
 )
 from tests.service.store.connections import Watched, connections
 
 DAY_S, NOW_S = 86400, 1_760_000_000
 AXIS = "demo.axis1"
-SERIES = [Series(AXIS, "fm", "N m s/rad"), Series(AXIS, "kT", "1"), Series("demo.axis2", "fm", "N m s/rad")]
+SERIES = [
+    HistorySeries(AXIS, "fm", "N m s/rad"),
+    HistorySeries(AXIS, "kT", "1"),
+    HistorySeries("demo.axis2", "fm", "N m s/rad"),
+]
 FOR_EVER = Bounds(dict.fromkeys(RESOLUTIONS, 1e12), 1e12)
 
 
@@ -50,13 +54,13 @@ def fresh(bounds: Bounds = FOR_EVER) -> Iterator[HistoryStore]:
         yield store
 
 
-def point(t: int, seed: int = 0, series: Series = SERIES[0]) -> Point:
+def point(t: int, seed: int = 0, series: HistorySeries = SERIES[0]) -> HistoryPoint:
     """Values that a float of four bytes holds exactly."""
     values = np.random.default_rng([seed, t]).normal(size=len(QUANTITIES)).astype(np.float32)
-    return Point(series, t, values.tolist())
+    return HistoryPoint(series, t, values.tolist())
 
 
-def rows(store: HistoryStore, table: Resolution) -> dict[tuple[Series, int], tuple[Any, ...]]:
+def rows(store: HistoryStore, table: Resolution) -> dict[tuple[HistorySeries, int], tuple[Any, ...]]:
     """Count, mean, least and largest by series and time."""
     found = {}
     with store.read() as view:
@@ -68,10 +72,10 @@ def rows(store: HistoryStore, table: Resolution) -> dict[tuple[Series, int], tup
     return found
 
 
-def assert_true(store: HistoryStore, points: Sequence[Point]) -> None:
+def assert_true(store: HistoryStore, points: Sequence[HistoryPoint]) -> None:
     """Each table holds the count, mean, least and largest of exactly these points."""
     for table, period in PERIODS_S.items():
-        by_key: dict[tuple[Series, int], list[Sequence[float]]] = {}
+        by_key: dict[tuple[HistorySeries, int], list[Sequence[float]]] = {}
         for p in points:
             by_key.setdefault((p.series, p.t // period * period), []).append(p.values)
         found = rows(store, table)
@@ -91,7 +95,7 @@ POINTS = st.builds(point, TIMES, st.integers(0, 3), st.sampled_from(SERIES))
 
 @settings(max_examples=25)
 @given(st.lists(st.lists(POINTS, min_size=1, max_size=12), max_size=6))
-def test_roll_ups_are_those_of_all_points_whatever_comes_when(batches: list[list[Point]]) -> None:
+def test_roll_ups_are_those_of_all_points_whatever_comes_when(batches: list[list[HistoryPoint]]) -> None:
     with fresh() as store:
         for batch in batches:
             store.add(batch)
@@ -103,7 +107,7 @@ def test_a_number_that_is_not_finite_spoils_its_own_quantity_only() -> None:
     broken[3], broken[5] = np.nan, np.inf
     with fresh() as store:
         store.add([point(NOW_S + 1)])
-        store.add([Point(SERIES[0], NOW_S, broken)])
+        store.add([HistoryPoint(SERIES[0], NOW_S, broken)])
         n, mean, low, high = rows(store, "day")[SERIES[0], NOW_S // DAY_S * DAY_S]
         assert n == 2
         assert np.isfinite(np.array([mean, low, high])).all(axis=0).tolist() == [
@@ -154,7 +158,7 @@ def test_what_cannot_be_committed_is_not_there_at_all(tmp_path: Path) -> None:
     with opened(tmp_path / "history.sqlite") as store:
         store.add([point(NOW_S)])
         with pytest.raises(TypeError):
-            store.add([point(NOW_S + 1, series=SERIES[1]), Point(SERIES[2], None, [0.0] * 7)])  # type: ignore[arg-type]
+            store.add([point(NOW_S + 1, series=SERIES[1]), HistoryPoint(SERIES[2], None, [0.0] * 7)])  # type: ignore[arg-type]
         store.add([point(NOW_S + 1, series=SERIES[2])])
         assert_true(store, [point(NOW_S), point(NOW_S + 1, series=SERIES[2])])
 
@@ -184,7 +188,7 @@ def test_a_clock_that_is_ahead_for_a_moment_costs_little(tmp_path: Path) -> None
 
 
 def test_all_series_have_their_turn(tmp_path: Path) -> None:
-    series = [Series(AXIS, f"p{k}", "1") for k in range(3 * SHARE_PRUNED)]
+    series = [HistorySeries(AXIS, f"p{k}", "1") for k in range(3 * SHARE_PRUNED)]
     with opened(tmp_path / "history.sqlite", Bounds({"raw": DAY_S}, 1e12)) as store:
         store.prune(NOW_S)
         store.add([point(0, series=s) for s in series])

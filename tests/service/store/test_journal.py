@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.detection import Alarm, Cause, Name
+from monitor_core.detection import Alarm, Cause, FormerName
 from monitor_core.detection.alarm import Direction
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.database import StoreError, StoreInUseError
 from service.store.journal import MIGRATIONS, Journal
 
@@ -32,7 +32,7 @@ def journal(tmp_path: Path) -> Iterator[Journal]:
 
 
 def raised(journal: Journal, e: Alarm, axis: str = "demo.axis1", unit: str = "N m s/rad", nominal: float = 0.06) -> int:
-    (number,) = journal.record([Entry(axis, unit, nominal, e)])
+    (number,) = journal.record([AlarmEntry(axis, unit, nominal, e)])
     return number
 
 
@@ -54,7 +54,7 @@ def test_an_alarm_is_inserted_then_updated_then_ended(journal: Journal) -> None:
 
 def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Journal) -> None:
     first = raised(journal, episode("fm"))
-    past = (Name(5_000_000, "changed", "fm", "up"),)
+    past = (FormerName(5_000_000, "changed", "fm", "up"),)
     causes = (Cause("kT", 0.6), Cause("fm", 0.4))
     named = replace(episode("kT", "down"), stage="named", causes=causes, doubt="several", kind="step", past=past)
     named = replace(named, onset_low_us=1_000_000, onset_high_us=1_900_000)
@@ -71,7 +71,7 @@ def test_a_name_is_corrected_in_place_and_what_it_was_before_is_kept(journal: Jo
 
 def test_two_alarms_whose_first_crossing_was_the_same_stay_two(journal: Journal) -> None:
     """The first was of fm and is called kT by now; fm crosses anew."""
-    past = (Name(5_000_000, "changed", "fm", "up"),)
+    past = (FormerName(5_000_000, "changed", "fm", "up"),)
     named = replace(episode("kT"), stage="named", past=past)
     first = raised(journal, named)
     second = raised(journal, episode("fm", raised_us=6_000_000))
@@ -124,7 +124,7 @@ def test_recording_an_ended_alarm_again_leaves_a_later_one_open(journal: Journal
 
 def test_a_batch_is_written_as_a_whole_or_not_at_all(journal: Journal) -> None:
     broken = replace(episode("kT"), direction="sideways")  # type: ignore[arg-type]
-    entries = [Entry("a", "1", 1.0, episode()), Entry("a", "1", 1.0, broken)]
+    entries = [AlarmEntry("a", "1", 1.0, episode()), AlarmEntry("a", "1", 1.0, broken)]
     with pytest.raises(StoreError, match=r"alarms\.sqlite"):
         journal.record(entries)
     assert journal.query() == ([], 0)
@@ -202,7 +202,7 @@ def test_readers_see_whole_transactions_while_the_writer_works(journal: Journal)
     for reader in readers:
         reader.start()
     for k in range(100):
-        pair = [Entry("demo.axis1", "1", 1.0, replace(episode(p, raised_us=k), ended_us=k)) for p in ("fm", "kT")]
+        pair = [AlarmEntry("demo.axis1", "1", 1.0, replace(episode(p, raised_us=k), ended_us=k)) for p in ("fm", "kT")]
         journal.record(pair)
     done.set()
     for reader in readers:

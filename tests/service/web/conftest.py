@@ -13,7 +13,7 @@ import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
-from monitor_core.detection import Alarm, Cause, Name, Reach
+from monitor_core.detection import Alarm, Cause, FormerName, Reach
 from monitor_core.monitoring import (
     AxisStatus,
     NotTested,
@@ -23,7 +23,7 @@ from monitor_core.monitoring import (
     Status,
 )
 from monitor_core.monitoring.axis_status import DetectorStatus
-from monitor_core.trend.entries import Entry
+from monitor_core.trend.entries import HistoryEntry
 from monitor_core.trend.trend import trend_of
 from service.can.bus_reader import BusSnapshot
 from service.config import Config, load
@@ -35,14 +35,14 @@ from service.pipeline.live_signals import LiveSignals
 from service.pipeline.recording import Extracts
 from service.pipeline.replay_reports import ReplayReports
 from service.pipeline.snapshot import AxisSnapshot, Histogram, LinkSnapshot, Snapshot
-from service.store.alarm_entries import Entry as JournalEntry
+from service.store.alarm_entries import AlarmEntry as JournalEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
-from service.store.history_store import RESOLUTIONS, Bounds, HistoryStore, Point, Series
+from service.store.history_store import RESOLUTIONS, Bounds, HistoryPoint, HistorySeries, HistoryStore
 from service.store.journal import Journal
 from service.web.access import Access
 from service.web.app import create_app
-from service.web.app_state import AppState, Latest
+from service.web.app_state import AppState, CachedAnswer
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck, SignalRange
 from service.web.server import Certificate, serve
@@ -60,7 +60,7 @@ FM_ALARM = Alarm(
     "fm", "up", NOON_US - 9_000_000, NOON_US - 7_000_000, NOON_US - 500_000, None, 0.01832, 0.0021, crossings=4,
     stage="named", kind="step", causes=(Cause("fm", 0.97), Cause("kT", 0.03)),
     onset_low_us=NOON_US - 9_600_000, onset_high_us=NOON_US - 8_800_000,
-    past=(Name(NOON_US - 4_000_000, "changed", "kT", "up"),),
+    past=(FormerName(NOON_US - 4_000_000, "changed", "kT", "up"),),
 )  # fmt: skip
 
 PARAMETERS = (
@@ -88,7 +88,7 @@ HOUR_US = 3_600_000_000
 STARTS_US = range(NOON_US - 200 * HOUR_US, NOON_US, HOUR_US)
 MEANS = [0.06 + 1e-4 * k + 3e-4 * math.sin(k) for k in range(200)]
 ENTRIES = tuple(
-    Entry(at_us, at_us + HOUR_US, at_us + HOUR_US // 2, mean, 4e-8, 3600.0)
+    HistoryEntry(at_us, at_us + HOUR_US, at_us + HOUR_US // 2, mean, 4e-8, 3600.0)
     for at_us, mean in zip(STARTS_US, MEANS, strict=True)
 )
 """Two hundred hours in which fm grows by a third."""
@@ -132,8 +132,8 @@ def stored_history(folder: Path) -> Iterator[HistoryRecording]:
     recording = HistoryRecording(lambda: HistoryStore(folder / "history.sqlite", bounds), INTERVAL_S)
     recording.write()
     assert recording.store is not None
-    series = [Series("demo.axis1", p.name, p.unit) for p in PARAMETERS]
-    recording.store.add([Point(s, t, point_values(k)) for k, t in enumerate(HISTORY_TIMES) for s in series])
+    series = [HistorySeries("demo.axis1", p.name, p.unit) for p in PARAMETERS]
+    recording.store.add([HistoryPoint(s, t, point_values(k)) for k, t in enumerate(HISTORY_TIMES) for s in series])
     yield recording
     recording.stop()
 
@@ -277,7 +277,7 @@ class _SharedState:
 
     stage: Stage
     access, reports, extracts, replays = Access(), NO_REPORTS, None, None
-    prepared: ClassVar[list[Latest]] = []
+    prepared: ClassVar[list[CachedAnswer]] = []
     axis, recording_of = AppState.axis, AppState.recording_of
 
     def __getattr__(self, name: str) -> Any:

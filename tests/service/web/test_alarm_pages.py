@@ -12,7 +12,7 @@ from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring import AlarmEvent, AlarmRules
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
 from service.pipeline.replay_reports import NoReplayError, ReplayReports, ReportState
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from tests.end_to_end.processes import PATIENCE_S
@@ -28,7 +28,7 @@ def test_it_shows_alarms_active_first_and_those_that_are_not_yet_recorded_can_be
 ) -> None:
     page.goto("/#/alarms")
     expect(page.get_by_text("No alarm in this list.")).to_be_visible()
-    entry, as_it_was = Entry("demo.axis2", "1", 1.0, fm_alarm, AlarmRules("high")), stage.snapshot
+    entry, as_it_was = AlarmEntry("demo.axis2", "1", 1.0, fm_alarm, AlarmRules("high")), stage.snapshot
     waiting = as_recorded(entry, 7, recorded=False)
     stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(waiting,), waiting=1))
     row = alarm_row(page)

@@ -11,7 +11,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
 from service.links.mqtt import state_body
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import CONFIGURATION, Note
 from tests.service.web.conftest import NOON_US, Stage, with_axis
@@ -188,7 +188,8 @@ def test_an_alarm_that_the_disk_refuses_is_first_in_the_list_and_makes_not_ready
     stage: Stage, client: TestClient, number: int, fm_alarm: Alarm
 ) -> None:
     entries = [
-        Entry("demo.axis2", "1", 1.0, replace(fm_alarm, past=(), parameter=p), AlarmRules("high")) for p in ("kT", "Ja")
+        AlarmEntry("demo.axis2", "1", 1.0, replace(fm_alarm, past=(), parameter=p), AlarmRules("high"))
+        for p in ("kT", "Ja")
     ]
     stage.healthy()
     assert client.get("/readyz").status_code == 200
@@ -221,7 +222,7 @@ def test_an_alarm_that_the_disk_refuses_is_first_in_the_list_and_makes_not_ready
 def test_an_alarm_that_the_disk_refuses_can_be_acknowledged_and_nothing_else(
     stage: Stage, client: TestClient, number: int, fm_alarm: Alarm
 ) -> None:
-    entry = Entry("demo.axis2", "1", 1.0, fm_alarm)
+    entry = AlarmEntry("demo.axis2", "1", 1.0, fm_alarm)
     waiting, notes = as_recorded(entry, number + 1, recorded=False), dict[int, Note]()
     stage.snapshot = replace(stage.snapshot, alarms=AlarmsSnapshot(unrecorded=(waiting,), waiting=1))
 

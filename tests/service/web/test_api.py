@@ -13,7 +13,7 @@ from service.pipeline.snapshot import Snapshot
 from service.store.alarm_transitions import Note
 from service.texts.instants import iso
 from service.web import models, views
-from service.web.app_state import Latest
+from service.web.app_state import CachedAnswer
 from tests.service.web.conftest import COUNTERS, Stage, slow_courses, with_axis
 
 
@@ -102,7 +102,7 @@ def test_what_somebody_asks_for_is_made_with_each_snapshot(stage: Stage) -> None
     def later(seconds: int) -> Snapshot:
         return replace(old, taken_us=old.taken_us + seconds * 1_000_000)
 
-    latest, new = Latest(make, 2.0), later(2)
+    latest, new = CachedAnswer(make, 2.0), later(2)
     assert latest.made(old) is None
     assert made == []  # nobody has asked
     latest(old, old.taken_us)

@@ -22,7 +22,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
 from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
-from service.store.alarm_entries import Entry
+from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_transitions import Note
 from service.web.app_state import VERSION
 from service.web.metrics import Metrics
@@ -79,8 +79,8 @@ def test_a_forecast_is_no_alarm_of_a_change(stage: Stage) -> None:
 
 
 def test_alarms_are_counted_by_state_and_priority_and_hidden_ones_are_marked(stage: Stage, fm_alarm: Alarm) -> None:
-    def entry(parameter: str, rules: AlarmRules) -> Entry:
-        return Entry("demo.axis1", "1", 1.0, replace(fm_alarm, parameter=parameter, past=()), rules)
+    def entry(parameter: str, rules: AlarmRules) -> AlarmEntry:
+        return AlarmEntry("demo.axis1", "1", 1.0, replace(fm_alarm, parameter=parameter, past=()), rules)
 
     stage.journal.record([entry("fm", AlarmRules("high")), entry("kT", AlarmRules("low", suppressed=True))])
     waiting = as_recorded(entry("1/Ja", AlarmRules("high")), recorded=False)

@@ -12,7 +12,7 @@ from playwright.sync_api import Locator, Page, expect
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from service.pipeline.history_recording import HistoryRecording
-from service.store.history_store import Point, Series
+from service.store.history_store import HistoryPoint, HistorySeries
 from tests.service.web.conftest import NOON_US, Stage, point_values
 
 pytestmark = pytest.mark.browser
@@ -60,11 +60,11 @@ def test_the_plot_looks_as_it_did(name: str, page: Page, stage: Stage, history: 
 def fill(history: HistoryRecording, estimate: Callable[[int], float], *, gap: bool) -> None:
     """Ten minutes of the second axis until noon, of which three may lack."""
     assert history.store is not None
-    series = Series("demo.axis2", "kT", "1")
+    series = HistorySeries("demo.axis2", "kT", "1")
     times = [NOON_US // 1_000_000 - 10 * (60 - k) for k in range(60)]
     history.store.add(
         [
-            Point(series, t, (estimate(k), *point_values(k)[1:]))
+            HistoryPoint(series, t, (estimate(k), *point_values(k)[1:]))
             for k, t in enumerate(times)
             if not (gap and 20 <= k < 38)
         ]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Name
+from monitor_core.detection import Alarm, Crossing, FormerName
 from monitor_core.detection.alarm import MODEL_ERROR, Direction
 from monitor_core.detection.cusum.cusum_detector import CusumDetector
 from monitor_core.detection.cusum.cusum_evidence import CusumEvent, Evidence
@@ -73,7 +73,7 @@ def test_a_wrong_first_crossing_is_one_alarm_whose_name_is_corrected() -> None:
         10,
         ("fm", "up"),
     )
-    assert e.past == (Name(20, "changed", "fm", "up"),)
+    assert e.past == (FormerName(20, "changed", "fm", "up"),)
     assert [e.size, e.size_sd] == pytest.approx([-10, np.hypot(1, 10 * MODEL_ERROR)])
     assert [cause.parameter for cause in e.causes] == ["kT"]
     assert e.doubt == ""

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, Crossing, Name
+from monitor_core.detection import Alarm, Crossing, FormerName
 from monitor_core.excitation.reference_experiment import FAULT_AT, experiments
 from monitor_core.kernel.block import Trace
 from monitor_core.modeling.standard_drives import reference_model
@@ -100,7 +100,7 @@ def test_an_alarm_turns_with_its_parameter_and_keeps_what_it_was_called() -> Non
     assert raised == Alarm("fm", "up", 5, 10, 10, None, None, None, 1)
     ((_, turned),) = monitor.apply([replace(up, direction="down", time_us=20, onset_us=15)])
     assert (turned.direction, turned.size, turned.crossings, turned.raised_us) == ("down", None, 2, 10)
-    assert turned.past == (Name(20, "changed", "fm", "up"),)
+    assert turned.past == (FormerName(20, "changed", "fm", "up"),)
     assert turned.first == raised.first == ("fm", "up")
 
 

@@ -7,11 +7,11 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.fault_trials import run_trials
-from monitor_core.calibration.injection import Fault
+from monitor_core.calibration.injection import InjectedFault
 from monitor_core.calibration.multimodel_thresholds import bank_limits
 from monitor_core.detection.multimodel.hypothesis import STEP
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_detector import Limits, MultiModelDetector, guaranteed
+from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector, MultiModelThresholds, guaranteed
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
@@ -110,7 +110,7 @@ def test_monitor_and_fleet_hand_them_on(seed: int) -> None:
     assert bank().run(SampleBlock(t, u, y)), "not followed, they alarm"
 
     def beside() -> MultiModelDetector:
-        return MultiModelDetector(PLANT.model, PLANT.settings, Limits(720_000.0))
+        return MultiModelDetector(PLANT.model, PLANT.settings, MultiModelThresholds(720_000.0))
 
     assert not AxisMonitor(PLANT.model, PLANT.settings, beside(), "multimodel").update(
         SampleBlock(t, u, y, shift=shift)
@@ -131,7 +131,7 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
         block = SampleBlock(T, u, y, known, name="r")
         limits.append(bank_limits(PLANT.axis, [block], 12_000.0, rng, 40_000).own)
         if moved is known is shift:
-            faults = [Fault("kT", 0.4), Fault("kT", -0.4)]
+            faults = [InjectedFault("kT", 0.4), InjectedFault("kT", -0.4)]
             caught, _ = run_trials(PLANT.axis, block, faults, 6, 5.0, limits[0])
     h = [float(np.median([limit.h for limit in own])) for own in limits]
     allowed = [sum(limit.allowance for limit in own if limit.cause == "fm") for own in limits]

@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection import Alarm, Cause, Name
+from monitor_core.detection import Alarm, Cause, FormerName
 from monitor_core.detection.alarm import MODEL_ERROR, OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN, Onset
 from monitor_core.detection.multimodel.candidates import causes_of, quantity_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
-from monitor_core.detection.multimodel.multimodel_detector import Limit, Limits, MultiModelDetector, bank_of
+from monitor_core.detection.multimodel.multimodel_detector import (
+    HypothesisThreshold,
+    MultiModelDetector,
+    MultiModelThresholds,
+    bank_of,
+)
 from monitor_core.detection.multimodel.naming import (
     CauseEnded,
     CauseIdentified,
@@ -44,7 +49,7 @@ from tests.core.simulated import simulated
 from tests.shares import soaked
 
 MODEL = reference_model()
-DAY = Limits(86400 / INTERVAL_S)
+DAY = MultiModelThresholds(86400 / INTERVAL_S)
 ONSET = Onset(4, 3, 5)
 DETECTOR = MultiModelDetector(MODEL, Settings.paper(INTERVAL_S), DAY)
 
@@ -95,7 +100,7 @@ def test_an_alarm_is_raised_named_corrected_once_and_ended() -> None:
     assert first.size == pytest.approx(0.06 * np.expm1(0.2))
     stated = np.hypot(0.06 * np.exp(0.2) * 0.01, MODEL_ERROR * 0.06 * np.expm1(0.2))
     assert first.size_sd == pytest.approx(stated)
-    assert corrected.past == (Name(12, "changed", "kT", "up"), Name(20, "named", "fm", "up"))
+    assert corrected.past == (FormerName(12, "changed", "kT", "up"), FormerName(20, "named", "fm", "up"))
     assert (ended.ended_us, ended.first, ended.raised_us) == (30, ("kT", "up"), 10)
     assert book.open == ()
 
@@ -211,7 +216,7 @@ def test_sizes_go_there_and_back(name: str) -> None:
 # --- from samples to alarms --------------------------------------------------------------------------
 
 
-def detector(seed: int, limits: Limits = DAY) -> MultiModelDetector:
+def detector(seed: int, limits: MultiModelThresholds = DAY) -> MultiModelDetector:
     return MultiModelDetector(MODEL, settings_of("speed", seed), limits)
 
 
@@ -460,12 +465,12 @@ def test_an_alarm_of_noise_ends_with_the_noise(seed: int) -> None:
 
 
 def test_limits_of_a_record_say_which_hypotheses_there_are(seed: int) -> None:
-    own = (Limit("kT", 0.2, 9.0, 0.01, ("torque scale",)), Limit(TORQUE_SIGN, np.nan, 8.0))
-    bank = bank_of(MODEL, settings_of("speed", seed), Limits(1e6, own))
+    own = (HypothesisThreshold("kT", 0.2, 9.0, 0.01, ("torque scale",)), HypothesisThreshold(TORQUE_SIGN, np.nan, 8.0))
+    bank = bank_of(MODEL, settings_of("speed", seed), MultiModelThresholds(1e6, own))
     assert bank.causes == ("kT", TORQUE_SIGN)
     assert bank.hypotheses[0].alike == ("torque scale",)
     with pytest.raises(ValueError, match="limits of nothing, which the axis does not have"):
-        detector(seed, Limits(1e6, (Limit("nothing", 0.2, 9.0),)))
+        detector(seed, MultiModelThresholds(1e6, (HypothesisThreshold("nothing", 0.2, 9.0),)))
 
 
 def test_a_size_that_was_read_a_tenth_off_is_put_right_and_nothing_else_is_found(seed: int) -> None:
@@ -481,9 +486,9 @@ def test_a_size_that_was_read_a_tenth_off_is_put_right_and_nothing_else_is_found
 
 
 def test_a_skew_that_healthy_records_show_is_no_fault(seed: int) -> None:
-    own = tuple(Limit(DELAY, size, 9.0, allowance) for size, allowance in ((-1.0, 0.1), (1.0, 0.0)))
-    offset = Limit(TORQUE_OFFSET, 0.3, 9.0, 0.1)
-    found = detector(seed, Limits(0.0, (*own, offset))).bank
+    own = tuple(HypothesisThreshold(DELAY, size, 9.0, allowance) for size, allowance in ((-1.0, 0.1), (1.0, 0.0)))
+    offset = HypothesisThreshold(TORQUE_OFFSET, 0.3, 9.0, 0.1)
+    found = detector(seed, MultiModelThresholds(0.0, (*own, offset))).bank
     assert [(h.cause, h.size) for h in found.hypotheses] == [(DELAY, 1.0), (TORQUE_OFFSET, 0.3)]
     assert found.allowance.tolist() == [0.0, 0.1]
 

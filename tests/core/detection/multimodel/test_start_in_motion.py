@@ -21,7 +21,7 @@ def test_it_raises_no_alarm(begins: int, seed: int) -> None:
     y = simulate_linear(model.drive, model.nominal, u[:, np.newaxis], INTERVAL_S)[0][:, 0]
     y += rng.normal(0, NOISE, len(y))
     t_us = np.arange(len(y), dtype=np.int64) * round(1e6 * INTERVAL_S)
-    detector = mc.MultiModelDetector(model, settings, mc.Limits(samples=1e7))
+    detector = mc.MultiModelDetector(model, settings, mc.MultiModelThresholds(samples=1e7))
     monitor = mc.AxisMonitor(model, settings, detector, "multimodel")
     alarms = list(monitor.update(mc.SampleBlock(t_us[begins:], u[begins:], y[begins:])))
     assert alarms == []

@@ -20,7 +20,7 @@ from service.commands import commission
 from service.commands.commissioning import axis_processes, exchanged_torques, live_recording, signal_proposals
 from service.commands.commissioning.axis_commissioning import Order
 from service.commands.commissioning.checked_axis import moves
-from service.commands.commissioning.live_look import Look, look_at
+from service.commands.commissioning.live_look import LiveLook, look_at
 from service.commands.commissioning.live_recording import recorded
 from service.commands.commissioning.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE, NO_BUS
@@ -102,7 +102,7 @@ def looked_at(
     change: Callable[[Floats], object] = lambda _: None,
     seconds: float = LOOK_S,
     robot: Path | None = None,
-) -> Look:
+) -> LiveLook:
     """``rows``: those that a robot sends by its configuration, the same if none is given; None: nothing is sent."""
     with nullcontext() if rows is None else moving(rows, robot or config, change):
         text = config.read_text("utf-8")

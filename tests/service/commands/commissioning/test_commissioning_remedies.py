@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from monitor_core.identification import Effect, Obstacle, Quality, Rejection, TurningWeight, Watched
+from monitor_core.identification import Effect, FitQuality, Obstacle, Rejection, TurningWeight, Watched
 from service.commands.commissioning import axis_commissioning, axis_processes, exchanged_torques, signal_proposals
 from service.commands.commissioning.axis_commissioning import (
     Order,
@@ -64,7 +64,7 @@ def report(
     rejection: str | None = None,
     follows: tuple[str, ...] = (),
     missing: tuple[Effect, ...] = (),
-    quality: Quality = Quality.GOOD,
+    quality: FitQuality = FitQuality.GOOD,
 ) -> Any:
     """What is looked at of an identification."""
     scheduled = [SimpleNamespace(parameter=name) for name in follows]
@@ -207,7 +207,7 @@ def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
 
 def test_what_follows_is_monitored_where_a_better_fit_waits_for_consent(tmp_path: Path) -> None:
     """A proposal that nobody confirmed is not applied; the axis is calibrated without it."""
-    found = report(KT, NO_FM, follows=("fm",), quality=Quality.FAIR)
+    found = report(KT, NO_FM, follows=("fm",), quality=FitQuality.FAIR)
     proposed = next_try(tmp_path, found, MASS, links=lambda: LinkLoad((), ("cos(a1)",), 0.9, 0.3))
     assert proposed is not None
     assert proposed.schedule
@@ -241,10 +241,10 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
     axis = Correction(("signal", "a2-acceleration", "axis"), "a2", "links")
     load = LinkLoad((axis,), ("a2-acceleration",), 0.93, 0.92)
     for text, quality, explained, schedule in (
-        (MASS, Quality.FAIR, 0.93, ("tau0: a2-acceleration",)),
-        (MASS, Quality.GOOD, 0.93, ()),
-        (MASS, Quality.GOOD, 0.95, ("tau0: a2-acceleration",)),
-        (TEXT, Quality.FAIR, 0.95, ()),
+        (MASS, FitQuality.FAIR, 0.93, ("tau0: a2-acceleration",)),
+        (MASS, FitQuality.GOOD, 0.93, ()),
+        (MASS, FitQuality.GOOD, 0.95, ("tau0: a2-acceleration",)),
+        (TEXT, FitQuality.FAIR, 0.95, ()),
     ):
         links = partial(load._replace, explained=explained)
         found = next_try(tmp_path, report(KT, FM, quality=quality), text, links=links)
@@ -267,7 +267,7 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
 def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     with_links: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    alone = report(KT, FM, quality=Quality.FAIR)
+    alone = report(KT, FM, quality=FitQuality.FAIR)
     reports = [alone, alone, with_links, with_links]  # a first look at part of the records, and all of them
     task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=lambda *_: reports.pop(0))
     task.with_most_moving_parts = lambda: task
