@@ -37,18 +37,16 @@ from monitor_core.settings import Settings
 from monitor_core.trend.entries import EstimateReading
 
 _PRIME = 2**127 - 1
-_NOT_PART_OF_STATE: dict[str, Any] = {
-    "alpha1": 0.0,
-    "alpha2": 1.0,
-    "thresholds": (),
-    "model_error": (),
-    "P0": (),
-    "run_on": False,
-    "outlier_limit": 0.0,
-    "covariance_reset": 0.0,
-    "unidentifiable": (),
-}
-"""Settings that may change between two runs without making a saved state invalid, with a fixed value for the key"""
+_SETTINGS_KEY = (
+    "Settings(interval_s={0.interval_s!r}, lam={0.lam!r}, lam0={0.lam0!r}, alpha1=0.0, alpha2=1.0, thresholds=(), "
+    "model_error=(), K={0.K!r}, K_after={0.K_after!r}, delay_s={0.delay_s!r}, max_gap_s={0.interval_s!r}, "
+    "settle_s={0.settle_s!r}, lost_s={0.lost_s!r}, speed_scale={0.speed_scale!r}, P0=(), "
+    "information_floor={0.information_floor!r}, min_excitation={0.min_excitation!r}, outlier_limit=0.0, "
+    "largest_error={0.largest_error!r}, joint_state={0.joint_state!r}, covariance_reset=0.0, unidentifiable=(), "
+    "run_on=False)"
+)
+"""Settings in the key of a saved state, as the first version wrote them: with another text, an upgrade would lose the
+checkpoints.  Settings with a fixed value here may change between two runs without making a saved state invalid."""
 
 
 class AxisMonitor:
@@ -153,9 +151,8 @@ class AxisMonitor:
 
         A user may change a drive and keep its name, so the structure of the drive is part of the key.
         """
-        s = replace(self.settings, max_gap_s=self.settings.interval_s, **_NOT_PART_OF_STATE)
         m = self.model
-        return f"schema={SCHEMA} {_model_key(m)} theta={m.monitored} {s}"
+        return f"schema={SCHEMA} {_model_key(m)} theta={m.monitored} {_SETTINGS_KEY.format(self.settings)}"
 
     @property
     def history_key(self) -> str:

@@ -1,7 +1,7 @@
 """Wrong models, settings, samples and saved states are refused, with words that name the thing."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import inf, nan
 from typing import Any
 
@@ -179,6 +179,40 @@ def test_key_tells_which_states_are_interchangeable() -> None:
     ]
     assert key(reference_model()) == key()
     assert len({key(), *others}) == 1 + len(others)
+
+
+OTHER_SETTINGS = Settings(
+    interval_s=0.004, lam=0.99, lam0=0.5, alpha1=1.0, alpha2=5.0, thresholds=(Threshold(1.0, 2.0),) * 3,
+    model_error=(0.1, 0.0, 0.0), K=(0.1, 0.0, 0.0, 0.0, 1e-7), K_after=((0.1, 0.0, 0.0, 0.0, 0.0),) * 11,
+    delay_s=0.001, max_gap_s=1.0, settle_s=2.0, lost_s=0.5, speed_scale=0.3, P0=(1.0, 2.0, 3.0), information_floor=0.1,
+    min_excitation=0.02, outlier_limit=5.0, largest_error=0.25, joint_state=True, covariance_reset=3.0,
+    unidentifiable=(("kT", "fm"),), run_on=True,
+)  # fmt: skip
+NOT_PART_OF_STATE = {
+    "alpha1", "alpha2", "thresholds", "model_error", "max_gap_s", "P0", "outlier_limit", "covariance_reset",
+    "unidentifiable", "run_on",
+}  # fmt: skip
+"""Settings that may change between two runs without making a saved state invalid"""
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(Settings)])
+def test_each_setting_is_part_of_the_key_or_changes_no_state(name: str) -> None:
+    changed = replace(SETTINGS, **{name: getattr(OTHER_SETTINGS, name)})
+    assert changed != SETTINGS
+    same = AxisMonitor(MODEL, changed).key == AxisMonitor(MODEL, SETTINGS).key
+    assert same == (name in NOT_PART_OF_STATE)
+
+
+def test_the_key_of_the_settings_is_the_same_in_each_version() -> None:
+    """Of the version of 2026-11-29.  With another one, an upgrade would lose all checkpoints."""
+    gains = ", ".join(["(0.1, 0.0, 0.0, 0.0, 0.0)"] * 11)
+    assert AxisMonitor(MODEL, OTHER_SETTINGS).key.endswith(
+        " theta=('kT', '1/Ja', 'fm') Settings(interval_s=0.004, lam=0.99, lam0=0.5, alpha1=0.0, alpha2=1.0, "
+        f"thresholds=(), model_error=(), K=(0.1, 0.0, 0.0, 0.0, 1e-07), K_after=({gains}), delay_s=0.001, "
+        "max_gap_s=0.004, settle_s=2.0, lost_s=0.5, speed_scale=0.3, P0=(), information_floor=0.1, "
+        "min_excitation=0.02, outlier_limit=0.0, largest_error=0.25, joint_state=True, covariance_reset=0.0, "
+        "unidentifiable=(), run_on=False)"
+    )
 
 
 @pytest.mark.parametrize(
