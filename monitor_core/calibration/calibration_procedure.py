@@ -21,7 +21,7 @@ from monitor_core.calibration.healthy_statistics import HealthyStatistics, healt
 from monitor_core.calibration.injection import InjectedFault, changed_values
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import COPY_SAMPLES
-from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
+from monitor_core.calibration.multimodel_thresholds import BankThresholds, bank_thresholds
 from monitor_core.calibration.record_doubts import (
     check_healthy,
     check_promise,
@@ -44,7 +44,7 @@ CalibrationProgress = Callable[[str, float, float], None]
 """Receives the name of the present step, the work done, and the total work."""
 PartialProgress = Callable[[float], None]
 """Receives the completed share, 0 to 1."""
-Task = Callable[[PartialProgress], BankLimits | None]
+Task = Callable[[PartialProgress], BankThresholds | None]
 Launcher = Callable[[Task], AbstractContextManager[Task]]
 """Starts a task, if possible on another core.  The context gives a function that waits for the result and reports
 progress; leaving the context stops the task."""
@@ -111,14 +111,14 @@ def calibrate(
     check_healthy(axis, healthy)
     rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
     k = nu_over_sigma(len(model.monitored), settings.memory, samples, within_s / memory_s)
-    task = partial(_bank_limits, axis, records, samples, rng_multimodel, options.bank_copies)
+    task = partial(_bank_thresholds, axis, records, samples, rng_multimodel, options.bank_copies)
     with launch(task) as pending:
         statistics = healthy_statistics(axis, records, healthy, k, rng, options.copies, step("copies of the records"))
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
         calibrated = replace(settings, thresholds=own)
         trials = partial(_trials, axis._replace(settings=calibrated), records, options, within_s)
         caught, onsets = trials(None, step("faults"))
-        limits = pending(step("multi-model detector"))
+        bank = pending(step("multi-model detector"))
     return CalibrationResult(
         model=model,
         settings=calibrated,
@@ -130,20 +130,20 @@ def calibrate(
         caught=caught,
         onsets=onsets,
         records_s=sum(float(r.t_us[-1] - r.t_us[0]) * 1e-6 for r in records),
-        bank=MultiModelCalibration(limits, trials(limits.own)[0]) if limits else None,
+        bank=MultiModelCalibration(bank, trials(bank.own)[0]) if bank else None,
     )
 
 
-def _bank_limits(
+def _bank_thresholds(
     axis: MonitoredAxis,
     records: Sequence[SampleBlock],
     samples: float,
     rng: np.random.Generator,
     copies: int,
     report: PartialProgress,
-) -> BankLimits | None:
-    """Limits of the multi-model detector; None: it is not available for the axis."""
-    return None if reason_unavailable(*axis) else bank_limits(axis, records, samples, rng, copies, report)
+) -> BankThresholds | None:
+    """Thresholds of the multi-model detector; None: it is not available for the axis."""
+    return None if reason_unavailable(*axis) else bank_thresholds(axis, records, samples, rng, copies, report)
 
 
 def _thresholds(
@@ -165,10 +165,10 @@ def _trials(
     records: Sequence[SampleBlock],
     options: CalibrationOptions,
     within_s: float,
-    limits: Sequence[HypothesisThreshold] | None,
+    hypotheses: Sequence[HypothesisThreshold] | None,
     progress: PartialProgress = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
-    """Detection of changes in the longest record, by the CUSUM tests or with these limits; none if it is too short."""
+    """Detection of changes in the longest record, by the CUSUM tests or these hypotheses; none: too short."""
     longest = max(records, key=lambda record: len(record.t_us))
     faults = [
         InjectedFault(name, sign * size)
@@ -179,7 +179,7 @@ def _trials(
     ]
     for share in (OBSERVED_SHARE, 1.0):
         try:
-            return run_trials(axis, longest, faults, options.onsets, share * within_s, limits, progress)
+            return run_trials(axis, longest, faults, options.onsets, share * within_s, hypotheses, progress)
         except ValueError:
             continue
     return [], 0

@@ -66,12 +66,12 @@ def run_trials(
     faults: Sequence[InjectedFault],
     onsets: int,
     seconds: float,
-    limits: Sequence[HypothesisThreshold] | None = None,
+    thresholds: Sequence[HypothesisThreshold] | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
     """Start each fault at ``onsets`` samples of the record, and run a detector for ``seconds`` after each onset.
 
-    The detector is the CUSUM tests, or the multi-model detector with these ``limits``; then ``first`` is its final
+    The detector is the CUSUM tests, or the multi-model detector with these ``thresholds``; then ``first`` is its final
     name.  If a change is found at no onset, smaller ones of the same parameter and direction are not tried and count as
     not found.
 
@@ -86,7 +86,7 @@ def run_trials(
     if last <= min(first, len(record.t_us)):
         raise ValueError("the record is too short")
     at = np.unique(np.linspace(first, last, onsets).astype(np.int64))
-    detector: _Tests | _Bank = _Tests(axis, record, at) if limits is None else _Bank(axis, limits, record, at)
+    detector: _Tests | _Bank = _Tests(axis, record, at) if thresholds is None else _Bank(axis, thresholds, record, at)
     results, not_found = dict[InjectedFault, TrialResult](), set[tuple[str, bool]]()
     by_size = sorted(faults, key=lambda fault: -abs(fault.size))
     for number, (fault, load, u, y) in enumerate(inject(axis, record, by_size, at, N)):
@@ -147,10 +147,10 @@ class _Bank:
     """The multi-model detector from each onset on, one after the other."""
 
     def __init__(
-        self, axis: MonitoredAxis, limits: Sequence[HypothesisThreshold], record: SampleBlock, at: Ints
+        self, axis: MonitoredAxis, thresholds: Sequence[HypothesisThreshold], record: SampleBlock, at: Ints
     ) -> None:
         self._interval_s = axis.settings.interval_s
-        self._bank = bank_of(*axis, MultiModelThresholds(1.0, tuple(limits)))
+        self._bank = bank_of(*axis, MultiModelThresholds(1.0, tuple(thresholds)))
         healthy = HypothesisBank(*axis, self._bank.hypotheses, allowance=self._bank.allowance)
         self._states = list[tuple[Memory, tuple[int, ...]]]()
         for ends in pairwise([0, *at.tolist()]):

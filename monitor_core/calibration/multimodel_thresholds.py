@@ -38,8 +38,8 @@ _HALVINGS = 14
 
 
 @dataclass(frozen=True)
-class BankLimits:
-    """Limits of all hypotheses, and false alarms per sample of the detector: most likely value and 90 % interval."""
+class BankThresholds:
+    """Thresholds of all hypotheses; false alarms per sample of the detector: most likely value and 90 % interval."""
 
     own: tuple[HypothesisThreshold, ...]
     total: float
@@ -47,23 +47,23 @@ class BankLimits:
     upper: float
 
 
-def bank_limits(
+def bank_thresholds(
     axis: MonitoredAxis,
     records: Sequence[SampleBlock],
     samples: float,
     rng: np.random.Generator,
     copies: int = COPY_SAMPLES,
     progress: Callable[[float], None] = lambda _: None,
-) -> BankLimits:
+) -> BankThresholds:
     """Thresholds from records, for at most one false alarm of the detector in ``samples`` with a certainty of 95 %.
 
     Raises:
         ValueError: the detector is not available for the axis; no record has tested samples.
     """
-    return limits_for_budget(multimodel_statistics(axis, records, rng, copies, progress), samples, rng)
+    return thresholds_for_budget(multimodel_statistics(axis, records, rng, copies, progress), samples, rng)
 
 
-def limits_for_budget(statistics: MultiModelStatistics, samples: float, rng: np.random.Generator) -> BankLimits:
+def thresholds_for_budget(statistics: MultiModelStatistics, samples: float, rng: np.random.Generator) -> BankThresholds:
     """Thresholds for at most one false alarm of the detector in ``samples`` with a certainty of 95 %.
 
     Every hypothesis gets the same share of the budget.
@@ -106,7 +106,7 @@ def limits_for_budget(statistics: MultiModelStatistics, samples: float, rng: np.
         )
     )
     lower, most_likely, upper = (float(v) for v in np.exp(np.quantile(total(h), [LOWER, 0.5, UPPER])))
-    return BankLimits(own, most_likely, lower, upper)
+    return BankThresholds(own, most_likely, lower, upper)
 
 
 def _weights(places: int, rng: np.random.Generator) -> Floats:

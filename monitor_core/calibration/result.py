@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.fault_trials import TrialResult
-from monitor_core.calibration.multimodel_thresholds import BankLimits
+from monitor_core.calibration.multimodel_thresholds import BankThresholds
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection import DetectorName
 from monitor_core.drive.axis_model import AxisModel
@@ -58,7 +58,7 @@ class DetectorResult:
 class MultiModelCalibration:
     """Thresholds of the multi-model detector, and its detection of the same changes."""
 
-    limits: BankLimits
+    thresholds: BankThresholds
     caught: Sequence[TrialResult]
 
 
@@ -102,8 +102,8 @@ class CalibrationResult:
         """Performance of the multi-model detector, if it is available for the axis."""
         if self.bank is None:
             return None
-        return DetectorResult("multimodel", self._between(self.bank.limits), self.bank.caught, self.within_s)
+        return DetectorResult("multimodel", self._between(self.bank.thresholds), self.bank.caught, self.within_s)
 
-    def _between(self, rates: Rates | BankLimits) -> tuple[float, float, float]:
+    def _between(self, rates: Rates | BankThresholds) -> tuple[float, float, float]:
         h = self.settings.interval_s
         return h / rates.total, h / rates.upper, h / rates.lower

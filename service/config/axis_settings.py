@@ -193,13 +193,13 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     source = alarm_source_of(axis.config, from_record=bool(found))
     if source == "cusum" and not wanted.shadow:
         return Detectors("cusum", None, "")
-    limits = tuple(
+    own = tuple(
         HypothesisThreshold(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike, h.size_error)
         for h in found
     )
     try:
         multimodel = MultiModelDetector(
-            model, settings, MultiModelThresholds(wanted.budget_s / settings.interval_s, limits)
+            model, settings, MultiModelThresholds(wanted.budget_s / settings.interval_s, own)
         )
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None

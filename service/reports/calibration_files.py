@@ -49,7 +49,7 @@ def _tables(calibration: Calibration) -> Iterator[str]:
     yield toml_table("[false_alarms]", budget | _rate(result.tests) | within)
     if result.bank is not None and result.by_bank is not None:
         about = "g, the sum of log-likelihood ratios less the allowance, exceeds h."
-        hypotheses = [toml_table("[[hypothesis]]", _hypothesis(own)) for own in result.bank.limits.own]
+        hypotheses = [toml_table("[[hypothesis]]", _hypothesis(own)) for own in result.bank.thresholds.own]
         yield (
             f"# Of the multi-model detector: alarm when {about}\n"
             "# size_error: what the size of its cause is off by on the healthy axis, in the unit of size\n"
@@ -146,7 +146,7 @@ def _bank(calibration: Calibration) -> Json | None:
         return None
     return {
         "false_alarms": {**_rate(result), "confidence": 0.9},
-        "hypotheses": bank.limits.own,
+        "hypotheses": bank.thresholds.own,
         "faults": [_fault(calibration, trial) for trial in result.caught],
         "smallest_found": {name: _smallest(result, name) for name in calibration.result.model.monitored},
         "named": _confusion(result),

@@ -133,7 +133,7 @@ def hypotheses(calibration: Calibration) -> TextTable | None:
     """A row for each cause that the multi-model detector knows; None: there is no such detector."""
     if calibration.result.bank is None:
         return None
-    own, rows = calibration.result.bank.limits.own, []
+    own, rows = calibration.result.bank.thresholds.own, []
     for cause in dict.fromkeys(trial.cause for trial in own):
         mine = [trial for trial in own if trial.cause == cause]
         low, high = (f"{of_all(trial.h for trial in mine):.1f}" for of_all in (min, max))

@@ -143,9 +143,9 @@ def found(irb_path: Path) -> Calibration:
     return calibrate_axis(config, config.axes[0], [str(irb_path)], wishes, Provenance("", "", ""))
 
 
-def limits(found: Calibration) -> MultiModelThresholds:
+def thresholds(found: Calibration) -> MultiModelThresholds:
     assert found.result.bank is not None
-    return MultiModelThresholds(1.0, found.result.bank.limits.own)
+    return MultiModelThresholds(1.0, found.result.bank.thresholds.own)
 
 
 def monitor(found: Calibration, source: str) -> AxisMonitor:
@@ -153,7 +153,7 @@ def monitor(found: Calibration, source: str) -> AxisMonitor:
     model, settings = found.result.model, found.result.settings
     if source == "cusum":
         return AxisMonitor(model, settings)
-    return AxisMonitor(model, settings, MultiModelDetector(model, settings, limits(found)), "multimodel")
+    return AxisMonitor(model, settings, MultiModelDetector(model, settings, thresholds(found)), "multimodel")
 
 
 def test_calibrated_the_healthy_record_is_quiet(found: Calibration, irb_record: SampleBlock) -> None:
@@ -185,7 +185,7 @@ def test_a_torque_constant_is_told_from_a_scaled_output_when_there_is_evidence(
     found: Calibration, irb_record: SampleBlock
 ) -> None:
     start = len(irb_record.u) // 2
-    bank = bank_of(found.result.model, found.result.settings, limits(found))
+    bank = bank_of(found.result.model, found.result.settings, thresholds(found))
     events = bank.run(SampleBlock(*Fault("kT", 0.2).put_into(irb_record, start)[:3]))
     named = [e for e in events if isinstance(e, CauseIdentified)]
     assert isinstance(events[0], ChangeDetected)

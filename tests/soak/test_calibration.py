@@ -15,7 +15,7 @@ from monitor_core.calibration.budget import nu_over_sigma, rates, thresholds
 from monitor_core.calibration.healthy_records import deviations
 from monitor_core.calibration.healthy_statistics import healthy_statistics
 from monitor_core.calibration.multimodel_healthy import multimodel_statistics
-from monitor_core.calibration.multimodel_thresholds import limits_for_budget
+from monitor_core.calibration.multimodel_thresholds import thresholds_for_budget
 from tests.core.calibration import healthy_axes, healthy_multimodel
 from tests.core.calibration.healthy_axes import Plant, plant_with, record
 
@@ -58,7 +58,7 @@ def of_tests(plant: Plant, seed: int) -> list[Found]:
 def of_banks(plant: Plant, seed: int) -> list[Found]:
     rng = np.random.default_rng([seed, 1])
     known = multimodel_statistics(plant.axis, [record(plant, seed, SAMPLES)], rng)
-    limits = [limits_for_budget(known, budget, rng) for budget in BUDGETS]
+    limits = [thresholds_for_budget(known, budget, rng) for budget in BUDGETS]
     return [Found(limit.own, limit.total, limit.lower, limit.upper) for limit in limits]
 
 

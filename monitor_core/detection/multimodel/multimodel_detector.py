@@ -111,22 +111,22 @@ def reason_unavailable(model: AxisModel, settings: Settings) -> str:
     return ""
 
 
-def bank_of(model: AxisModel, settings: Settings, limits: MultiModelThresholds) -> HypothesisBank:
+def bank_of(model: AxisModel, settings: Settings, thresholds: MultiModelThresholds) -> HypothesisBank:
     """The bank of an axis.
 
     Raises:
-        KeyError: a limit has a cause that the axis does not have.
-        ValueError: the detector is not available for the axis, or a limit is out of range.
+        KeyError: a threshold has a cause that the axis does not have.
+        ValueError: the detector is not available for the axis, or a threshold is out of range.
     """
-    if not limits.own:
+    if not thresholds.own:
         hypotheses = _defaults(model, settings).hypotheses
-        return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), limits.samples))
+        return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), thresholds.samples))
     # A positive allowance of DELAY means that healthy records show a delay that is in the axis and not in its model, as
     # if the drive filters its torque.  Its evidence varies with the motion and with any fault, so faults would be
     # reported as a delay: leave these hypotheses out.
-    own = [limit for limit in limits.own if not (limit.cause == DELAY and limit.allowance > 0)]
-    found = [replace(hypothesis_of(model, settings, limit.cause, limit.size), alike=limit.alike) for limit in own]
-    h, allowance = (np.array([getattr(limit, name) for limit in own]) for name in ("h", "allowance"))
+    own = [t for t in thresholds.own if not (t.cause == DELAY and t.allowance > 0)]
+    found = [replace(hypothesis_of(model, settings, t.cause, t.size), alike=t.alike) for t in own]
+    h, allowance = (np.array([getattr(t, name) for t in own]) for name in ("h", "allowance"))
     return HypothesisBank(model, settings, found, h, allowance)
 
 
@@ -136,7 +136,7 @@ class _Defaults(NamedTuple):
 
 
 def _defaults(model: AxisModel, settings: Settings, distinct: tuple[Distinct, ...] | None = None) -> _Defaults:
-    """Hypotheses for axes without calibrated limits: the distinct candidates, which are computed if not given.
+    """Hypotheses for axes without calibrated thresholds: the distinct candidates, which are computed if not given.
 
     Raises:
         ValueError: ``distinct`` has an index beyond the candidates.
@@ -163,27 +163,27 @@ class MultiModelDetector:
     The bank is created at first use, as it needs the compiled kernel to find the distinct hypotheses.
 
     Raises:
-        ValueError: the detector is not available for the axis, or limits have unknown causes.
+        ValueError: the detector is not available for the axis, or thresholds have unknown causes.
     """
 
     name: DetectorName = "multimodel"
 
-    def __init__(self, model: AxisModel, settings: Settings, limits: MultiModelThresholds) -> None:
+    def __init__(self, model: AxisModel, settings: Settings, thresholds: MultiModelThresholds) -> None:
         if reason := reason_unavailable(model, settings):
             raise ValueError(reason)
-        self._model, self._settings, self._limits = model, settings, limits
+        self._model, self._settings, self._thresholds = model, settings, thresholds
         errors = settings.size_errors(len(model.monitored)) * model.scale
         self._errors = dict(zip(model.monitored, errors.tolist(), strict=True))
-        self._size_errors = {limit.cause: limit.size_error for limit in limits.own}
+        self._size_errors = {threshold.cause: threshold.size_error for threshold in thresholds.own}
         self.causes = causes_of(model)
         """All causes that the detector may name"""
-        if unknown := {limit.cause for limit in limits.own} - set(self.causes):
-            raise ValueError(f"limits of {', '.join(sorted(unknown))}, which the axis does not have")
+        if unknown := {threshold.cause for threshold in thresholds.own} - set(self.causes):
+            raise ValueError(f"thresholds of {', '.join(sorted(unknown))}, which the axis does not have")
 
     @cached_property
     def bank(self) -> HypothesisBank:
         """The hypotheses and their state."""
-        return bank_of(self._model, self._settings, self._limits)
+        return bank_of(self._model, self._settings, self._thresholds)
 
     @property
     def has_bank(self) -> bool:
@@ -195,7 +195,7 @@ class MultiModelDetector:
         if not self.has_bank:
             return None
         arrays = self.bank.to_arrays()
-        if not self._limits.own:
+        if not self._thresholds.own:
             distinct = json.dumps(_defaults(self._model, self._settings).distinct)
             arrays[_DISTINCT] = np.frombuffer(distinct.encode(), np.uint8)
         return arrays
@@ -207,7 +207,7 @@ class MultiModelDetector:
             KeyError: an array is missing.
             ValueError: the state does not belong to these hypotheses, or is damaged.
         """
-        if _DISTINCT in arrays and not self._limits.own:
+        if _DISTINCT in arrays and not self._thresholds.own:
             saved = json.loads(np.asarray(arrays[_DISTINCT], np.uint8).tobytes())
             distinct = tuple(Distinct(int(place), tuple(alike)) for place, alike in saved)
             _defaults(self._model, self._settings, distinct)

@@ -16,7 +16,7 @@ from monitor_core.calibration.injection import InjectedFault
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import RECORD_PARTS, healthy_evidence
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
-from monitor_core.calibration.multimodel_thresholds import BankLimits, bank_limits
+from monitor_core.calibration.multimodel_thresholds import BankThresholds, bank_thresholds
 from monitor_core.calibration.surrogate_records import LANES
 from monitor_core.detection import Alarm
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
@@ -54,15 +54,15 @@ def false_alarms(bank: HypothesisBank, plant: Plant, seed: int) -> int:
     return alarms
 
 
-def limits(plant: Plant, seed: int) -> BankLimits:
+def thresholds(plant: Plant, seed: int) -> BankThresholds:
     rng = np.random.default_rng(seed)
-    return bank_limits(plant.axis, [record(plant, seed, RECORD)], BUDGET, rng, COPIES)
+    return bank_thresholds(plant.axis, [record(plant, seed, RECORD)], BUDGET, rng, COPIES)
 
 
 @pytest.mark.parametrize("colour", soaked([0.0, 0.9], 0.9), ids=["white", "coloured"])
 def test_the_budget_is_kept(colour: float, seed: int) -> None:
     plant = plant_with(colour)
-    found = limits(plant, seed)
+    found = thresholds(plant, seed)
     assert found.lower < found.total < found.upper <= 1.5 / BUDGET
     calibrated = bank_of(plant.model, plant.settings, MultiModelThresholds(1.0, found.own))
     count = false_alarms(calibrated, plant, seed + 1)
@@ -98,7 +98,7 @@ def test_what_is_known_of_each_is_stated(seed: int) -> None:
 def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     plant = plant_with(0.0, memory=100)
     healthy = record(plant, seed, RECORD // 5)
-    own = bank_limits(plant.axis, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
+    own = bank_thresholds(plant.axis, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
     faults = [InjectedFault("kT", 0.3), InjectedFault("1/Ja", -0.3), InjectedFault("fm", 1e-9)]
     by_bank, _ = run_trials(plant.axis, healthy, faults, 20, 6.0, own)
     paper, onsets = run_trials(plant.axis, healthy, faults, 20, 6.0)
@@ -232,7 +232,7 @@ def test_alarms_that_are_one_leave_room_for_lower_thresholds(seed: int, monkeypa
     found = {}
     for share in (0.0, -1.0):
         monkeypatch.setattr(hypotheses, "log_share", lambda *given, share=share: np.full_like(given[-1], share))
-        found[share] = hypotheses.limits_for_budget(known, BUDGET, np.random.default_rng(seed))
+        found[share] = hypotheses.thresholds_for_budget(known, BUDGET, np.random.default_rng(seed))
     apart, together = (np.array([limit.h for limit in found[share].own]) for share in (0.0, -1.0))
     assert (together <= apart).all()
     assert 0.3 < np.median(apart - together) < 3.0

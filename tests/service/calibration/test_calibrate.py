@@ -90,7 +90,7 @@ def test_the_daemon_uses_the_file_and_then_the_multimodel_detector_alarms(
     assert content["false_alarms"]["budget_s"] == 600.0
     assert content["record"][0]["samples"] == 12000
     assert found.result.bank is not None
-    own = found.result.bank.limits.own
+    own = found.result.bank.thresholds.own
     assert {"kT", "1/Ja", "fm", "torque sign", "output stuck"} <= {limit.cause for limit in own}
     assert all(5 < limit.h < 60 for limit in own)
     chosen = detectors_of(axis, model, settings)

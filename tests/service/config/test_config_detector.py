@@ -89,7 +89,7 @@ def test_with_thresholds_of_its_own_the_multimodel_detector_alarms(robot: Path) 
 def test_a_file_of_thresholds_without_hypotheses_or_for_other_causes(robot: Path) -> None:
     assert found(calibrated(robot, [])).alarm_source == "cusum"
     calibrated(robot, [{"cause": "fc", "size": 0.2, "h": 9.0}])
-    with pytest.raises(AxisError, match="limits of fc, which the axis does not have"):
+    with pytest.raises(AxisError, match="thresholds of fc, which the axis does not have"):
         found(robot)
 
 

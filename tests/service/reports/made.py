@@ -11,7 +11,7 @@ import numpy as np
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.fault_trials import TrialResult
 from monitor_core.calibration.injection import InjectedFault
-from monitor_core.calibration.multimodel_thresholds import BankLimits
+from monitor_core.calibration.multimodel_thresholds import BankThresholds
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
 from monitor_core.calibration.scatter import Scatter
 from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
@@ -94,10 +94,10 @@ def by_hand() -> Calibration:
         200.0,
     )
     rates = Rates(h / np.array([3e4, 4e4, 5e4]), h / 7200, h / 36000, h / 3600, 5.0)
-    limits = BankLimits(OWN, h / 10800, h / 72000, h / 5400)
+    bank = BankThresholds(OWN, h / 10800, h / 72000, h / 5400)
     result = CalibrationResult(
         model, settings, 3600.0, WITHIN_S, scatter, rates, np.zeros(3), _by_tests(), ONSETS, 600.0,
-        MultiModelCalibration(limits, _by_bank()),
+        MultiModelCalibration(bank, _by_bank()),
     )  # fmt: skip
     name, dropped = "healthy.csv", {"missing": 12}
     record = RecordOrigin(name, Path(name), "ab12", 120000, 120000, 0.0, 600.0, dropped)

@@ -64,7 +64,7 @@ def test_a_table_has_each_fact_once() -> None:
     calibration = by_hand()
     assert calibration.result.bank is not None
     own = (*OWN, HypothesisThreshold("fm", 0.1, 5.71, 0.0), HypothesisThreshold("fm", -0.1, 5.74, 0.0))
-    bank = replace(calibration.result.bank, limits=replace(calibration.result.bank.limits, own=own))
+    bank = replace(calibration.result.bank, thresholds=replace(calibration.result.bank.thresholds, own=own))
     alike = replace(calibration, result=replace(calibration.result, bank=bank))
     assert causes(alike).rows[-1] == ("fm", "2", "5.7", "0")
 

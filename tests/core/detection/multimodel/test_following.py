@@ -8,7 +8,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration.fault_trials import run_trials
 from monitor_core.calibration.injection import InjectedFault
-from monitor_core.calibration.multimodel_thresholds import bank_limits
+from monitor_core.calibration.multimodel_thresholds import bank_thresholds
 from monitor_core.detection.multimodel.hypothesis import STEP
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector, MultiModelThresholds, guaranteed
@@ -129,7 +129,7 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
     for moved, known in ((shift, shift), (shift, still), (still, still)):
         u, y = axis(np.random.default_rng(seed), moved, {}, N)
         block = SampleBlock(T, u, y, known, name="r")
-        limits.append(bank_limits(PLANT.axis, [block], 12_000.0, rng, 40_000).own)
+        limits.append(bank_thresholds(PLANT.axis, [block], 12_000.0, rng, 40_000).own)
         if moved is known is shift:
             faults = [InjectedFault("kT", 0.4), InjectedFault("kT", -0.4)]
             caught, _ = run_trials(PLANT.axis, block, faults, 6, 5.0, limits[0])

@@ -216,8 +216,8 @@ def test_sizes_go_there_and_back(name: str) -> None:
 # --- from samples to alarms --------------------------------------------------------------------------
 
 
-def detector(seed: int, limits: MultiModelThresholds = DAY) -> MultiModelDetector:
-    return MultiModelDetector(MODEL, settings_of("speed", seed), limits)
+def detector(seed: int, thresholds: MultiModelThresholds = DAY) -> MultiModelDetector:
+    return MultiModelDetector(MODEL, settings_of("speed", seed), thresholds)
 
 
 def monitor(seed: int, alarms: str = "multimodel") -> AxisMonitor:
@@ -461,15 +461,15 @@ def test_an_alarm_of_noise_ends_with_the_noise(seed: int) -> None:
     assert watched.open_alarms == ()
 
 
-# --- limits ------------------------------------------------------------------------------------------
+# --- thresholds ------------------------------------------------------------------------------------------
 
 
-def test_limits_of_a_record_say_which_hypotheses_there_are(seed: int) -> None:
+def test_thresholds_of_a_record_say_which_hypotheses_there_are(seed: int) -> None:
     own = (HypothesisThreshold("kT", 0.2, 9.0, 0.01, ("torque scale",)), HypothesisThreshold(TORQUE_SIGN, np.nan, 8.0))
     bank = bank_of(MODEL, settings_of("speed", seed), MultiModelThresholds(1e6, own))
     assert bank.causes == ("kT", TORQUE_SIGN)
     assert bank.hypotheses[0].alike == ("torque scale",)
-    with pytest.raises(ValueError, match="limits of nothing, which the axis does not have"):
+    with pytest.raises(ValueError, match="thresholds of nothing, which the axis does not have"):
         detector(seed, MultiModelThresholds(1e6, (HypothesisThreshold("nothing", 0.2, 9.0),)))
 
 
