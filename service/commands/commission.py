@@ -27,7 +27,7 @@ from service.reports.formats import Provenance
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
-    from service.commands.commissioning.axis_commissioning import Order
+    from service.commands.commissioning.axis_order import Order
     from service.commands.commissioning.signal_proposals import Review
 
 CONFIG = "axiswatch.toml"
@@ -217,7 +217,7 @@ def _orders(
     shorten: bool,
 ) -> tuple[list[Order], list[Outcome]]:
     """An order for each axis that has records, and the outcomes of axes that have none."""
-    from service.commands.commissioning.axis_commissioning import Order
+    from service.commands.commissioning.axis_order import Order
     from service.ingest.axis_records import silent_in, wanted
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}

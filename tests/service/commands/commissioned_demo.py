@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 
-from service.commands.commissioning.axis_commissioning import Order
+from service.commands.commissioning.axis_order import Order
 from service.commands.commissioning.signal_proposals import Review
 from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome

@@ -15,7 +15,7 @@ import tomlkit
 from monitor_core.arrays import Floats
 from monitor_core.modeling import SimulatedAxis
 from service.commands import identification_task
-from service.commands.commissioning import axis_commissioning
+from service.commands.commissioning import axis_calibration
 from service.commands.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
 from service.config.axis_settings import AxisError
@@ -134,7 +134,7 @@ def test_commissioning_plans_the_motion_that_is_missing(
     def calibrate(*_: object) -> None:
         raise AxisError("left out here")
 
-    monkeypatch.setattr(axis_commissioning, "calibrate_axis", calibrate)
+    monkeypatch.setattr(axis_calibration, "calibrate_axis", calibrate)
     request = partial(Request, free=("Jm", "Ja", "fm", "fc"), start="values")
     monkeypatch.setattr(identification_task, "Request", request)
     record = followed(folder, "slow.csv", seed, SLOW)

@@ -18,7 +18,7 @@ import pytest
 from monitor_core.arrays import Floats
 from service.commands import commission
 from service.commands.commissioning import axis_processes, exchanged_torques, live_recording, signal_proposals
-from service.commands.commissioning.axis_commissioning import Order
+from service.commands.commissioning.axis_order import Order
 from service.commands.commissioning.checked_axis import moves
 from service.commands.commissioning.live_look import LiveLook, look_at
 from service.commands.commissioning.live_recording import recorded

@@ -12,7 +12,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
-from service.commands.commissioning import axis_commissioning
+from service.commands.commissioning import axis_identification
 from service.commands.commissioning.link_load import LinkLoad, link_load, motors_without_ratio
 from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
@@ -58,7 +58,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
         patch.setattr(commission, "options_for", lambda _budget_s: QUICK)
         patch.setattr("os.cpu_count", lambda: 1)  # in this process, without pictures
         # Motions for what these records do not show are planned in tests/service/identification/test_advice.py.
-        patch.setattr(axis_commissioning, "motion_for", lambda *_: None)
+        patch.setattr(axis_identification, "motion_for", lambda *_: None)
         init = axiswatch("init", record, "-o", folder / "axis.toml")
         assert init.exit_code == 0, init.output
         # To look for it is most of the work, and tested elsewhere.

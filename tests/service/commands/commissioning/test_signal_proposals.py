@@ -10,8 +10,9 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.can.user_errors import IngestError
-from service.commands.commissioning import axis_commissioning
-from service.commands.commissioning.axis_commissioning import Order, commission_axis
+from service.commands.commissioning import axis_identification
+from service.commands.commissioning.axis_commissioning import commission_axis
+from service.commands.commissioning.axis_order import Order
 from service.commands.commissioning.exchanged_torques import exchanged
 from service.commands.commissioning.signal_proposals import review
 from service.config import Config, NamedAxis
@@ -119,7 +120,7 @@ def test_a_record_in_which_the_axis_stands_is_left_out(
         used.append(records)
         raise IngestError("seen")
 
-    monkeypatch.setattr(axis_commissioning, "prepare", prepare)
+    monkeypatch.setattr(axis_identification, "prepare", prepare)
     order = Order(text, "cell.a1", (moving, standing), tmp_path, FEW, Provenance("", "", ""), shorten=False)
     outcome = commission_axis(order, found)
     assert (used, outcome.refusal) == ([(moving,)], "not identified: seen")

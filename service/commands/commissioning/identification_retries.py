@@ -1,24 +1,15 @@
-"""What commissioning tries next if the records do not support what the configuration requires."""
+"""What commissioning tries next if an axis was not identified, or cannot be monitored as it is."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
-import numpy as np
-
-from monitor_core.arrays import Floats
-from monitor_core.calibration import CalibrationError, CalibrationOptions
-from monitor_core.drive import OF_ANGLE, Term, split_name
-from monitor_core.identification import Effect, FitQuality, Obstacle, Record, TurningWeight
+from monitor_core.drive import Term, split_name
+from monitor_core.identification import Effect, FitQuality, TurningWeight
 from monitor_core.wording import listed
-from service.commands.commissioning.checked_axis import fastest
 from service.commands.commissioning.link_load import LinkLoad
-from service.commands.excite import MotionRequest
 from service.config import AxisConfig, NamedAxis
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
-from service.reports.commissioning_report import Outcome
 from service.reports.identification_report import IdentificationReport
-from service.reports.outlook_words import shaped_for
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
 _LIBRARY = ("one-mass", *_SEVERAL_MASSES)
@@ -41,12 +32,6 @@ _FAST_S = 0.006
 _MEMORIES = (1.0, 2.0, 5.0)
 """Multiples of the usual memory to try if the configuration sets none; the shortest one that shows small changes is
 used."""
-
-_OF_NYQUIST = 0.8
-"""Upper end of the band if the samples are too slow for the usual one."""
-
-
-# --- After an identification ------------------------------------------------------------------------------------------
 
 
 class Retry(NamedTuple):
@@ -201,80 +186,3 @@ def memory_change(report: IdentificationReport, axis: AxisConfig) -> tuple[Corre
         return ()
     reason = "with a shorter one only large changes would be detected in this motion"
     return (Correction(("estimator", "memory_s"), memory_s, reason),)
-
-
-class SuggestedMotion(NamedTuple):
-    """Settings for a planned motion that would show more of an axis."""
-
-    lost: tuple[str, ...]
-    """Parameters that the records do not determine"""
-    request: MotionRequest
-    """Parameters to determine, and the limits, taken from the records"""
-
-
-def motion_for(report: IdentificationReport, records: Sequence[Record]) -> SuggestedMotion | None:
-    """Plan that would show the missing parameters; None: nothing is missing, or nothing was identified."""
-    result = report.result
-    lost = tuple(w.name for w in result.watched if w.obstacle in (Obstacle.NOT_SHOWN, Obstacle.TOGETHER))
-    if report.rejection or not lost:
-        return None
-    request = MotionRequest(
-        torque=_three_digits(max(float(abs(record.u).max()) for record in records)),
-        speed=_three_digits(fastest(records)),
-        angle=_three_digits(max(float(np.ptp(_angle(record))) / 2 for record in records)),
-        find=tuple(name for name in lost if shaped_for(name, result)),
-    )
-    if not set(OF_ANGLE).isdisjoint(result.estimate.drive.inputs):
-        request = request._replace(command="angle")  # a torque alone does not keep a weight in its place
-    most_hz = _OF_NYQUIST * 0.5 / result.estimate.interval_s
-    if most_hz < request.band_hz[1]:
-        request = request._replace(band_hz=(0.0, _three_digits(most_hz)))
-    return SuggestedMotion(lost, request)
-
-
-def _three_digits(value: float) -> float:
-    return float(f"{value:.3g}")
-
-
-def _angle(record: Record) -> Floats:
-    """Angle of a record; for a speed, its integral."""
-    t, y = record.t[record.measured], record.y[record.measured]
-    if record.quantity == "angle":
-        return y
-    return np.asarray(np.concatenate([[0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)]))
-
-
-# --- After a calibration that was refused -----------------------------------------------------------------------------
-
-
-class CalibrationRemedy(NamedTuple):
-    """Changes for another calibration."""
-
-    words: str
-    outcome: Outcome
-    options: CalibrationOptions
-
-
-def remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationOptions) -> CalibrationRemedy | None:
-    """Changes to try if these records do not suffice; None: only other records can help."""
-    outcome = replace(outcome, notes=(*outcome.notes, f"{error}."))
-    if error.budget_s is not None:
-        budget_s = _rounded(error.budget_s)
-        return CalibrationRemedy(f"a budget of {budget_s:g} s", outcome, replace(options, budget_s=budget_s))
-    if error.memory_s is not None:
-        reason = "for a longer one the records are too short"
-        changes = [Correction(("estimator", "memory_s"), error.memory_s, reason)]
-        if error.joint_state:
-            changes.append(Correction(("estimator", "joint_state"), True, f"with a memory of {error.memory_s:g} s"))
-        words = ", ".join(change.change for change in changes)
-        return CalibrationRemedy(words, replace(outcome, corrections=(*outcome.corrections, *changes)), options)
-    left = tuple(name for name in outcome.watched if name not in error.without)
-    if error.without and left:
-        return CalibrationRemedy(f"monitor = {list(left)}", replace(outcome, watched=left), options)
-    return None
-
-
-def _rounded(budget_s: float) -> float:
-    """Round down to two digits."""
-    digits = float(f"{budget_s:.1e}")
-    return digits if digits <= budget_s else float(f"{budget_s * 0.95:.1e}")

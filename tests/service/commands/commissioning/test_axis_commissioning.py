@@ -1,4 +1,4 @@
-"""What commissioning tries next: another drive, fewer parameters, another memory."""
+"""The steps of one axis: another drive, fewer parameters, another memory, and what of it the report states."""
 
 from __future__ import annotations
 
@@ -14,16 +14,12 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, FitQuality, Obstacle, Rejection, TurningWeight, Watched
-from service.commands.commissioning import axis_commissioning, axis_processes, exchanged_torques, signal_proposals
-from service.commands.commissioning.axis_commissioning import (
-    Order,
-    commission_axis,
-    lacks_of,
-    not_identified,
-    unmonitored_words,
-)
+from service.commands.commissioning import axis_identification, axis_processes, exchanged_torques, signal_proposals
+from service.commands.commissioning.axis_commissioning import commission_axis, unmonitored_words
+from service.commands.commissioning.axis_identification import lacks_of, not_identified
+from service.commands.commissioning.axis_order import Order
 from service.commands.commissioning.checked_axis import configured
-from service.commands.commissioning.commissioning_remedies import (
+from service.commands.commissioning.identification_retries import (
     Retry,
     followers_monitored,
     memories_of,
@@ -273,20 +269,20 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     task.with_most_moving_parts = lambda: task
     signals = (Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),)
     load = LinkLoad(signals, ("a2-acceleration",), 0.9, 0.3)
-    monkeypatch.setattr(axis_commissioning, "prepare", lambda *_: task)
-    monkeypatch.setattr(axis_commissioning, "link_load", lambda *_: load)
-    monkeypatch.setattr(axis_commissioning, "motors_without_ratio", lambda *_: ("a1", "a2"))
-    monkeypatch.setattr(axis_commissioning, "motion_for", lambda *_: None)
+    monkeypatch.setattr(axis_identification, "prepare", lambda *_: task)
+    monkeypatch.setattr(axis_identification, "link_load", lambda *_: load)
+    monkeypatch.setattr(axis_identification, "motors_without_ratio", lambda *_: ("a1", "a2"))
+    monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     taken = list[Any]()
 
     def memory_change(*given: Any) -> tuple[()]:
         taken.append(given)
         return ()
 
-    monkeypatch.setattr(axis_commissioning, "memory_change", memory_change)
+    monkeypatch.setattr(axis_identification, "memory_change", memory_change)
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")
-    monkeypatch.setattr(axis_commissioning, "verdict_line", lambda _: "")
-    monkeypatch.setattr(axis_commissioning, "as_toml", lambda _: "")
+    monkeypatch.setattr(axis_identification, "verdict_line", lambda _: "")
+    monkeypatch.setattr(axis_identification, "as_toml", lambda _: "")
     (tmp_path / "a.csv").touch()
     records = (str(tmp_path / "a.csv"),)
     order = Order(TWO, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), True)

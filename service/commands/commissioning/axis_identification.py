@@ -1,0 +1,188 @@
+"""Identification of an axis: attempts, each with the changes that the one before suggests, and its nominal values."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from pathlib import Path
+from typing import NamedTuple
+
+from monitor_core.identification import FitQuality, turning_weight
+from monitor_core.wording import listed
+from service.commands.commissioning.axis_order import REFUSALS, CommissioningProgress, Order, within
+from service.commands.commissioning.checked_axis import configured
+from service.commands.commissioning.identification_retries import (
+    Retry,
+    followers_monitored,
+    memories_of,
+    memory_change,
+    retry,
+    watched_in,
+)
+from service.commands.commissioning.link_load import link_load, motors_without_ratio
+from service.commands.commissioning.missing_motion import motion_for, with_motion
+from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
+from service.commands.output_files import replace_text
+from service.config import NamedAxis
+from service.config.commissioned import SIGNAL, pages_of
+from service.reports import identification_html
+from service.reports.commissioning_report import Outcome
+from service.reports.identification_files import as_toml
+from service.reports.identification_report import IdentificationReport, verdict_line
+from service.reports.outlook_words import missing_words
+
+
+def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
+    """The outcome with nominal values, and with a motion for what the records do not show, written into the folder."""
+    progress("identify", "reading the records", 0.0)
+    attempts = _Attempts(order, outcome)
+    try:
+        found = attempts.run(progress)
+        report, outcome = found.report, found.outcome
+        if report.is_poor or report.result.verdict.quality is FitQuality.FAIR or _is_coupled(outcome, found.axis):
+            motors = motors_without_ratio(found.text, found.axis.id, order.records, order.folder)
+            outcome = replace(outcome, notes=(*outcome.notes, *_without_ratio(motors)))
+    except REFUSALS as error:
+        return replace(attempts.outcome, refusal=f"not identified: {error}")
+    outcome = _with_values(order.folder, found.axis, report, outcome, attempts.taken, attempts.lacks)
+    motion = motion_for(report, [item.record for item in found.task.estimation])
+    if motion is None:
+        return outcome
+    progress("identify", "planning a motion", 0.0)
+    return with_motion(order, found.text, outcome, motion)
+
+
+# --- The attempts -----------------------------------------------------------------------------------------------------
+
+
+class _Attempt(NamedTuple):
+    """An identification with a configuration, and the outcome before it."""
+
+    text: str
+    axis: NamedAxis
+    task: IdentificationTask
+    report: IdentificationReport
+    outcome: Outcome
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether its values may be nominal values, and something can be monitored with them."""
+        return not self.report.rejection and bool(watched_in(self.report))
+
+
+class _Attempts:
+    """Identifications of an axis, each with the configuration that the one before suggests."""
+
+    def __init__(self, order: Order, outcome: Outcome) -> None:
+        self._order, self._text = order, order.text
+        self.outcome = outcome
+        """The outcome so far: changes that were tried, and notes"""
+        self.lacks = ""
+        """See ``lacks_of``"""
+        self.taken = ""
+        """Changes that --yes would apply, in words"""
+        self._schedule: tuple[str, ...] = ()
+        self._drives: list[str] = []
+        self._without_links: _Attempt | None = None
+        """A usable fit without the load of links, which stands if the one with it is not usable"""
+
+    def run(self, progress: CommissioningProgress) -> _Attempt:
+        """The attempt that stands."""
+        while True:
+            found, again = self._attempt(progress)
+            self._drives.append(found.axis.config.model.drive)
+            self.lacks = lacks_of(found.report, self.lacks)
+            if self._without_links is not None and not found.is_usable:
+                return self._without_links
+            if again is not None and again.changes and not self._order.shorten:
+                self.taken = self.taken or f"; --yes applies {again.words}"
+                again = None if found.report.rejection else followers_monitored(found.report, self._text, found.axis)
+            if again is None:
+                return found
+            if again.schedule and found.is_usable:
+                self._without_links = found
+            self._apply(again)
+
+    def _attempt(self, progress: CommissioningProgress) -> tuple[_Attempt, Retry | None]:
+        """Identify with the present configuration; also the changes that the result suggests."""
+        order, text = self._order, self._text
+        config, axis = configured(text, order.axis_id, order.folder)
+        request = Request(schedule=self._schedule, memories_s=memories_of(axis.config))
+        task = prepare(config, axis, order.records, [], request)
+        provenance = order.provenance._replace(drawing=drawing_of(axis.config))
+        load = cache(partial(link_load, text, axis.id, order.records, order.folder))
+        turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
+        is_guess = order.shorten and not self._drives  # the first drive may be one
+        for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
+            report = part.run(provenance, within("identify", progress))
+            is_last = bool(self._schedule and report.rejection)
+            again = None if is_last else retry(report, text, axis, self._drives, load, turn)
+            if report.rejection and again:  # the complete records would not help
+                break
+        return _Attempt(text, axis, task, report, self.outcome), again
+
+    def _apply(self, again: Retry) -> None:
+        self._text, self._schedule = again.text, self._schedule or again.schedule
+        notes = self.outcome.notes
+        if again.schedule:
+            notes = (*notes, f"The torque shows {again.shown}. {', '.join(again.schedule)}.")
+        self.outcome = replace(self.outcome, notes=notes, corrections=(*self.outcome.corrections, *again.changes))
+
+
+def lacks_of(report: IdentificationReport, before: str) -> str:
+    """What the drive of a poor fit lacks; where the records do not show it, what the drive ``before`` lacked."""
+    return (missing_words(report.result.verdict) if report.is_poor else "") or before
+
+
+# --- What the attempt that stands gives -------------------------------------------------------------------------------
+
+
+def _is_coupled(outcome: Outcome, axis: NamedAxis) -> bool:
+    """Whether the torque was found to follow the motion of another axis."""
+    return any(c.key[0] == SIGNAL and c.key[-1] == "axis" and c.value != axis.config.name for c in outcome.corrections)
+
+
+def _without_ratio(motors: Sequence[str]) -> Iterator[str]:
+    """What the unknown gear ratios of these axes hide; nothing if there are none."""
+    if motors:
+        yield (
+            f"The angles of {listed(motors)} turn by more than two turns, so they are those of motors, and their gear"
+            " ratios are not known. Without them only a weight is looked for that follows the pose of the arm, not the"
+            " inertia. Give the angle of the arm over that of the motor, 0.02 for a gear of 50:1, as r in"
+            " [robot.axis.model.nominal] of each of these axes, and commission again. A linear axis needs none."
+        )
+
+
+def _with_values(
+    folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, taken: str, lacks: str
+) -> Outcome:
+    """Outcome with the identified values, written into the folder.
+
+    ``taken``: remedies that --yes would apply; ``lacks``: see ``lacks_of``.
+    """
+    page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
+    better = [f"A better fit can be tried{taken}."] if taken and not report.rejection and watched_in(report) else []
+    replace_text(folder / page, identification_html.as_html(report))
+    outcome = replace(
+        outcome,
+        verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
+        outlook=report.outlook,
+        notes=(*outcome.notes, *report.warnings, *better),
+        pages=(page,),
+        no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,
+    )
+    if report.rejection:
+        return replace(outcome, refusal=not_identified(report, taken, lacks))
+    replace_text(folder / values, as_toml(report))
+    watched = watched_in(report)
+    return replace(
+        outcome,
+        nominal_file=values,
+        watched=watched,
+        refusal="" if watched else f"{outcome.outlook.removesuffix('.')}{taken}",
+        corrections=(*outcome.corrections, *memory_change(report, axis.config)),
+    )
+
+
+def not_identified(report: IdentificationReport, taken: str, lacks: str) -> str:
+    """Reason why an axis has no nominal values; ``taken``, ``lacks``: remedies that --yes applies, missing effects."""
+    return f"not identified: {report.rejection}{taken}" + (f". {lacks.removesuffix('.')}" if lacks else "")

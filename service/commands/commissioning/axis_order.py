@@ -1,0 +1,53 @@
+"""The task to commission one axis, and what its steps share: progress, refusals, the configuration so far."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from monitor_core.calibration import CalibrationError, CalibrationOptions
+from monitor_core.excitation import ExcitationError
+from monitor_core.identification import IdentificationError
+from monitor_core.modeling import ModelError
+from service.can.messages import DescriptionError
+from service.can.user_errors import IngestError
+from service.commands.commissioning.checked_axis import configured
+from service.config import Config, ConfigErrors, NamedAxis
+from service.config.axis_settings import AxisError
+from service.config.commissioned import commissioned, corrected
+from service.reports.commissioning_report import Outcome
+from service.reports.formats import Provenance
+
+REFUSALS = (
+    *(CalibrationError, IdentificationError, ModelError, DescriptionError, IngestError),
+    *(ConfigErrors, AxisError, ExcitationError),
+)
+"""Errors that end the commissioning of one axis."""
+CommissioningProgress = Callable[[str, str, float], None]
+"""Called with the phase, "identify" or "calibrate", the present work, and the completed share of it, 0 to 1"""
+
+
+class Order(NamedTuple):
+    """The task for one axis; it can be sent to another process."""
+
+    text: str
+    """Text of the configuration, valid in ``folder``"""
+    axis_id: str
+    records: tuple[str, ...]
+    folder: Path
+    options: CalibrationOptions
+    provenance: Provenance
+    shorten: bool
+    """If the records do not support the false-alarm budget: use the longest one that they support"""
+
+
+def as_found(order: Order, outcome: Outcome) -> tuple[Config, NamedAxis]:
+    """The configuration with all that was found until now, and the axis."""
+    assert outcome.found is not None
+    changed = corrected(order.text, order.axis_id, outcome.corrections)
+    own = commissioned(changed, {order.axis_id: outcome.found})
+    return configured(own, order.axis_id, order.folder)
+
+
+def within(phase: str, progress: CommissioningProgress) -> Callable[[str, float, float], None]:
+    """The progress of a phase, for functions that report their work, the part that is done, and the total."""
+    return lambda work, done, total: progress(phase, work, done / total if total else 0.0)
