@@ -27,8 +27,8 @@ from service.reports.formats import Provenance
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
-    from service.commands.commissioning.axis_order import Order
-    from service.commands.commissioning.signal_proposals import Review
+    from service.commands.commissioning.axis.axis_order import Order
+    from service.commands.commissioning.signals.signal_proposals import Review
 
 CONFIG = "axiswatch.toml"
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="Folder for everything that is written.")]
@@ -75,7 +75,7 @@ def commission(
     depends on something new. The exit code is 5 where an axis could not be commissioned, or `replay` tests nothing of
     it in these records, 2 where none could.
     """
-    from service.commands.commissioning.live_recording import record_live, recorded
+    from service.commands.commissioning.live.live_recording import record_live, recorded
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
@@ -126,8 +126,8 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
 
 def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
     """Review the signals of each axis, and apply the corrections to which the user agrees."""
-    from service.commands.commissioning.exchanged_torques import exchanged
-    from service.commands.commissioning.signal_proposals import review
+    from service.commands.commissioning.signals.exchanged_torques import exchanged
+    from service.commands.commissioning.signals.signal_proposals import review
 
     text, folder = orders[0].text, orders[0].folder
     records = {order.axis_id: order.records for order in orders}
@@ -191,7 +191,7 @@ def _command(
 
 def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
     """Check that there is something to commission from: records, or a time to record."""
-    from service.commands.commissioning.live_recording import check_minutes, recorded
+    from service.commands.commissioning.live.live_recording import check_minutes, recorded
 
     if records and minutes is not None:
         raise typer.BadParameter(
@@ -217,7 +217,7 @@ def _orders(
     shorten: bool,
 ) -> tuple[list[Order], list[Outcome]]:
     """An order for each axis that has records, and the outcomes of axes that have none."""
-    from service.commands.commissioning.axis_order import Order
+    from service.commands.commissioning.axis.axis_order import Order
     from service.ingest.axis_records import silent_in, wanted
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}
@@ -241,7 +241,7 @@ def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console
 
     Each axis sees the corrections of all axes, as the motion of one may be a signal of another.
     """
-    from service.commands.commissioning.axis_processes import outcomes
+    from service.commands.commissioning.axis.axis_processes import outcomes
 
     text = orders[0].text
     for axis_id, looked in reviews.items():

@@ -12,7 +12,7 @@ from pathlib import Path
 import structlog
 
 from service.can.bus import blf_channels
-from service.commands.commissioning.signal_look import SignalLook
+from service.commands.commissioning.live.signal_look import SignalLook
 from service.commands.daemon_parts import DaemonParts
 from service.commands.exit_codes import DaemonFailedError
 from service.commands.protection import access_of, certificate_of

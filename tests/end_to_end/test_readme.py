@@ -14,7 +14,8 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
-from service.commands.commissioning import axis_processes, live_recording
+from service.commands.commissioning.axis import axis_processes
+from service.commands.commissioning.live import live_recording
 from service.config import load
 from service.simulation.robot import SimulatedFault
 from service.store.journal import Journal

@@ -1,9 +1,12 @@
-"""Commissioning: what ``axiswatch commission`` does for each axis, from healthy records to a configuration.
+"""Commissioning: what ``axiswatch commission`` does, from a healthy robot to a configuration.
 
-* Signals: ``checked_axis``, ``signal_proposals`` (by ``signal_times``, ``signal_units``, ``signal_faults``), and
-  ``exchanged_torques``.
-* On a bus: ``bus_recording``, ``live_recording``, and ``axis_look`` (shown by ``live_look``, and on the page by
-  ``signal_look``).
-* An axis: ``axis_commissioning``, with ``commissioning_remedies`` and ``link_load``; several at once:
-  ``axis_processes``.
+The steps, in their order:
+
+1. ``live``: with ``--minutes``, the buses are checked (``live_look``, ``axis_look``) and recorded.
+2. ``signals``: the signals of each axis are reviewed in its records; what they show to be wrong becomes a proposal:
+   first torques of two axes that are exchanged, then times, units and signs, one after the other.
+3. ``axis``: each axis in a process of its own (``axis_processes``) is identified, perhaps repeatedly, a motion is
+   planned for what the records do not show, then it is calibrated, and tested in its own records
+   (``commission_axis``).
+4. ``commission.py``, which calls these steps, writes the report and the configuration.
 """

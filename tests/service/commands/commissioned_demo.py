@@ -5,8 +5,8 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 
-from service.commands.commissioning.axis_order import Order
-from service.commands.commissioning.signal_proposals import Review
+from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.signals.signal_proposals import Review
 from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome
 from tests.conftest import ROOT

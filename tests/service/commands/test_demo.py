@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from service.commands import commission
-from service.commands.commissioning import axis_processes
+from service.commands.commissioning.axis import axis_processes
 from service.config import Config, load
 from service.config.drive_sources import shipped
 from service.pipeline.axis_monitors import FramePipeline

@@ -15,7 +15,7 @@ import tomlkit
 from monitor_core.arrays import Floats
 from monitor_core.modeling import SimulatedAxis
 from service.commands import identification_task
-from service.commands.commissioning import axis_calibration
+from service.commands.commissioning.axis import axis_calibration
 from service.commands.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
 from service.config.axis_settings import AxisError

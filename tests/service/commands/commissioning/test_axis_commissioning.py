@@ -14,20 +14,21 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, FitQuality, Obstacle, Rejection, TurningWeight, Watched
-from service.commands.commissioning import axis_identification, axis_processes, exchanged_torques, signal_proposals
-from service.commands.commissioning.axis_commissioning import commission_axis, unmonitored_words
-from service.commands.commissioning.axis_identification import lacks_of, not_identified
-from service.commands.commissioning.axis_order import Order
-from service.commands.commissioning.checked_axis import configured
-from service.commands.commissioning.identification_retries import (
+from service.commands.commissioning.axis import axis_identification, axis_processes
+from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
+from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
+from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.identification_retries import (
     Retry,
     followers_monitored,
     memories_of,
     memory_change,
     retry,
 )
-from service.commands.commissioning.link_load import LinkLoad
-from service.commands.commissioning.signal_proposals import Review
+from service.commands.commissioning.axis.link_load import LinkLoad
+from service.commands.commissioning.signals import exchanged_torques, signal_proposals
+from service.commands.commissioning.signals.checked_axis import configured
+from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE
 from service.config import AxisConfig
 from service.config.commissioned import Correction

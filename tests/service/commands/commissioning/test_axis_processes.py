@@ -15,7 +15,7 @@ PROGRAM = """
 import multiprocessing, os, sys, time
 
 def work(found):
-    from service.commands.commissioning.axis_processes import end_with_parent
+    from service.commands.commissioning.axis.axis_processes import end_with_parent
     end_with_parent()
     with open(found, "w") as file:
         file.write(f"{os.getpid()}\\n")
@@ -56,7 +56,7 @@ def test_they_end_with_the_command_that_is_killed(tmp_path: Path) -> None:
 INTERRUPTED = """
 import signal, sys, time
 from types import SimpleNamespace
-from service.commands.commissioning import axis_processes
+from service.commands.commissioning.axis import axis_processes
 
 def endless(order, review, step):
     step("identify", "", 0.0)

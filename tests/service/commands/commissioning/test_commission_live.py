@@ -17,12 +17,14 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.commands import commission
-from service.commands.commissioning import axis_processes, exchanged_torques, live_recording, signal_proposals
-from service.commands.commissioning.axis_order import Order
-from service.commands.commissioning.checked_axis import moves
-from service.commands.commissioning.live_look import LiveLook, look_at
-from service.commands.commissioning.live_recording import recorded
-from service.commands.commissioning.signal_proposals import Review
+from service.commands.commissioning.axis import axis_processes
+from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.live import live_recording
+from service.commands.commissioning.live.live_look import LiveLook, look_at
+from service.commands.commissioning.live.live_recording import recorded
+from service.commands.commissioning.signals import exchanged_torques, signal_proposals
+from service.commands.commissioning.signals.checked_axis import moves
+from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.config import load
 from service.ingest import axis_records

@@ -12,8 +12,8 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
-from service.commands.commissioning import axis_identification
-from service.commands.commissioning.link_load import LinkLoad, link_load, motors_without_ratio
+from service.commands.commissioning.axis import axis_identification
+from service.commands.commissioning.axis.link_load import LinkLoad, link_load, motors_without_ratio
 from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
 from service.config.commissioned import corrected

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from service.can.frames import FrameBlock
-from service.commands.commissioning.signal_look import SignalLook
+from service.commands.commissioning.live.signal_look import SignalLook
 from service.config import Config
 from service.pipeline.recording import Extracts, RecordingFolder
 from service.web.robot_setup import NoLookError, SignalCheck
@@ -107,7 +107,7 @@ def test_a_refused_look_has_a_reason(tmp_path: Path, healthy: Robot, monkeypatch
     config, _ = healthy
     with pytest.raises(NoLookError, match=r"recordings_mb in \[service\] is 0"):
         SignalLook(lambda: config, None, lambda: NOW_US)("demo.axis1")
-    monkeypatch.setattr("service.commands.commissioning.signal_look._WAIT_S", 0.01)
+    monkeypatch.setattr("service.commands.commissioning.live.signal_look._WAIT_S", 0.01)
     hanging = Extracts(RecordingFolder(tmp_path, 10**6), 20.0, 5.0, lambda: NOW_US)
     look = SignalLook(lambda: config, hanging, lambda: NOW_US)
     with pytest.raises(NoLookError, match="has not handed over"):

@@ -10,11 +10,11 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.can.user_errors import IngestError
-from service.commands.commissioning import axis_identification
-from service.commands.commissioning.axis_commissioning import commission_axis
-from service.commands.commissioning.axis_order import Order
-from service.commands.commissioning.exchanged_torques import exchanged
-from service.commands.commissioning.signal_proposals import review
+from service.commands.commissioning.axis import axis_identification
+from service.commands.commissioning.axis.axis_commissioning import commission_axis
+from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.signals.exchanged_torques import exchanged
+from service.commands.commissioning.signals.signal_proposals import review
 from service.config import Config, NamedAxis
 from service.reports.formats import Provenance
 from tests.service.commands.commissioning.two_mass_tables import (

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from service.commands.calibrate import as_identified, calibrate_axis
-from service.commands.commissioning.axis_order import REFUSALS, CommissioningProgress, Order, as_found, within
+from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order, as_found, within
 from service.commands.output_files import replace_text
 from service.config.commissioned import Correction, pages_of
 from service.config.conditions import needed

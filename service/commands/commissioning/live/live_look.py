@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 from service.can.frames import FrameKey
 from service.can.user_errors import RecordError
-from service.commands.commissioning.axis_look import AxisLook, look_at_axis, missing_messages
-from service.commands.commissioning.bus_recording import Heard, Show, record_buses
-from service.commands.commissioning.checked_axis import moves
-from service.commands.commissioning.exchanged_torques import exchanged
-from service.commands.commissioning.signal_proposals import Review, review
+from service.commands.commissioning.live.axis_look import AxisLook, look_at_axis, missing_messages
+from service.commands.commissioning.live.bus_recording import Heard, Show, record_buses
+from service.commands.commissioning.signals.checked_axis import moves
+from service.commands.commissioning.signals.exchanged_torques import exchanged
+from service.commands.commissioning.signals.signal_proposals import Review, review
 from service.config import Config
 from service.config.bus_messages import messages_of
 from service.config.commissioned import corrected

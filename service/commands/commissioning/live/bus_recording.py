@@ -12,7 +12,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameKey
-from service.commands.commissioning.checked_axis import moves
+from service.commands.commissioning.signals.checked_axis import moves
 from service.commands.listen import LiveBus, live_buses, rounds
 from service.config import Config
 from service.ingest.bus_samples import QuantityValues

@@ -9,7 +9,7 @@ from monitor_core.identification import UNITS, Record, Span, held_for, samples_l
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
 from service.can.user_errors import left_out_words
-from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, fastest, values_of
+from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked, fastest, values_of
 from service.config.schema import MOST_LATE
 from service.ingest.loaded_records import RecordOrigin
 from service.ingest.recorded_units import Signal

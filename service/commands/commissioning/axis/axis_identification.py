@@ -8,9 +8,8 @@ from typing import NamedTuple
 
 from monitor_core.identification import FitQuality, turning_weight
 from monitor_core.wording import listed
-from service.commands.commissioning.axis_order import REFUSALS, CommissioningProgress, Order, within
-from service.commands.commissioning.checked_axis import configured
-from service.commands.commissioning.identification_retries import (
+from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order, within
+from service.commands.commissioning.axis.identification_retries import (
     Retry,
     followers_monitored,
     memories_of,
@@ -18,8 +17,9 @@ from service.commands.commissioning.identification_retries import (
     retry,
     watched_in,
 )
-from service.commands.commissioning.link_load import link_load, motors_without_ratio
-from service.commands.commissioning.missing_motion import motion_for, with_motion
+from service.commands.commissioning.axis.link_load import link_load, motors_without_ratio
+from service.commands.commissioning.axis.missing_motion import motion_for, with_motion
+from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import NamedAxis

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from monitor_core.drive import Term, split_name
 from monitor_core.identification import Effect, FitQuality, TurningWeight
 from monitor_core.wording import listed
-from service.commands.commissioning.link_load import LinkLoad
+from service.commands.commissioning.axis.link_load import LinkLoad
 from service.config import AxisConfig, NamedAxis
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.identification_report import IdentificationReport

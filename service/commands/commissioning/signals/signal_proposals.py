@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 from monitor_core.identification import check_record, samples_late, wrap_of
 from monitor_core.wording import sentence
-from service.commands.commissioning.checked_axis import Checked, configured, moves
-from service.commands.commissioning.signal_faults import faults, unchecked, unknown_units
-from service.commands.commissioning.signal_times import clock, interval, unit_of_time
-from service.commands.commissioning.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
+from service.commands.commissioning.signals.checked_axis import Checked, configured, moves
+from service.commands.commissioning.signals.signal_faults import faults, unchecked, unknown_units
+from service.commands.commissioning.signals.signal_times import clock, interval, unit_of_time
+from service.commands.commissioning.signals.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.config import Config, NamedAxis
 from service.config.commissioned import Correction, corrected
 from service.ingest.axis_records import wanted

@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import Record, rigid_fit, speed_scales
-from service.commands.commissioning.checked_axis import configured
+from service.commands.commissioning.signals.checked_axis import configured
 from service.config import Config, NamedAxis
 from service.config.commissioned import Correction
 from service.ingest.loaded_records import Loaded, load

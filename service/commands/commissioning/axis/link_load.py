@@ -15,7 +15,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive import Term
 from monitor_core.identification import ArmSignals, LinkWeights, MotionSignals, Record, gear_ratios, link_weights
-from service.commands.commissioning.checked_axis import configured
+from service.commands.commissioning.signals.checked_axis import configured
 from service.config import Config, NamedAxis, gear_ratio
 from service.config.commissioned import SIGNAL, Correction, corrected
 from service.config.unit_names import unit_in

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from monitor_core.identification import TurningWeight, is_about_nominal, turning_weight
 from monitor_core.wording import Sentence, sentence
-from service.commands.commissioning.checked_axis import FASTEST, SIGNALS, Checked, fastest
+from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked, fastest
 from service.config.commissioned import Correction
 from service.config.unit_names import unit_in, unit_passed_over
 from service.ingest.recorded_units import Signal

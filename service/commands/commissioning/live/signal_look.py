@@ -26,7 +26,7 @@ from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
 if TYPE_CHECKING:
-    from service.commands.commissioning.axis_look import AxisLook
+    from service.commands.commissioning.live.axis_look import AxisLook
     from service.ingest.axis_input import AxisInput
     from service.ingest.loaded_records import Loaded
 
@@ -78,8 +78,8 @@ class SignalLook:
 
 
 def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> SignalCheck:
-    from service.commands.commissioning.axis_look import look_at_axis, missing_messages
-    from service.commands.commissioning.signal_proposals import Review, first_review
+    from service.commands.commissioning.live.axis_look import look_at_axis, missing_messages
+    from service.commands.commissioning.signals.signal_proposals import Review, first_review
     from service.config.conditions import needed
     from service.ingest.bus_samples import Ingest
 

@@ -9,8 +9,8 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive import OF_ANGLE
 from monitor_core.identification import Obstacle, Record
-from service.commands.commissioning.axis_order import REFUSALS, Order
-from service.commands.commissioning.checked_axis import configured, fastest
+from service.commands.commissioning.axis.axis_order import REFUSALS, Order
+from service.commands.commissioning.signals.checked_axis import configured, fastest
 from service.commands.excite import MotionRequest, planned, torque_columns
 from service.commands.output_files import replace_text
 from service.config.commissioned import Found, commissioned, corrected, motion_file

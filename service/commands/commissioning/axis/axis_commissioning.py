@@ -12,11 +12,11 @@ from pathlib import Path
 
 from monitor_core.drive import split_name
 from monitor_core.wording import listed
-from service.commands.commissioning.axis_calibration import calibrated, tested
-from service.commands.commissioning.axis_identification import identified
-from service.commands.commissioning.axis_order import CommissioningProgress, Order
-from service.commands.commissioning.checked_axis import configured
-from service.commands.commissioning.signal_proposals import Review
+from service.commands.commissioning.axis.axis_calibration import calibrated, tested
+from service.commands.commissioning.axis.axis_identification import identified
+from service.commands.commissioning.axis.axis_order import CommissioningProgress, Order
+from service.commands.commissioning.signals.checked_axis import configured
+from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.output_files import replace_text
 from service.config import AxisConfig
 from service.config.commissioned import Correction, corrected, motion_file

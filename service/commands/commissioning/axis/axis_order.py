@@ -10,7 +10,7 @@ from monitor_core.identification import IdentificationError
 from monitor_core.modeling import ModelError
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
-from service.commands.commissioning.checked_axis import configured
+from service.commands.commissioning.signals.checked_axis import configured
 from service.config import Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.commissioned import commissioned, corrected

@@ -9,7 +9,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import Record
 from monitor_core.wording import sentence
 from service.can.messages import find_counter
-from service.commands.commissioning.checked_axis import Checked
+from service.commands.commissioning.signals.checked_axis import Checked
 from service.commands.identification_task import SAME_INTERVAL, TIME_UNITS
 from service.config.commissioned import Correction
 from service.ingest.bus_samples import Ingest

@@ -8,8 +8,8 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.wording import Sentence, listed, percent, sentence
 from service.can.frames import FrameKey
-from service.commands.commissioning.checked_axis import moves
-from service.commands.commissioning.signal_proposals import Review
+from service.commands.commissioning.signals.checked_axis import moves
+from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import NamedAxis
 from service.config.schema import SignalConfig
 from service.config.unit_names import UNITS

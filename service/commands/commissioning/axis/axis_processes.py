@@ -13,9 +13,9 @@ from multiprocessing import SimpleQueue, active_children, get_context, parent_pr
 from multiprocessing.process import BaseProcess
 from typing import NamedTuple
 
-from service.commands.commissioning.axis_commissioning import commission_axis
-from service.commands.commissioning.axis_order import Order
-from service.commands.commissioning.signal_proposals import Review
+from service.commands.commissioning.axis.axis_commissioning import commission_axis
+from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.signals.signal_proposals import Review
 from service.reports.commissioning_report import Outcome
 
 _POLL_S = 0.2
