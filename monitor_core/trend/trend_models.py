@@ -66,36 +66,45 @@ def weigh(W: Floats, log_det: Floats, s: Shapes, size: float, prior: Floats) -> 
     R = aff - np.einsum("gfm,ghm->gfhm", af, af) / a[:, None, None, None]
     r = bf - af * (b / a)[:, None, None]
     base = -0.5 * (log_det + np.log(a) + c - b**2 / a)
-    models = [_steady(base, b / a, 1 / a)]
+    # Step and ramp of each time side by side: the changes before the shapes.
+    rest = _Projected(base, b / a, 1 / a, *(np.moveaxis(x, -1, 1) for x in (af / a[:, None, None], R, r)))
+    models = [_steady(rest)]
     for kind, used in (("drift", (1,)), ("step", (0,)), ("both", (0, 1))):
         p = np.concatenate([[0.5 if kind == "drift" else 0.0], prior * (0.5 if kind == "drift" else 1.0)])
-        models.append(_changed(kind, used, base, (a, b, af), (R, r), s.at, size, p))
+        models.append(_changed(kind, used, rest, s.at, size, p))
     return Weighed(*(np.concatenate(parts) for parts in zip(*models, strict=True)))
 
 
-def _steady(base: Floats, level: Floats, variance: Floats) -> Weighed:
-    G = len(base)
+class _Projected(NamedTuple):
+    """The evidence of each noise model once the level is integrated out, and what is left for M changes."""
+
+    base: Floats  # (G,) log evidence without a change
+    level: Floats  # (G,) its estimate without a change, and its variance
+    level_variance: Floats
+    pull: Floats  # (G, M, 2) decrease of the level for a change of one: step and ramp
+    R: Floats  # (G, M, 2, 2) normal equations of step and ramp: R change = r
+    r: Floats  # (G, M, 2)
+
+
+def _steady(rest: _Projected) -> Weighed:
+    G = len(rest.base)
     none = np.zeros((G, 2))
-    weight = base + np.log(PRIOR["steady"])
-    return Weighed(np.zeros(G), np.zeros(G), weight, level, variance, none, none, np.zeros((G, 2, 2)))
+    weight = rest.base + np.log(PRIOR["steady"])
+    return Weighed(np.zeros(G), np.zeros(G), weight, rest.level, rest.level_variance, none, none, np.zeros((G, 2, 2)))
 
 
 def _changed(
     kind: str,
     used: tuple[int, ...],
-    base: Floats,
-    level: tuple[Floats, Floats, Floats],
-    rest: tuple[Floats, Floats],
+    rest: _Projected,
     at: Floats,
     size: float,
     prior: Floats,
 ) -> Weighed:
     """One kind of change at all times, with all noise models (G M,)."""
-    a, b, af = level
-    R, r = (np.moveaxis(x, -1, 1) for x in rest)  # (G, M, 2, 2), (G, M, 2)
+    R, r, pull = rest.R.copy(), rest.r.copy(), rest.pull
     G, M = r.shape[:2]
     unused = [f for f in (0, 1) if f not in used]
-    R, r, pull = R.copy(), r.copy(), np.moveaxis(af, -1, 1) / a[:, None, None]
     R[..., unused, :], R[..., :, unused], r[..., unused] = 0.0, 0.0, 0.0
     R[..., (0, 1), (0, 1)] += size**-2
     V: Floats = np.asarray(np.linalg.inv(R), float)
@@ -103,15 +112,15 @@ def _changed(
     gain = 0.5 * np.einsum("gmf,gmf->gm", mean, r) + 0.5 * np.log(np.linalg.det(V) * size**-4)
     V[..., unused, unused] = 0.0
     with np.errstate(divide="ignore"):
-        weight = base[:, None] + gain + np.log(PRIOR[kind] * prior)
-    level_at = (b / a)[:, None] - np.einsum("gmf,gmf->gm", pull, mean)
+        weight = rest.base[:, None] + gain + np.log(PRIOR[kind] * prior)
+    level_at = rest.level[:, None] - np.einsum("gmf,gmf->gm", pull, mean)
     flat = G * M
     return Weighed(
         np.full(flat, KINDS.index(kind)),
         np.tile(at, G),
         weight.ravel(),
         level_at.ravel(),
-        np.repeat(1 / a, M),
+        np.repeat(rest.level_variance, M),
         pull.reshape(flat, 2),
         mean.reshape(flat, 2),
         V.reshape(flat, 2, 2),

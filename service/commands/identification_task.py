@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -138,11 +138,8 @@ def prepare(
         ModelError: the axis has no drive.
         RecordError, DescriptionError, IngestError: a record cannot be read.
     """
-    space, drive, *_ = model_of_axis(axis.config)
-    nominal, unknown = known_values(axis, drive)
-    schedule = read_schedule(request.schedule, axis.config)
-    selection = select_parameters(space, drive, nominal, request.free, request.fix)
-    selection = with_schedule(selection, schedule, request.free)
+    parameters = _parameters(axis, request)
+    drive, nominal, unknown, schedule, selection = parameters
     start = _start(unknown, selection, request.start)
     used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
     loaded = [item.record for item in (*used, *kept_aside)]
@@ -157,7 +154,7 @@ def prepare(
     used, kept_aside = (
         [item._replace(record=with_terms(item.record, scheduled)) for item in group] for group in (used, kept_aside)
     )
-    problem = _problem(axis, drive, nominal, selection, used, request, schedule, speed_scale)
+    problem = _problem(axis, parameters, used, request, speed_scale)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
     load_too = watches_load(axis.config)
@@ -189,7 +186,27 @@ def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
     return path.name, hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-# --- values to start from -------------------------------------------------------------------------------
+# --- the parameters, and values to start from ------------------------------------------------------------
+
+
+class _Parameters(NamedTuple):
+    """A drive before its identification, and what is to be found of it."""
+
+    drive: Drive
+    nominal: Mapping[str, float]
+    """Values of all parameters; those without one have placeholders"""
+    unknown: tuple[str, ...]
+    """Parameters without a value"""
+    schedule: ScheduledTerms
+    selection: ParameterSelection
+
+
+def _parameters(axis: NamedAxis, request: Request) -> _Parameters:
+    space, drive, *_ = model_of_axis(axis.config)
+    nominal, unknown = known_values(axis, drive)
+    schedule = read_schedule(request.schedule, axis.config)
+    selection = select_parameters(space, drive, nominal, request.free, request.fix)
+    return _Parameters(drive, nominal, unknown, schedule, with_schedule(selection, schedule, request.free))
 
 
 def known_values(axis: NamedAxis, drive: Drive) -> tuple[Mapping[str, float], tuple[str, ...]]:
@@ -266,23 +283,16 @@ def _thermal_start(request: Request, axis: AxisConfig, drive: Drive, schedule: S
 
 
 def _problem(
-    axis: NamedAxis,
-    drive: Drive,
-    nominal: Mapping[str, float],
-    selection: ParameterSelection,
-    used: Sequence[Loaded],
-    request: Request,
-    schedule: ScheduledTerms,
-    speed_scale: float,
+    axis: NamedAxis, parameters: _Parameters, used: Sequence[Loaded], request: Request, speed_scale: float
 ) -> Problem:
     predictor = predictor_of(axis.config)
     kind = request.predictor or predictor.kind
     try:
         return Problem(
-            drive, nominal, selection.free, kind,
+            parameters.drive, parameters.nominal, parameters.selection.free, kind,
             speed_scale=speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
             disturbance=_disturbance(kind, used, request.disturbance_s),
-            loss="huber" if request.robust else "squares", varying=schedule,
+            loss="huber" if request.robust else "squares", varying=parameters.schedule,
             interval_s=_interval_s(axis.config.sample_interval_s, [item.record for item in used]),
             min_speed=axis.config.min_speed or 0.0,
         )  # fmt: skip

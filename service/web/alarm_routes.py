@@ -1,6 +1,7 @@
 """REST under /api/v1/alarms: the alarm journal, and actions of persons on alarms."""
 
 import re
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query
@@ -171,21 +172,7 @@ def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
 def _actions(state: AppState) -> APIRouter:
     """The routes of actions on an alarm; each answers with the alarm after the action."""
     api = APIRouter(prefix="/{id}", responses=NOT_FOUND | _NO_JOURNAL)
-
-    def act(
-        alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
-    ) -> models.AlarmRecord:
-        note = Note(state.now_us(), who, body.comment, body.work_order)
-        if _unrecorded(state, alarm_id):
-            if event is not AlarmEvent.ACKNOWLEDGE:
-                words = f"alarm {alarm_id} is not yet recorded; until then it can only be acknowledged"
-                raise HTTPException(503, words)
-            if found := state.acknowledge(alarm_id, note):  # otherwise it has just been recorded
-                return _record(state, found)
-        try:
-            return _record(state, state.journal.act(alarm_id, event, note, until_us))
-        except UnknownAlarmError:
-            raise _unknown(state, alarm_id) from None
+    act = partial(_act, state)
 
     @api.post("/acknowledge", summary="Acknowledge an alarm", responses=_CONFLICT)
     def acknowledge(alarm_id: AlarmId, body: models.AlarmNote, who: Operator) -> models.AlarmRecord:
@@ -236,6 +223,22 @@ def _actions(state: AppState) -> APIRouter:
         return act(alarm_id, AlarmEvent.COMMENT, who, body)
 
     return api
+
+
+def _act(
+    state: AppState, alarm_id: int, event: AlarmEvent, who: str, body: models.AlarmNote, until_us: int | None = None
+) -> models.AlarmRecord:
+    """Take an action on an alarm; returns the alarm after it."""
+    note = Note(state.now_us(), who, body.comment, body.work_order)
+    if _unrecorded(state, alarm_id):
+        if event is not AlarmEvent.ACKNOWLEDGE:
+            raise HTTPException(503, f"alarm {alarm_id} is not yet recorded; until then it can only be acknowledged")
+        if found := state.acknowledge(alarm_id, note):  # otherwise it has just been recorded
+            return _record(state, found)
+    try:
+        return _record(state, state.journal.act(alarm_id, event, note, until_us))
+    except UnknownAlarmError:
+        raise _unknown(state, alarm_id) from None
 
 
 def _record(state: AppState, found: RecordedAlarm) -> models.AlarmRecord:

@@ -135,40 +135,40 @@ def hop(response: Response, measured: Measured, x: Floats) -> SearchEnd:
         x = x.copy()
         x[damper] = x[spring] + np.median(x[damper] - x[spring])
         held[damper] = _HELD
-    x = _minimum(response, measured.target(0.0, _SUREST), "linear", x, x, 1.0 + held, _LAST_STEPS).x
-    x = _minimum(response, measured.target(), "linear", x, x, held, _LAST_STEPS).x
+    x = _minimum(response, measured.target(0.0, _SUREST), "linear", x, _Prior(x, 1.0 + held), _LAST_STEPS).x
+    x = _minimum(response, measured.target(), "linear", x, _Prior(x, held), _LAST_STEPS).x
     return polish(response, measured, x)
 
 
 def descend(response: Response, measured: Measured, x: Floats, kind: ErrorKind) -> SearchEnd:
     """One search from x through all stages."""
     centre = x
-    for shift, prior in _STAGES:
-        x = _minimum(response, measured.target(shift, _SUREST), kind, x, centre, prior, _STEPS).x
+    for shift, weight in _STAGES:
+        x = _minimum(response, measured.target(shift, _SUREST), kind, x, _Prior(centre, weight), _STEPS).x
     return polish(response, measured, x)
 
 
 def settle(response: Response, measured: Measured, x: Floats) -> SearchEnd:
     """The minimum next to x: first of a smoother cost and not far away."""
-    x = _minimum(response, measured.target(0.0, _SUREST), "linear", x, x, 1.0, _STEPS).x
+    x = _minimum(response, measured.target(0.0, _SUREST), "linear", x, _Prior(x, 1.0), _STEPS).x
     return polish(response, measured, x)
 
 
 def polish(response: Response, measured: Measured, x: Floats) -> SearchEnd:
     """The minimum next to x without prior."""
-    return _minimum(response, measured.target(), "linear", x, x, 0.0, _LAST_STEPS)
+    return _minimum(response, measured.target(), "linear", x, _Prior(x, 0.0), _LAST_STEPS)
 
 
-def _minimum(
-    response: Response,
-    target: Target,
-    kind: ErrorKind,
-    x: Floats,
-    centre: Floats,
-    prior: Floats | float,
-    most: int,
-) -> SearchEnd:
-    evaluate = _criterion(response, target, kind, centre, prior)
+class _Prior(NamedTuple):
+    """A quadratic cost of each logarithm's distance from ``centre`` (p,)."""
+
+    centre: Floats
+    weight: Floats | float
+
+
+def _minimum(response: Response, target: Target, kind: ErrorKind, x: Floats, prior: _Prior, most: int) -> SearchEnd:
+    """The minimum of errors and prior, from x in at most so many steps; of infinite cost if there is none."""
+    evaluate = _criterion(response, target, kind, prior)
     region = Region(response.start - _FARTHEST, response.start + _FARTHEST, _LONGEST_STEP)
     try:
         end = minimise(evaluate, np.clip(x, region.lower, region.upper), region, most)
@@ -178,7 +178,7 @@ def _minimum(
 
 
 def _criterion(
-    response: Response, target: Target, kind: ErrorKind, centre: Floats, prior: Floats | float
+    response: Response, target: Target, kind: ErrorKind, prior: _Prior
 ) -> Callable[[Floats], NormalEquations]:
     def evaluate(x: Floats) -> NormalEquations:
         hopeless = NormalEquations(np.inf, np.zeros(x.size), np.eye(x.size), 1)
@@ -187,9 +187,9 @@ def _criterion(
                 e, J = errors(kind, target, *response.at(x, target))
             except (np.linalg.LinAlgError, ValueError):
                 return hopeless
-            away = x - centre
-            cost = float(np.sum(np.abs(e) ** 2) + np.sum(prior * away**2))
-            g, H = (J.conj().T @ e).real - prior * away, (J.conj().T @ J).real + prior * np.eye(x.size)
+            away, weight = x - prior.centre, prior.weight
+            cost = float(np.sum(np.abs(e) ** 2) + np.sum(weight * away**2))
+            g, H = (J.conj().T @ e).real - weight * away, (J.conj().T @ J).real + weight * np.eye(x.size)
         return NormalEquations(cost, g, H, 2 * e.size) if np.isfinite(cost + H.sum()) else hopeless
 
     return evaluate
