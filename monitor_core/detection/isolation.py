@@ -19,8 +19,8 @@ proportion.  The deviations of a payload therefore lie in the plane of the two d
     e_load                a weight that is larger by b, relative to the larger inertia: load = 1 - a + b
 
 and T is the chi-square(2) of the best a and b.  A payload adds both, or takes both away: 0 < a / b < MAX_SHARE.  Where
-the motor has most of the inertia, a is small, and ``load`` alone explains a payload.  Where the arm has, the plane
-nearly contains the direction of kT, and friction alone tells a payload from a torque constant.
+the motor has most of the inertia, a is small, and ``load`` alone explains a payload.  Where the arm has
+most of it, the plane nearly contains the direction of kT, and friction alone tells a payload from a torque constant.
 """
 
 from collections.abc import Collection, Sequence
@@ -55,7 +55,7 @@ class Payload(NamedTuple):
     inertia: Floats
     """(p,) change of theta with an inertia that is larger without limit: minus the nominal torques"""
     cost: float = SECOND_DIRECTION
-    """What is taken off the chi-square of a payload; 0 if it is known that it is one"""
+    """Subtracted from the chi-square of a payload; 0 if the change is known to be a payload"""
 
 
 class Causes(NamedTuple):

@@ -21,8 +21,8 @@ E = TypeVar("E")
 
 REOPEN_MEMORIES = 30
 """Memory lengths after the end of an alarm during which the same cause reopens it: ten times the time after which an
-alarm ends.  The tests of a change that hardly stands out cross their thresholds as rarely as that, and model errors may
-look like its end."""
+alarm ends.  The tests of a small change cross their thresholds only that often, and model errors may look like its
+end."""
 
 
 class AlarmChange(NamedTuple):
@@ -116,7 +116,7 @@ class AlarmTracker:
         return raised_us - (ended.ended_us or 0) <= self._reopen_us
 
     def _forget(self, raised_us: int) -> None:
-        """Discard the ended alarms that can no longer be reopened, by a change now or by one without a name yet."""
+        """Discard the ended alarms that neither a change now nor one without a name yet can reopen."""
         oldest_us = min([raised_us, *(a.raised_us for a in self._unreported.values())])
         self._ended = {key: a for key, a in self._ended.items() if self._is_recent(a, oldest_us)}
 

@@ -129,7 +129,7 @@ class AxisBatch:
         return self._run(self._samples(t_us, u, y, **more), trace), trace
 
     def trace(self, t_us: Ints, u: Floats, y: Floats, **more: Unpack[MoreColumns]) -> Trace:
-        """As ``run_traced`` without the events, which take as long to make as many axes take to run."""
+        """As ``run_traced``, without the events: making them takes as long as running many axes."""
         trace = self._trace(len(t_us))
         self._advance(self._samples(t_us, u, y, **more), trace)
         return trace

@@ -96,11 +96,11 @@ class AxisMonitor:
         self._tracker = AlarmTracker(reopen_us=self._reopen_us)
         self._status = LaneStatus(batch, lane, multimodel, source)
         self.look_alike: LookAlike = no_other_causes
-        """Other causes of its alarms, which they state"""
+        """Finds other possible causes of an alarm, which the alarm then names, too"""
         self.judged_us: int | None = None
-        """Time [us] at which the unknown heat is known at the latest; None: cannot be told yet"""
+        """Time [us] at which the heat, now unknown, will be known at the latest; None: not determined yet"""
         self.waits = False
-        """Whether the tests begin at that time, as nothing tells the heat earlier"""
+        """Whether the tests wait until that time, as nothing shows the heat earlier"""
         self._models_wait = False
         self._open_us = NEVER  # time of the last sample that no gate left out
 

@@ -2,8 +2,8 @@
 
 Thresholds keep their false-alarm budget in the conditions of the records from which they were calibrated.  A condition
 is the value of an auxiliary signal, the root mean square of the speed over ten memories, or the share of new poses:
-of the way of the axis in ten memories, how much it went while the robot was in poses that are not in the records.  The
-torque is not a condition, as a fault changes it.
+the part of the travel of the axis over ten memories that it made while the robot was in poses that are not in the
+records.  The torque is not a condition, as a fault changes it.
 """
 
 import math

@@ -6,10 +6,10 @@ covariance C and the slopes s of the nominal values over the heat,
 
     heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(error^2),
 
-where ``error`` is the standard deviation by which healthy estimates are off beside their scatter, until the remaining
-uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.  Only the parameters
-that depend on the heat are used, so a change of another parameter does not affect it.  A change of friction that is
-already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
+where ``error`` is the standard deviation of the constant errors of healthy estimates, beyond their scatter.  This goes
+on until the remaining uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.
+Only the parameters that depend on the heat are used, so a change of another parameter does not affect it.  A change of
+friction that is already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
 
 The tests also tolerate the error of the thermal model (``Settings.model_error``), and the change of the nominal values
 if the heat is off by its standard deviation, as after a pause.  Beyond the heat of the records, where the straight
@@ -141,9 +141,9 @@ class WarmUp:
             self._allow()
 
     def _wait_s(self, sd: float, found: Deviations) -> float:
-        """Time [s] until a heat with this standard deviation [W] is known well enough for the tests by decay alone.
+        """Time [s] until the heat is known well enough for the tests, if its error only decays.  0: now; inf: never.
 
-        0: it already is; inf: never.
+        ``sd``: standard deviation of the error now [W].
         """
         moved, tolerated = np.abs(self._slopes()) * sd, MAX_SHARE * found.tolerated
         if (moved <= tolerated).all():
@@ -229,7 +229,7 @@ def _first_heat(
         rest = more if more is not None else rest
     plain.take(record.t_us[:taken], record.y[:taken], None)
     if alone.losses > 1:
-        return None  # there was a pause in between, of which nothing is known
+        return None  # there was a pause of unknown heat in between
     # The observed correction has decayed since the first sample.
     kept = thermal.model.kept((int(record.t_us[taken - 1]) - int(record.t_us[0])) * 1e-6)
     return thermal.model.largest / 2 + (thermal.heat - alone.heat) / kept, thermal.sd_of_start / kept

@@ -44,7 +44,7 @@ class Deviations(NamedTuple):
     tolerated: Floats
     """(p,) tolerated deviation: nu, or the allowance of the multi-model detector if that is the alarm source"""
     errors: Floats
-    """(p,) standard deviation by which healthy estimates are off beside their scatter"""
+    """(p,) standard deviation of the constant errors of healthy estimates, beyond their scatter"""
 
 
 class LaneStatus:

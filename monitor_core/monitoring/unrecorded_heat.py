@@ -1,9 +1,10 @@
 """Starts of the motion at a heat that the records of an axis do not show.
 
 In the morning the friction of a robot is 20 to 80 % above that of the warm robot, and it falls for an hour or two.
-Where neither a thermometer nor a thermal law says what friction to expect, a change of friction that begins with the
-motion, or a slow fall of friction in the hours after it, may be heat as well as a fault.  Its alarm is raised and says
-so, or the axis waits for an hour, by configuration.  A change of friction while the axis works is no heat.
+Without a thermometer or a thermal law, nothing says what friction to expect.  Then a change of friction that begins
+with the motion, or a slow fall of friction in the hours after it, may come from heat or from a fault.  Depending on the
+configuration, its alarm is raised and names both, or the axis is not tested for an hour.  A change of friction while
+the axis works does not come from heat.
 """
 
 from collections import deque
@@ -19,7 +20,8 @@ from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.samples import SampleBlock
 
 PAUSE_S = 600.0
-"""After a shorter standstill an axis is about as warm as before it: gearboxes cool with some 5 and 25 minutes."""
+"""After a shorter standstill an axis is about as warm as before it: gearboxes cool with time constants of
+some 5 and 25 minutes."""
 WARM_S = 7200.0
 """Time [s] after a start at which an axis is as warm as it becomes: five of the slow time constants."""
 ONSET_MEMORIES = 4
@@ -128,7 +130,7 @@ class UnrecordedHeat:
         self._moved_us, self._stands = int(moved[0]), bool(moved[1])
 
     def look_alike(self, alarm: Alarm) -> Mapping[str, str] | None:
-        """By name of a friction parameter: heat as another cause of this alarm; None: not known any more."""
+        """Heat as another cause of this alarm, by the name of the friction parameter; None: no longer known."""
         start_us = max(takewhile(lambda start_us: start_us <= alarm.raised_us, self._starts), default=None)
         if start_us is None:
             return None

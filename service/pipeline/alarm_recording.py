@@ -333,7 +333,7 @@ class AlarmRecorder:
             log.warning("alarm named", **self._facts(change))
 
     def _with_true_duration(self, change: AxisAlarm) -> AxisAlarm:
-        """The change with its times on the clock as it ran when the alarm was raised, before it was set."""
+        """The change, with times that the clock would have shown if it had not been set since the alarm was raised."""
         adopted = change.key in self._open
         set_by = self._wall.set_by_us
         step = set_by - self._set_by_us.setdefault(change.key, 0 if adopted else set_by)

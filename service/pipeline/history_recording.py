@@ -21,7 +21,7 @@ POINTS_AT_ONCE = 6
 """Points of each parameter in a transaction.  Each transaction writes a page of the file for each parameter and
 resolution, so few large ones cost less."""
 CHECKS_PER_INTERVAL = 20
-"""How often a point is looked for in an interval while there are no estimates."""
+"""Number of times in an interval at which a point is looked for, while there are no estimates."""
 LONGEST_WAIT_S = 600.0
 """Longest time before points are written."""
 RETRY_S = 10.0

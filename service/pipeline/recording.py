@@ -142,7 +142,7 @@ class RecordingFolder:
         path = self.path / f"frames-{_stamp(first)}-{_stamp(last)}.{kind}"
         unfinished = self.path / f"unfinished.{kind}"
         try:
-            # Not the state directory: where that has been moved away, it is to be put back.
+            # Do not make the state directory: if it has been moved away, it must be put back.
             self.path.mkdir(exist_ok=True)
             unfinished.unlink(missing_ok=True)
             self._write_frames(unfinished, blocks)

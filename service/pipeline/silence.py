@@ -53,9 +53,9 @@ class _Reception:
         self.received: tuple[AxisSnapshot, BusSnapshot] | None = None
         """The axis and its bus when the last sample was received"""
         self.logged_s: float | None = None
-        """When the silence in the log began; None: the log has its end, too"""
+        """When the silence that the log reports began; None: the log reports its end, too"""
         self.back_s: float | None = None
-        """When the log had the end of the last silence"""
+        """When the log reported the end of the last silence"""
         self.hold_s = RETURNED_S
         """Time without a silence after which the axis is back"""
 
@@ -66,7 +66,7 @@ class _Reception:
         self.time_us, self.received_s, self.since_us = time_us, now_s, None
 
     def fall_silent(self, now_s: float) -> None:
-        """The log has the beginning of a silence."""
+        """Note that the log reports the beginning of a silence."""
         often = self.back_s is not None and now_s - self.back_s < LONGEST_RETURNED_S
         self.hold_s = min(2 * self.hold_s, LONGEST_RETURNED_S) if often else RETURNED_S
         self.logged_s = self.received_s
@@ -88,7 +88,7 @@ class SilenceWatch:
         self._frames, self._steady = frames, steady
         self._known = dict[str, _Reception]()
         self._from_s = steady()
-        """Since when frames are taken: the log has no silence before"""
+        """Since when frames are taken: the log reports no silence before"""
 
     def since(self, axis_id: str, interval_s: float, time_us: int | None, now_us: int) -> int | None:
         """Since when an axis that had samples is silent, by the present clock of the machine [us]; None: it is not.

@@ -177,10 +177,10 @@ class EvidenceBuilder:
 
 
 def _torques(model: AxisModel) -> NDArray[np.bool_] | None:
-    """Which parameters are in proportion to a torque (p,); None: a payload cannot show in theta beyond ``load``.
+    """Which parameters are in proportion to a torque (p,); None: a payload changes nothing beyond ``load``.
 
-    That is where no weight is monitored, where an inertia is, or where a parameter, as a stiffness, follows a payload
-    in a way that these directions do not tell.
+    Or it changes theta in another way than these directions describe: if no weight is monitored, if an inertia is
+    monitored, or if another parameter, such as a stiffness, follows the payload.
     """
     if LOAD not in model.monitored or model.arm_inertia() is None:
         return None

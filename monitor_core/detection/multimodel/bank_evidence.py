@@ -39,8 +39,9 @@ class BankEvidence(NamedTuple):
     def lasts(self, cause: str | None = None) -> bool:
         """Whether there is still evidence of a change, also in the samples since its detection alone.
 
-        A disturbance of some seconds leaves much evidence.  In the samples after it every hypothesis is worse than no
-        change, or every one of the ``cause`` that was named is.  While an axis stands, sizes of one sign are better.
+        A disturbance of some seconds leaves much evidence.  In the samples after it, "no change" explains the
+        data better than every hypothesis, or at least than every one of the named ``cause``.  While an axis stands,
+        only sizes of one sign are better than "no change".
         """
         own = [k for k, h in enumerate(self.hypotheses) if k > 0 and cause in (None, h.cause)]
         return bool(self._above(0.5).any() and (self.memory.sums[SINCE_DETECTION, own] > 0.0).any())

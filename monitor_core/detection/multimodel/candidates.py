@@ -136,7 +136,7 @@ def _of_parameter(model: AxisModel, settings: Settings, name: str, size: float) 
 def _brakes_in_proportion(model: AxisModel, s: Settings, name: str) -> bool:
     """Whether the effect of a friction is proportional to it, as its torque is.
 
-    It is not where the friction itself decides for how long the predictor remembers, and not the gain.
+    It is not if this friction, and not the gain, determines for how long the predictor remembers.
     """
     if name not in chain(*friction_of(model.drive)):
         return False

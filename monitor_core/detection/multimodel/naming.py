@@ -13,7 +13,7 @@ from monitor_core.detection.multimodel.hypothesis import Hypothesis
 _LAST_RESORT_SHARE = 8 / 9
 """Factor on the evidence for a cause of last resort.  The hypotheses of a cause get only 8/9 of the evidence for a
 change between two of their sizes (candidates.SIZES).  Without this factor the output scale would be named after a
-change of kT between two sizes: it leaves the friction as it is, which makes up for the error of the size."""
+change of kT between two sizes: it does not change the friction, and that makes up for the error of the size."""
 _MAX_EVIDENCE = 60.0
 """Larger evidence is scaled down to this.  So a cause that explains nearly as much as another one, to within 1/9, is
 not ruled out even by a long record: a size between two hypotheses loses 1/9, and model errors may make up for it.  1/9
