@@ -124,48 +124,77 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
         raise typer.Exit(NOT_TESTED)
 
 
+class _Proposals:
+    """Corrections that are proposed to the user, axis by axis, and those to which the user agrees.
+
+    Args:
+        yes: agree to all without asking.
+        console: where they are shown.
+    """
+
+    def __init__(self, yes: bool, console: Console) -> None:
+        self._yes, self._console = yes, console
+        self.can_ask = yes or sys.stdin.isatty()
+        """Whether there is an answer; otherwise ``check`` ends the command"""
+        self._made: list[str] = []
+        self._agreed: dict[str, list[Correction]] = {}
+
+    def make(self, axis_id: str, corrections: Sequence[Correction]) -> None:
+        """Show the corrections of an axis, and ask for each."""
+        refused = set[tuple[str, ...]]()
+        for correction in corrections:
+            self._console.print(f"{axis_id}: {correction.reason}. -> {correction.change}", markup=False)
+            self._made.append(f"{axis_id}: {correction.change}")
+            if correction.key in refused:
+                continue  # it builds on what was refused
+            if self._is_agreed(f"Change {axis_id} to {correction.change}?"):
+                self._agreed.setdefault(axis_id, []).append(correction)
+            else:
+                refused.add(correction.key)
+
+    def _is_agreed(self, question: str) -> bool:
+        return self._yes or not self.can_ask or typer.confirm(question, default=True)
+
+    def agreed(self, axis_id: str) -> tuple[Correction, ...]:
+        """The corrections of an axis to which the user agrees."""
+        return tuple(self._agreed.get(axis_id, ()))
+
+    def check(self, command: str) -> None:
+        """End the command if proposals have no answer; ``command``: what would accept all with --yes.
+
+        Raises:
+            BadParameter: there are such proposals.
+        """
+        if self._made and not self.can_ask:
+            # The box of an error would break the line.
+            self._console.print(f"Accept all with: {command} --yes", markup=False)
+            count = len(self._made)
+            raise typer.BadParameter(
+                f"{count} proposed {'changes' if count > 1 else 'change'}, to be confirmed in a terminal:"
+                f" {'; '.join(self._made)}",
+                param_hint="--yes",
+            )
+
+
 def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
-    """Review the signals of each axis, and apply the corrections to which the user agrees."""
+    """Review the signals of each axis; the corrections in it are those to which the user agrees."""
     from service.commands.commissioning.signals.exchanged_torques import exchanged
     from service.commands.commissioning.signals.signal_proposals import review
 
     text, folder = orders[0].text, orders[0].folder
-    records = {order.axis_id: order.records for order in orders}
-    ask = yes or sys.stdin.isatty()
-    agreed: dict[str, list[Correction]] = {order.axis_id: [] for order in orders}
-    proposed: list[str] = []
-
-    def take(axis_id: str, corrections: Sequence[Correction]) -> None:
-        refused = set[tuple[str, ...]]()
-        for correction in corrections:
-            console.print(f"{axis_id}: {correction.reason}. -> {correction.change}", markup=False)
-            proposed.append(f"{axis_id}: {correction.change}")
-            if correction.key in refused:
-                continue  # it builds on what was refused
-            if yes or not ask or typer.confirm(f"Change {axis_id} to {correction.change}?", default=True):
-                agreed[axis_id].append(correction)
-            else:
-                refused.add(correction.key)
-
-    for axis_id, corrections in exchanged(text, records, folder).items():
-        take(axis_id, corrections)
-    for axis_id, found in agreed.items():
-        text = corrected(text, axis_id, found)
+    proposals = _Proposals(yes, console)
+    for axis_id, corrections in exchanged(text, {o.axis_id: o.records for o in orders}, folder).items():
+        proposals.make(axis_id, corrections)
+    for order in orders:
+        text = corrected(text, order.axis_id, proposals.agreed(order.axis_id))
     reviews = {order.axis_id: review(text, order.axis_id, order.records, folder) for order in orders}
     for axis_id, looked in reviews.items():
-        take(axis_id, looked.corrections)
+        proposals.make(axis_id, looked.corrections)
         # If commissioning continues, these faults become the refusal of the axis.
-        for words in (*looked.doubts, *(() if ask else looked.faults)):
+        for words in (*looked.doubts, *(() if proposals.can_ask else looked.faults)):
             console.print(f"{axis_id}: {words}.", markup=False)
-    if proposed and not ask:
-        # The box of an error would break the line.
-        console.print(f"Accept all with: {command} --yes", markup=False)
-        raise typer.BadParameter(
-            f"{len(proposed)} proposed {'changes' if len(proposed) > 1 else 'change'}, to be confirmed in a terminal:"
-            f" {'; '.join(proposed)}",
-            param_hint="--yes",
-        )
-    return {axis_id: looked._replace(corrections=tuple(agreed[axis_id])) for axis_id, looked in reviews.items()}
+    proposals.check(command)
+    return {axis_id: looked._replace(corrections=proposals.agreed(axis_id)) for axis_id, looked in reviews.items()}
 
 
 def options_for(budget_s: float) -> CalibrationOptions:
