@@ -6,10 +6,10 @@ covariance C and the slopes s of the nominal values over the heat,
 
     heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(error^2),
 
-where ``error`` is the standard deviation of the constant errors of healthy estimates, beyond their scatter.  This goes
-on until the remaining uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.
-Only the parameters that depend on the heat are used, so a change of another parameter does not affect it.  A change of
-friction that is already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
+where ``error`` is the standard deviation by which healthy estimates are off beside their scatter, until the remaining
+uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.  Only the parameters
+that depend on the heat are used, so a change of another parameter does not affect it.  A change of friction that is
+already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
 
 The tests also tolerate the error of the thermal model (``Settings.model_error``), and the change of the nominal values
 if the heat is off by its standard deviation, as after a pause.  Beyond the heat of the records, where the straight
