@@ -246,6 +246,13 @@ def class_names(source: str) -> Iterator[str]:
                     yield name
 
 
+def test_which_names_are_those_of_classes() -> None:
+    own = "class A: pass\nBus = int | None\nCan = Annotated[int, Field(ge=1)]\n"
+    options = "Dbc = Annotated[int, typer.Option()]\nEds = Annotated[int, Query()]\n"
+    others = "class Frame(Body): pass\nclass _Gate: pass\n_Held = int\nMOST_FRAMES = 1\nvalue = 2\n"
+    assert list(class_names(own + options + others)) == ["A", "Bus", "Can"]
+
+
 def test_no_two_classes_have_one_name() -> None:
     names = Counter(
         name

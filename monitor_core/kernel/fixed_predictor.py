@@ -26,8 +26,8 @@ state that is the speed at the sensor, or the predicted output."""
 _DIVERGED = 1e100
 
 
-class Course(NamedTuple):
-    """A record of N samples."""
+class RecordSamples(NamedTuple):
+    """The samples of a record of N, as the predictor needs them."""
 
     step: Ints  # (N,) index of the held drive that leads to the next sample
     level: Ints  # (N,) index of the output
@@ -234,7 +234,7 @@ def _moves(M: MotionInputs, measured: Ints) -> bool:
 
 @entry
 def predict_record(
-    course: Course, drive: FixedDrive, motion: MotionInputs, x0: Floats, Z0: Floats, eps: Floats, psi: Floats
+    samples: RecordSamples, drive: FixedDrive, motion: MotionInputs, x0: Floats, Z0: Floats, eps: Floats, psi: Floats
 ) -> bool:
     """Compute prediction errors eps (N,) and psi = d yhat / d theta (N, p) of a record; zero where they do not count.
 
@@ -242,7 +242,7 @@ def predict_record(
 
     Returns whether all values are finite; if not, the rest of the record is not computed.
     """
-    step, level, u, y, measured, counts, weights = course
+    step, level, u, y, measured, counts, weights = samples
     X, dX, C, dC, K, dK = drive
     (n, p), kind = Z0.shape, motion.kind
     m, wide = kind.size, width(p)

@@ -28,9 +28,9 @@ from monitor_core.kernel.fixed_predictor import (
     FROM_OUTPUT,
     FROM_RECORD,
     FROM_STATE,
-    Course,
     FixedDrive,
     MotionInputs,
+    RecordSamples,
     predict_record,
 )
 from monitor_core.kernel.tables import COULOMB, TORQUE, WEIGHT
@@ -221,8 +221,8 @@ class RecordPredictor:
         C = np.array([system.C for system in levels])
         dC = _widened(np.array([system.dC for system in levels]), dX.shape[2] // self.n)
         eps, psi = np.zeros(s.u.size), np.zeros((s.u.size, P))
-        course = Course(s.step, s.level, s.u, s.y, s.measured, s.counts, s.weights)
-        good = predict_record(course, FixedDrive(X, dX, C, dC, K.K, dK), motion, x0, Z0, eps, psi)
+        samples = RecordSamples(s.step, s.level, s.u, s.y, s.measured, s.counts, s.weights)
+        good = predict_record(samples, FixedDrive(X, dX, C, dC, K.K, dK), motion, x0, Z0, eps, psi)
         return Errors(eps, psi, bool(good and np.isfinite(psi[-1]).all()))
 
     def _acts(self, levels: Sequence[LinearDrive]) -> NDArray[np.bool_]:
