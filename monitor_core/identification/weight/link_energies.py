@@ -23,7 +23,7 @@ the other half, and vice versa.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -122,6 +122,8 @@ class LinkEnergies(NamedTuple):
     """the same without these energies"""
     needless: tuple[int, ...]
     """indices of the given terms that explain nothing in addition to these energies"""
+    undetermined: tuple[str, ...]
+    """further angles that these energies may follow as well: the records do not tell"""
 
 
 def link_energies(balance: EnergyBalance) -> LinkEnergies:
@@ -151,12 +153,34 @@ def link_energies(balance: EnergyBalance) -> LinkEnergies:
     for index in range(balance.given if chosen else 0):
         if balance.error(chosen, (*needless, index)) < MIN_INCREASE * left:
             needless.append(index)
+    found = tuple(balance.energies[index] for index in chosen)
     return LinkEnergies(
-        tuple(balance.energies[index] for index in chosen),
+        found,
         balance.share_explained(balance.error(chosen)),
         balance.share_explained(before),
         tuple(needless),
+        _undetermined(balance, sums, left, {angle for energy in found for _, angle in energy.angles}),
     )
+
+
+def _undetermined(balance: EnergyBalance, sums: Sequence[int], left: float, used: Collection[str]) -> tuple[str, ...]:
+    """The angles that are not used, but are in a sum that explains about as much as a chosen one.
+
+    ``left``: the error with the chosen ``sums``.  They are exchanged for weights and inertias only: a coupling alone is
+    in no arm.
+    """
+    found = dict[str, None]()
+    for place, energies in enumerate(balance.same_sum):
+        energy = balance.energies[energies[0]]
+        new = [angle for _, angle in energy.angles if angle not in used and angle not in found]
+        if not new or len(set(energy.axes)) > 1:
+            continue
+        exchanged = min(
+            (balance.sums_error([place, *(s for s in sums if s != other)]) for other in sums), default=np.inf
+        )
+        if _CLEARLY_LESS * exchanged < left:
+            found.update(dict.fromkeys(new))
+    return tuple(found)
 
 
 class EnergyBalance(WeightBalance):
@@ -222,14 +246,17 @@ class EnergyBalance(WeightBalance):
 
         It is the sum of the fewest angles that explains about as much.
         """
-        used = [index for place in chosen for index in self.same_sum[place]]
         best, least = 0, np.inf
         for places in self._by_length:
-            errors = [np.inf if place in chosen else self.error((*used, *self.same_sum[place])) for place in places]
+            errors = [np.inf if place in chosen else self.sums_error([*chosen, place]) for place in places]
             if min(errors) < _CLEARLY_LESS * least:
                 least = min(errors)
                 best = places[int(np.argmin(errors))]
         return best, least
+
+    def sums_error(self, places: Sequence[int]) -> float:
+        """The error with the energies at these places of ``same_sum``."""
+        return self.error([index for place in places for index in self.same_sum[place]])
 
     def error(self, chosen: Sequence[int], without: Sequence[int] = ()) -> float:
         """Sum of squared errors of each half of the equations with values that were fitted to the other half.
