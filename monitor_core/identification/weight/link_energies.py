@@ -237,22 +237,18 @@ class EnergyBalance(WeightBalance):
         independent = max(len(self.torque) / WINDOWS, 1.0)
         self.max_remaining = min(_MAX_REMAINING, 1 - _BY_CHANCE * np.log(len(by_sum)) / independent)
         """A further sum must reduce the squared errors to at most this share"""
-        lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles, _ in by_sum])
-        self._by_length = [np.flatnonzero(lengths == length).tolist() for length in np.unique(lengths)]
-        """Indices of the sums of each length, the shortest first"""
 
     def best(self, chosen: Sequence[int]) -> tuple[int, float]:
         """The place in ``same_sum`` of what explains most in addition to these places, and the error with it.
 
-        It is the sum of the fewest angles that explains about as much.
+        None is preferred for its few angles: the inertia of a base follows the squares of cosines, and with the cosines
+        the torque in other poses would be off by half as much again.
         """
-        best, least = 0, np.inf
-        for places in self._by_length:
-            errors = [np.inf if place in chosen else self.sums_error([*chosen, place]) for place in places]
-            if min(errors) < _CLEARLY_LESS * least:
-                least = min(errors)
-                best = places[int(np.argmin(errors))]
-        return best, least
+        errors = [
+            np.inf if place in chosen else self.sums_error([*chosen, place]) for place in range(len(self.same_sum))
+        ]
+        best = int(np.argmin(errors))
+        return best, errors[best]
 
     def sums_error(self, places: Sequence[int]) -> float:
         """The error with the energies at these places of ``same_sum``."""
@@ -304,10 +300,11 @@ def _candidates(own: str, angles: Sequence[str], beside: Sequence[str]) -> Itera
         if axis == own:
             continue
         yield Energy((own, axis), "cos", ())
-        # In a parallelogram linkage both angles are those to the ground, so the nearer one matters, too.
+        # Of two links in a plane: l1 l2 cos(q2), each angle once.  In a parallelogram linkage both angles are those to
+        # the ground, so the nearer one matters, too.
         beyond = angles[min(place, angles.index(own)) :]
         both = tuple(angle for angle in angles if angle in (own, axis))
-        for s in (*_sums(beyond, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)):
+        for s in (*_sums(beyond, 1, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)):
             yield from (Energy((own, axis), f, s) for f in ("cos", "sin"))
     # A spindle that turns and lifts has one load for two motors.
     yield from (Energy((own, axis), "cos", ()) for axis in beside)

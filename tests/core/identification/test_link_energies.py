@@ -117,6 +117,17 @@ def test_the_inertia_of_the_base_is_that_of_the_pose(rng: Generator) -> None:
     assert link_weights([base], ArmSignals("q1", ANGLES)) is None
 
 
+def test_the_best_sum_is_chosen_where_a_shorter_one_is_nearly_as_good(rng: Generator) -> None:
+    """In noise and a small range cos(q2) leaves little more than cos(2 q2), but is wrong in other poses."""
+    q, v, a = motion(rng, 300.0)
+    q[1], v[1], a[1] = 0.6 + 0.5 * q[1], 0.5 * v[1], 0.5 * a[1]
+    torque = (4 + 2 * np.cos(2 * q[1])) * a[0] - 4 * np.sin(2 * q[1]) * v[1] * v[0]
+    torque += rng.normal(0.0, 25.0, torque.shape)
+    found = link_weights([record(rng, 0, torque, q, v)], ArmSignals("q1", ANGLES, moving=SIGNALS))
+    assert found is not None
+    assert found.terms == ("q1-acceleration * cos(q2 + q2) - 2 * q1-speed * q2-speed * sin(q2 + q2)",)
+
+
 @pytest.mark.parametrize("together", [True, False])
 def test_an_angle_that_moves_with_another_one_may_be_what_counts(together: bool, rng: Generator) -> None:
     """The inertia of the base follows the shoulder; if the elbow always moves as that, it may be the elbow."""
