@@ -98,6 +98,7 @@ class Conditions:
     ``thermal``: thermal model of the warm-up, which adds its heat as the last signal; None: no model.
     ``weight``: terms of the nominal weight, for a drive that has it as an input; their names and references are
     ignored.
+    ``angles``: names of angles of the arm that nominal values may follow, as far as the records tell.
     """
 
     signals: tuple[str, ...] = ()
@@ -106,6 +107,7 @@ class Conditions:
     min_speed: float = 0.0
     thermal: ThermalModel | None = None
     weight: tuple[Follow, ...] = ()
+    angles: tuple[str, ...] = ()
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -114,10 +116,14 @@ class Conditions:
 
     @property
     def pose_angles(self) -> tuple[str, ...]:
-        """Names of the angles that nominal values follow, by cosines and sines."""
+        """Names of the angles that nominal values follow, by cosines and sines, and of those that they may follow.
+
+        Empty: they follow no angle.
+        """
         factors = [factor for f in (*self.follows, *self.weight) for factor in f.term.factors]
         turning = [factor for factor in factors if factor.function in ("cos", "sin")]
-        return tuple(dict.fromkeys(name for factor in turning for _, name in factor.addends))
+        followed = [name for factor in turning for _, name in factor.addends]
+        return tuple(dict.fromkeys([*followed, *self.angles])) if followed else ()
 
     def __bool__(self) -> bool:
         return bool(self.follows or self.gates or self.min_speed > 0 or self.weight)

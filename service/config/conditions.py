@@ -112,6 +112,7 @@ def conditions_of(axis: NamedAxis) -> Conditions:
         min_speed_of(axis.config),
         thermal_of(axis.config),
         tuple(map(follow_of, weight)),
+        _arm_angles(axis),
     )
 
 
@@ -163,7 +164,13 @@ def needed(axis: NamedAxis) -> tuple[FurtherSignalConfig, ...]:
     """The auxiliary signals that the monitoring of an axis needs, in the order of the configuration."""
     names = {name for _, v in varying_of(axis.config) for name in follow_of(v).term.signals}
     names |= {g.signal for g in axis.config.gate}
+    names |= {*_arm_angles(axis)}
     return tuple(source for source in axis.sources if source.name in names)
+
+
+def _arm_angles(axis: NamedAxis) -> tuple[str, ...]:
+    """The signals that are angles of axes, if the load follows the pose: the load may follow each of them."""
+    return axis.angles if any(follow_of(v).term.turns for v in load_torques(axis.config)) else ()
 
 
 def _gate(gate: GateConfig) -> Gate:

@@ -420,6 +420,12 @@ def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Furthe
         yield s.model_copy(update=place)
 
 
+def angles_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[str]:
+    """Names of the auxiliary signals of an axis that are angles of axes of its robot."""
+    outputs = {other.name: other.output for other in robot}
+    yield from (s.name for s in axis.signal if not s.is_derivative and outputs.get(s.axis or "") == "angle")
+
+
 class RobotConfig(TomlTable):
     """[[robot]]: a name for a group of axes."""
 
@@ -439,6 +445,8 @@ class NamedAxis(NamedTuple):
     config: AxisConfig
     sources: tuple[FurtherSignalConfig, ...] = ()
     """Its auxiliary signals with their sources"""
+    angles: tuple[str, ...] = ()
+    """Names of those that are angles of axes of its robot"""
     epoch: int = 1
     """Number of the epoch of its nominal values and thresholds"""
     configured: bool = True
@@ -472,7 +480,13 @@ class Config(TomlTable):
     def axes(self) -> tuple[NamedAxis, ...]:
         """All axes in the order of the file."""
         return tuple(
-            NamedAxis(f"{robot.name}.{axis.name}", robot.name, axis, tuple(sources_of(axis, robot.axis)))
+            NamedAxis(
+                f"{robot.name}.{axis.name}",
+                robot.name,
+                axis,
+                tuple(sources_of(axis, robot.axis)),
+                tuple(angles_of(axis, robot.axis)),
+            )
             for robot in self.robot
             for axis in robot.axis
         )

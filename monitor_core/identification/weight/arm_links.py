@@ -81,6 +81,8 @@ class LinkWeights(NamedTuple):
     """part of the torque that is explained in each half of the records, with values of the other half"""
     before: float
     """the same without these terms"""
+    undetermined: tuple[str, ...] = ()
+    """further angles that the load may follow as well: the records do not tell"""
 
 
 def link_weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | None:
@@ -158,6 +160,7 @@ def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSi
         tuple(dict.fromkeys(map(str, (*needed, *torques)))),
         energies.explained,
         min(found.before, energies.before),
+        energies.undetermined,
     )
 
 

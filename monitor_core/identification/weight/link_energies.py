@@ -23,7 +23,7 @@ the other half, and vice versa.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -122,6 +122,8 @@ class LinkEnergies(NamedTuple):
     """the same without these energies"""
     needless: tuple[int, ...]
     """indices of the given terms that explain nothing in addition to these energies"""
+    undetermined: tuple[str, ...]
+    """further angles that these energies may follow as well: the records do not tell"""
 
 
 def link_energies(balance: EnergyBalance) -> LinkEnergies:
@@ -151,12 +153,34 @@ def link_energies(balance: EnergyBalance) -> LinkEnergies:
     for index in range(balance.given if chosen else 0):
         if balance.error(chosen, (*needless, index)) < MIN_INCREASE * left:
             needless.append(index)
+    found = tuple(balance.energies[index] for index in chosen)
     return LinkEnergies(
-        tuple(balance.energies[index] for index in chosen),
+        found,
         balance.share_explained(balance.error(chosen)),
         balance.share_explained(before),
         tuple(needless),
+        _undetermined(balance, sums, left, {angle for energy in found for _, angle in energy.angles}),
     )
+
+
+def _undetermined(balance: EnergyBalance, sums: Sequence[int], left: float, used: Collection[str]) -> tuple[str, ...]:
+    """The angles that are not used, but are in a sum that explains about as much as a chosen one.
+
+    ``left``: the error with the chosen ``sums``.  They are exchanged for weights and inertias only: a coupling alone is
+    in no arm.
+    """
+    found = dict[str, None]()
+    for place, energies in enumerate(balance.same_sum):
+        energy = balance.energies[energies[0]]
+        new = [angle for _, angle in energy.angles if angle not in used and angle not in found]
+        if not new or len(set(energy.axes)) > 1:
+            continue
+        exchanged = min(
+            (balance.sums_error([place, *(s for s in sums if s != other)]) for other in sums), default=np.inf
+        )
+        if _CLEARLY_LESS * exchanged < left:
+            found.update(dict.fromkeys(new))
+    return tuple(found)
 
 
 class EnergyBalance(WeightBalance):
@@ -213,23 +237,22 @@ class EnergyBalance(WeightBalance):
         independent = max(len(self.torque) / WINDOWS, 1.0)
         self.max_remaining = min(_MAX_REMAINING, 1 - _BY_CHANCE * np.log(len(by_sum)) / independent)
         """A further sum must reduce the squared errors to at most this share"""
-        lengths = np.array([sum(abs(n) for n, _ in angles) for _, angles, _ in by_sum])
-        self._by_length = [np.flatnonzero(lengths == length).tolist() for length in np.unique(lengths)]
-        """Indices of the sums of each length, the shortest first"""
 
     def best(self, chosen: Sequence[int]) -> tuple[int, float]:
         """The place in ``same_sum`` of what explains most in addition to these places, and the error with it.
 
-        It is the sum of the fewest angles that explains about as much.
+        None is preferred for its few angles: the inertia of a base follows the squares of cosines, and with the cosines
+        the torque in other poses would be off by half as much again.
         """
-        used = [index for place in chosen for index in self.same_sum[place]]
-        best, least = 0, np.inf
-        for places in self._by_length:
-            errors = [np.inf if place in chosen else self.error((*used, *self.same_sum[place])) for place in places]
-            if min(errors) < _CLEARLY_LESS * least:
-                least = min(errors)
-                best = places[int(np.argmin(errors))]
-        return best, least
+        errors = [
+            np.inf if place in chosen else self.sums_error([*chosen, place]) for place in range(len(self.same_sum))
+        ]
+        best = int(np.argmin(errors))
+        return best, errors[best]
+
+    def sums_error(self, places: Sequence[int]) -> float:
+        """The error with the energies at these places of ``same_sum``."""
+        return self.error([index for place in places for index in self.same_sum[place]])
 
     def error(self, chosen: Sequence[int], without: Sequence[int] = ()) -> float:
         """Sum of squared errors of each half of the equations with values that were fitted to the other half.
@@ -277,10 +300,11 @@ def _candidates(own: str, angles: Sequence[str], beside: Sequence[str]) -> Itera
         if axis == own:
             continue
         yield Energy((own, axis), "cos", ())
-        # In a parallelogram linkage both angles are those to the ground, so the nearer one matters, too.
+        # Of two links in a plane: l1 l2 cos(q2), each angle once.  In a parallelogram linkage both angles are those to
+        # the ground, so the nearer one matters, too.
         beyond = angles[min(place, angles.index(own)) :]
         both = tuple(angle for angle in angles if angle in (own, axis))
-        for s in (*_sums(beyond, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)):
+        for s in (*_sums(beyond, 1, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)):
             yield from (Energy((own, axis), f, s) for f in ("cos", "sin"))
     # A spindle that turns and lifts has one load for two motors.
     yield from (Energy((own, axis), "cos", ()) for axis in beside)

@@ -117,6 +117,30 @@ def test_the_inertia_of_the_base_is_that_of_the_pose(rng: Generator) -> None:
     assert link_weights([base], ArmSignals("q1", ANGLES)) is None
 
 
+def test_the_best_sum_is_chosen_where_a_shorter_one_is_nearly_as_good(rng: Generator) -> None:
+    """In noise and a small range cos(q2) leaves little more than cos(2 q2), but is wrong in other poses."""
+    q, v, a = motion(rng, 300.0)
+    q[1], v[1], a[1] = 0.6 + 0.5 * q[1], 0.5 * v[1], 0.5 * a[1]
+    torque = (4 + 2 * np.cos(2 * q[1])) * a[0] - 4 * np.sin(2 * q[1]) * v[1] * v[0]
+    torque += rng.normal(0.0, 25.0, torque.shape)
+    found = link_weights([record(rng, 0, torque, q, v)], ArmSignals("q1", ANGLES, moving=SIGNALS))
+    assert found is not None
+    assert found.terms == ("q1-acceleration * cos(q2 + q2) - 2 * q1-speed * q2-speed * sin(q2 + q2)",)
+
+
+@pytest.mark.parametrize("together", [True, False])
+def test_an_angle_that_moves_with_another_one_may_be_what_counts(together: bool, rng: Generator) -> None:
+    """The inertia of the base follows the shoulder; if the elbow always moves as that, it may be the elbow."""
+    q, v, a = motion(rng, 300.0)
+    if together:
+        q[2], v[2], a[2] = (x[1] + 0.001 * x[2] for x in (q, v, a))
+    torque = (4 + 2 * np.cos(q[1])) * a[0] - 2 * np.sin(q[1]) * v[1] * v[0]
+    found = link_weights([record(rng, 0, torque, q, v)], ArmSignals("q1", ANGLES, moving=SIGNALS))
+    assert found is not None
+    used = {name for term in found.terms for name in Term.read(term).signals}.intersection(ANGLES)
+    assert [*used, *found.undetermined] in ([["q2", "q3"], ["q3", "q2"]] if together else [["q2"]])
+
+
 def test_centrifugal_torque_of_the_base_at_the_shoulder(rng: Generator) -> None:
     q, v, a = motion(rng, 300.0)
     torque = 3 * a[1] + 30 * np.cos(q[1]) + 4 * np.sin(2 * q[1] + q[2]) * v[0] ** 2

@@ -169,6 +169,42 @@ model = { drive = "three-mass", monitor = ["fm"] }
     assert conditions_of(axis).follows[0].high == math.inf
 
 
+def test_where_the_load_follows_the_pose_all_angles_of_axes_are_in_it(folder: Path) -> None:
+    """An angle that no term has may be that which counts; a speed is no pose."""
+    content = """[[robot]]
+name = "r"
+[robot.defaults]
+sample_interval_s = 0.005
+torque = { column = "u" }
+[[robot.axis]]
+name = "a"
+angle = { column = "x" }
+signal = [{ name = "t", column = "warm" }, { name = "b2", axis = "b" }, { name = "c2", axis = "c" },
+  { name = "b3", axis = "b", speed = true }, { name = "d2", axis = "d" }]
+model = { drive = "one-mass", monitor = ["fm"], schedule = [
+  { parameter = "tau0", signal = "cos(b2)", slope = 1.0, reference = 0.0 },
+  { parameter = "fm", signal = "t", slope = 0.001, reference = 1.0 } ] }
+[[robot.axis]]
+name = "b"
+angle = { column = "y" }
+model = { drive = "one-mass", monitor = ["fm"] }
+[[robot.axis]]
+name = "c"
+angle = { column = "z" }
+model = { drive = "one-mass", monitor = ["fm"] }
+[[robot.axis]]
+name = "d"
+speed = { column = "w" }
+model = { drive = "one-mass", monitor = ["fm"] }
+"""
+    axis = loaded(folder, content).axes[0]
+    assert conditions_of(axis).pose_angles == ("b2", "c2")
+    assert [source.name for source in needed(axis)] == ["t", "b2", "c2"]
+    axis = loaded(folder, content.replace('"cos(b2)"', '"b2"')).axes[0]
+    assert conditions_of(axis).pose_angles == ()
+    assert [source.name for source in needed(axis)] == ["t", "b2"]
+
+
 def check(folder: Path, content: str) -> str:
     slow = content.replace("[robot.axis.estimator]\n", "[robot.axis.estimator]\nmemory_s = 10.0\n", 1)
     slow = slow.replace("{ predictor =", "{ memory_s = 10.0, predictor =", 1)

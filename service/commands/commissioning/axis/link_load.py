@@ -30,7 +30,8 @@ class LinkLoad(NamedTuple):
     """Changes for another identification."""
 
     signals: tuple[Correction, ...]
-    """Angles, speeds and accelerations of axes, as signals of this axis"""
+    """Angles, speeds and accelerations of axes, as signals of this axis; angles also where the records do not tell
+    whether the load follows them"""
     terms: tuple[str, ...]
     """Terms of the torque offset: "cos(axis2 + axis3)", "axis2-acceleration", "payload", .."""
     explained: float
@@ -68,7 +69,11 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     used = {signal for term in found.terms for signal in Term.read(term).signals}
     if used == {recorded.own}:
         return None
-    return LinkLoad(tuple(_changes(candidates, ratios, used)), *found)
+    changes = [
+        _undetermined(change) if change.key[1] in found.undetermined and change.key[-1] == "axis" else change
+        for change in _changes(candidates, ratios, used.union(found.undetermined))
+    ]
+    return LinkLoad(tuple(changes), found.terms, found.explained, found.before)
 
 
 # --- The signals that the load may depend on --------------------------------------------------------------------------
@@ -130,6 +135,12 @@ def _changes(candidates: _Candidates, ratios: Mapping[str, float], used: Collect
         for signal in (name, *(candidates.motion_signals(axes[name]) or ())):
             if signal in used:
                 yield _gear(signal, ratio)
+
+
+def _undetermined(change: Correction) -> Correction:
+    """The change that adds an angle, so that it is part of the pose although no term has it."""
+    reason = f"the load may follow the angle of {change.value}, too: these records do not show whether it does"
+    return change._replace(reason=reason)
 
 
 # --- The search in the records ----------------------------------------------------------------------------------------

@@ -195,8 +195,8 @@ model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }
 """
 
 
-def two_axes(*names: str) -> str:
-    """The configuration of an arm with two axes."""
+def arm_of(*names: str) -> str:
+    """The configuration of an arm with these axes."""
     return ONE_MASS + "".join(
         f'[[robot.axis]]\nname = "{name}"\ntorque = {{ column = "u{k}" }}\nangle = {{ column = "y{k}" }}\n'
         for k, name in enumerate(names, 1)
@@ -228,7 +228,7 @@ class Swing(NamedTuple):
         np.savetxt(path, table, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2", comments="")
 
 
-SCARA = two_axes("inner", "2")
+SCARA = arm_of("inner", "2")
 
 
 def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -> None:
@@ -254,7 +254,7 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     assert link_load(SCARA, "arm.inner", [str(record)], tmp_path) is None
 
 
-BASE = two_axes("base", "lift")
+BASE = arm_of("base", "lift")
 
 
 def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed: int) -> None:
@@ -282,6 +282,22 @@ def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed:
     }
     lifting = load_of(BASE, "arm.lift", tmp_path / "a.csv")
     assert set(lifting.terms) == {"cos(lift)", "square(base-speed) * sin(lift + lift)"}
+
+
+def test_an_angle_that_may_count_is_a_signal_without_a_term(tmp_path: Path, seed: int) -> None:
+    """In the records the elbow moves as the lift does, so the inertia of the base may follow either."""
+    rng = np.random.default_rng(seed)
+    t, q, w, a = Swing.drawn(rng, 180.0, 2.0, 4.0)
+    u = (4 + 3 * np.cos(q[1])) * a[0] - 3 * np.sin(q[1]) * w[1] * w[0] + 0.8 * w[0] + np.tanh(w[0] / 0.05)
+    table = np.column_stack([t, u + rng.normal(0, 0.1, t.size), q[0], a[1], q[1], a[1], q[1]])
+    names = "t,u1,y1,u2,y2,u3,y3"
+    np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header=names, comments="")
+    found = load_of(arm_of("base", "lift", "elbow"), "arm.base", tmp_path / "a.csv")
+    used = {name for term in found.terms for name in ("lift", "elbow") if f"{name}-speed" in term}
+    reasons = {c.value: c.reason for c in found.signals if c.key[1] in ("lift", "elbow")}
+    assert reasons.keys() == {"lift", "elbow"}
+    assert {axis for axis, reason in reasons.items() if "may follow" not in reason} == used
+    assert len(used) == 1
 
 
 POSITIONER = f"""{ONE_MASS}signal = [{{ name = "payload", column = "load" }}]
@@ -331,7 +347,7 @@ def test_a_load_and_a_turntable_that_starts_again(axis: str, terms: set[str], tm
     assert set(load_of(POSITIONER, f"arm.{axis}", tmp_path / "a.csv").terms) == terms
 
 
-GANTRY = two_axes("across", "lift").replace(
+GANTRY = arm_of("across", "lift").replace(
     "[[robot.axis]]", 'signal = [{ name = "DO3", column = "grip" }]\n[[robot.axis]]', 1
 )
 
