@@ -112,6 +112,8 @@ class Publisher:
         """Include exactly these axes from now on; ``new``: ids of the axes whose monitor is new."""
         fresh, before = set(new), self._views
         self._views = {axis.id: self._view(axis) if axis.id in fresh else before[axis.id] for axis in axes}
+        # A daemon runs for years, and each reload may rename axes.
+        self._parts.history.keep_only(self._views.keys())
 
     def _view(self, axis: NamedAxis) -> AxisView:
         return AxisView(axis, self._parts.pipeline, self._parts.alarms, self._parts.history)
