@@ -64,7 +64,7 @@ def router(state: AppState) -> APIRouter:
         """The steps of `axiswatch commission` with their state, their reports and their commands."""
         setup = state.setup
         axes = setup.config().axes
-        folder = setup.file.absolute().parent
+        folder = setup.folder
         steps = _steps(state, setup, axes, folder)
         return Commissioning(
             folder=str(folder),
