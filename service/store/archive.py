@@ -81,6 +81,8 @@ def state_files(state_dir: Path) -> dict[str, Path]:
         paths = [*_below(state_dir)]
     except OSError as error:
         where = "[service] state_dir, or $STATE_DIRECTORY of a service, must be the folder in which the daemon runs"
+        if isinstance(error, FileNotFoundError):
+            where += "; before its first run there is none yet: --without-state saves the configuration alone"
         raise StoreError(f"{state_dir}: {error.strerror}; {where}") from error
     names = {path.relative_to(state_dir).as_posix(): path for path in paths}
     return dict(sorted(names.items(), key=lambda item: (item[0] == "alarms.sqlite", item[0])))
