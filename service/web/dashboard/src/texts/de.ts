@@ -232,6 +232,11 @@ const SENTENCES: Record<string, string> = {
   "compiling multimodel": "Der Kern des Multimodell-Detektors wird übersetzt; dessen Messwerte warten, bis er fertig ist",
   "out of service": "Außer Betrieb, Alarme werden gespeichert, aber nicht gemeldet: {axes}",
   "configuration refused": "{file} wurde um {at} abgelehnt: {problem}{further}. Die bisherige Konfiguration gilt weiter",
+  "certificate expires": "{file}, das Zertifikat von {table}, läuft ab: {at}. Ein neues an seine Stelle legen und {then}",
+  "certificate expired": "{file}, das Zertifikat von {table}, ist abgelaufen: {at}. Clients lehnen die Verbindung ab."
+    + " Ein neues an seine Stelle legen und {then}",
+  "certificate reload": "axiswatch neu laden (SIGHUP)",
+  "certificate restart": "axiswatch neu starten",
   "more mistakes": "; Fehler darin: {count}",
   "clock set back": `${CLOCK} zurück${CLOCK_AFTER}`,
   "clock set forward": `${CLOCK} vor${CLOCK_AFTER}`,
