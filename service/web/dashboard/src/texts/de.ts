@@ -246,7 +246,7 @@ const SENTENCES: Record<string, string> = {
   "link no answer": "{place}: keine Antwort in {seconds} s",
   "link takes none": "{place} nimmt keine Nachricht an {receivers} an",
   "nobody let in": "niemand wird eingelassen: es gibt kein Token (axiswatch token new NAME --scope read)",
-  "alarms wait": "{alarms} Alarme sind noch nicht gespeichert",
+  "alarms wait": "noch nicht gespeicherte Alarme: {alarms}",
   "alarm not recorded": "Alarm von {alarms}: kann noch nicht gespeichert werden, wird wieder versucht: {why}",
   "frames not recorded": "Rohdaten um einen Alarm sind noch nicht aufgezeichnet: {why}",
   "recording ended": "Die Aufzeichnung ist beendet: {why}",
