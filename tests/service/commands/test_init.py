@@ -143,7 +143,11 @@ def test_a_column_of_two_values_may_tell_what_is_carried(
     text = shown("init", record)
     for axis in load(Path("axis.toml")).axes:
         assert [signal.name for signal in axis.config.signal] == signals
-    assert text.count(" may tell what the robot carries") == len(signals)
+    carried = ", ".join(
+        name for name in columns if re.sub(r"[ .]", "-", f"signal{name}" if name == "1" else name) in signals
+    )
+    assert (f"all axes: {carried} may tell what the robot carries" in text) == bool(signals)
+    assert text.count(" may tell what the robot carries") == bool(signals)
     unused = [name for name in columns if re.sub(r"[ .]", "-", name) not in signals and name != "1"]
     assert not unused or f"not used: {', '.join(unused)}" in text
 
