@@ -763,7 +763,7 @@ export const de: Texts = {
     meaning: "Die letzten zehn Sekunden jeder Achse, so geprüft wie bei der Inbetriebnahme. Die Achse sollte sich bewegen.",
     rate: "Messwerte/s", missing: "Fehlen", torque: "Moment", motionRange: "Bewegung", findings: "Befund",
     fine: "wie erwartet", stands: "sie bewegt sich nicht", problem: "Problem", proposal: "Änderung", doubt: "offen",
-    steps: "Schritte", folder: "Befehle für ein Terminal, im Ordner", step: "Schritt", command: "Befehl",
+    steps: "Schritte", folder: "Befehle für ein Terminal, im Ordner", ofConfiguration: "der Konfiguration", step: "Schritt", command: "Befehl",
     name: {
       configure: "Konfigurieren", signals: "Signale ansehen", record: "Aufzeichnen", identify: "Identifizieren", calibrate: "Kalibrieren",
       run: "Betreiben",
