@@ -35,6 +35,15 @@ def test_the_end_is_that_of_openssl(tmp_path: Path, need: Callable[[str], str], 
     assert expires_us(file.read_text(encoding="ascii")) == end_by_openssl(need("openssl"), file)
 
 
+def test_the_end_of_an_expired_one(need: Callable[[str], str]) -> None:
+    expired = LOCALHOST.with_name("expired.crt")
+    at_us = expires_us(expired.read_text(encoding="ascii"))
+    assert at_us == end_by_openssl(need("openssl"), expired) == 1_767_225_600_000_000
+    warning = Expiry("web", expired, at_us).warning(now_us())
+    assert warning is not None
+    assert "has expired at 2026-01-01T00:00:00.000000Z" in warning
+
+
 def test_of_a_chain_the_first_end_counts(tmp_path: Path, need: Callable[[str], str]) -> None:
     soon = made_certificate(need("openssl"), tmp_path / "soon.crt", 20)
     chain = LOCALHOST.read_text(encoding="ascii") + "issued by\n" + soon.read_text(encoding="ascii")
