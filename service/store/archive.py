@@ -1,5 +1,6 @@
 """Backups: files and databases in one .tar.gz with a manifest of their SHA-256; restored completely or not at all."""
 
+import errno
 import fcntl
 import gzip
 import hashlib
@@ -111,11 +112,16 @@ def write_archive(target: Path, manifest: Manifest, sources: Mapping[str, Path |
     Raises:
         StoreError: a file cannot be read, a database is damaged, or the archive cannot be written.
     """
-    with tempfile.TemporaryDirectory(prefix="axiswatch-backup-") as name, _explained():
-        copies = {member: _copied(source, Path(name, str(i))) for i, (member, source) in enumerate(sources.items())}
-        entries = {member: _entry(copy, member) for member, copy in sorted(copies.items())}
+    with tempfile.TemporaryDirectory(prefix="axiswatch-backup-") as name:
+        with _explained(f"copies in {tempfile.gettempdir()} (TMPDIR names another folder for them)"):
+            copies = {member: _copied(source, Path(name, str(i))) for i, (member, source) in enumerate(sources.items())}
+            entries = {member: _entry(copy, member) for member, copy in sorted(copies.items())}
         manifest = manifest._replace(files=entries)
-        with replacing(target) as file, tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as archive:
+        with (
+            _explained(target),
+            replacing(target) as file,
+            tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as archive,
+        ):
             head = json.dumps(manifest._asdict(), indent=1).encode()
             archive.addfile(_member(MANIFEST, len(head)), io.BytesIO(head))
             for member, entry in entries.items():
@@ -145,6 +151,8 @@ def _copy_database(source: Path, copy: Path) -> None:
             kept.execute("PRAGMA journal_mode=DELETE")
             check_integrity(kept)
     except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_FULL:  # that of the copy
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
         raise StoreError(f"{source}: {error}; a damaged file is set aside when the daemon starts again") from error
 
 
@@ -167,11 +175,14 @@ def _member(name: str, size: int) -> tarfile.TarInfo:
 
 
 @contextmanager
-def _explained() -> Iterator[None]:
+def _explained(written: Path | str) -> Iterator[None]:
+    """Turn errors of the file system into a StoreError that names the file; ``written``: what is written."""
     try:
         yield
     except OSError as error:
-        raise StoreError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+        # A full disk is that of what is written, whatever file was read.
+        place = written if error.filename is None or error.errno == errno.ENOSPC else error.filename
+        raise StoreError(f"{place}: {error.strerror or error}") from error
 
 
 # --- Restoring an archive ---------------------------------------------------------------------------------------------
@@ -187,7 +198,7 @@ def restore_archive(archive: Path, folder: Path) -> Manifest:
     folder = folder.absolute()
     if not archive.is_file():
         raise ArchiveError(f"{archive} is not there, or no file")
-    with _explained():
+    with _explained(folder):
         _must_be_free(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))  # private to its owner
