@@ -156,7 +156,11 @@ class Client:
                 method, f"/api/v1/{path}", params=params, json=content or None, timeout=patience
             )
         except (httpx.HTTPError, httpx.InvalidURL) as error:
-            if _is_untrusted(error):
+            fault = _fault_of_certificate(error)
+            if fault == _EXPIRED:
+                what = "its certificate has expired: put a new one in its place, and reload the daemon"
+                raise ClientError(f"{self._url}: {what}") from error
+            if fault is not None:
                 authority = "SSL_CERT_FILE names the file of the plant's own authority"
                 raise ClientError(f"{self._url}: its certificate is not trusted here ({error}); {authority}") from error
             raise ClientError(f"{self._url} does not answer ({error}); does the daemon run there?") from error
@@ -173,11 +177,15 @@ class Client:
             raise ClientError(message) from error
 
 
-def _is_untrusted(error: BaseException | None) -> bool:
-    """Whether a failed check of the daemon's certificate is the cause."""
+_EXPIRED = 10
+"""OpenSSL's X509_V_ERR_CERT_HAS_EXPIRED"""
+
+
+def _fault_of_certificate(error: BaseException | None) -> int | None:
+    """The code of a failed check of the daemon's certificate; None: that is not the cause."""
     while error is not None and not isinstance(error, ssl.SSLCertVerificationError):
         error = error.__cause__ or error.__context__
-    return error is not None
+    return None if error is None else error.verify_code
 
 
 def _quoted(axis: str) -> str:

@@ -27,9 +27,21 @@ Secrets = Annotated[
     bool,
     typer.Option("--secrets", help="With the tokens of the API, the private key of TLS and the secrets of links."),
 ]
+WithoutState = Annotated[
+    bool,
+    typer.Option(
+        "--without-state", help="Only the configuration and its files, as before the first run of the daemon."
+    ),
+]
 
 
-def backup(config: ConfigPath, output: Output, secrets: Secrets = False, force: Force = False) -> None:
+def backup(
+    config: ConfigPath,
+    output: Output,
+    secrets: Secrets = False,
+    without_state: WithoutState = False,
+    force: Force = False,
+) -> None:
     """Save configuration and state in one archive; the daemon can keep running.
 
     The archive holds the configuration and every file that it names, the report of its commissioning, and the state
@@ -43,7 +55,8 @@ def backup(config: ConfigPath, output: Output, secrets: Secrets = False, force: 
     check_new(output, force)
     with explained(OSError):
         found = bundle(config, read)
-        state = {f"{found.state}/{name}": file for name, file in state_files(read.service.state_dir).items()}
+        kept = {} if without_state else state_files(read.service.state_dir)
+        state = {f"{found.state}/{name}": file for name, file in kept.items()}
         files = found.files | state
         secret = {*found.secrets, f"{found.state}/{TOKENS_FILE}"} & files.keys()
         left_out = [] if secrets else sorted(secret)

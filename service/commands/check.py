@@ -14,9 +14,11 @@ from service.config import Config, ModelConfig, NamedAxis, in_words
 from service.config.axis_settings import detectors_in_words
 from service.config.base_table import SUFFIX
 from service.config.bus_messages import messages_of
+from service.config.certificates import expiries
 from service.config.drives import not_identified
 from service.config.remarks import remarks
 from service.config.schema import SignalConfig
+from service.texts.instants import now_us
 
 LOCAL_HOST = "127.0.0.1"
 """Default host of [web]: no other machine reaches it, so that it needs neither tokens nor TLS"""
@@ -26,7 +28,8 @@ def check(config: ConfigPath) -> None:
     """Check a configuration with the messages of its buses; name every problem by file and line."""
     read = configuration(config, without_bus=True)
     with explained():  # an axis may be well written and have no predictor, or too short a memory for it
-        notes = tuple(remarks(read))
+        expiring = (expiry.warning(now_us()) for expiry in expiries(read))
+        notes = (*remarks(read), *filter(None, expiring))
         axes = _axes(read)
         hindered = tuple(_obstacles(read))
     console = Console()

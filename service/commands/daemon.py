@@ -18,6 +18,7 @@ from service.commands.exit_codes import DaemonFailedError
 from service.commands.protection import access_of, certificate_of
 from service.commands.service_manager import ServiceManager, status_line
 from service.config import Config
+from service.pipeline.certificate_watch import CertificateWatch
 from service.pipeline.recording import Extracts
 from service.pipeline.reloading import ReloadError, Reloading
 from service.pipeline.replay_reports import ReplayReports
@@ -75,7 +76,9 @@ def run_daemon(
     with ExitStack() as stack:
         parts = DaemonParts(config, record, stop, stack)
         parts.compiled.multimodel.add_done_callback(lambda done: None if done.exception() else _settled(complete))
-        web = partial(_web, access, certificate)
+        watch = CertificateWatch(config)
+        parts.worker.publisher.certificates = watch
+        web = partial(_web, access, certificate, watch)
         reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.replaced))
         systemd = ServiceManager(
             os.environ,
@@ -142,7 +145,7 @@ def _settled(complete: Callable[[], None]) -> None:
 
 
 @contextmanager
-def _web(access: Access, certificate: Certificate | None, new: Config) -> Iterator[None]:
+def _web(access: Access, certificate: Certificate | None, watch: CertificateWatch, new: Config) -> Iterator[None]:
     """Apply changes of [web] that need no restart, and a renewed certificate, after everything else has succeeded."""
     try:
         renewed = certificate_of(new.web)
@@ -152,6 +155,7 @@ def _web(access: Access, certificate: Certificate | None, new: Config) -> Iterat
     access.change([new.web.host, *new.web.hosts], new.web.open_metrics)
     if certificate is not None and renewed is not None:
         certificate.renew(renewed)
+    watch.reloaded(new)
 
 
 @contextmanager

@@ -92,7 +92,7 @@ class DaemonParts:
         """Faults of files in the state directory that cannot be written now, by file."""
         snapshot = self.worker.snapshot
         waiting = snapshot.alarms.waiting
-        words = sentence("alarms wait", "{alarms} alarms are not recorded yet", alarms=waiting)
+        words = sentence("alarms wait", "alarms that are not recorded yet: {alarms}", alarms=waiting)
         return {
             ALARMS_FILE: words if waiting else None,
             CHECKPOINTS_FILE: self.saver.problem,

@@ -150,7 +150,7 @@ def _from_table(record: Path, output: Path) -> None:
     alone = (f"{name} is a torque without its motion: add its axis to {output}" for name in found.alone)
     not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
-    switches = (f"all axes: {column} may tell what the robot carries" for column in found.switches)
+    switches = _load_words(found.switches)
     words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *switches, *unused, *alone, *not_read]
     lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
@@ -169,7 +169,7 @@ def _from_description(description: Path, output: Path) -> None:
         )
     loads = loads_in(known)
     lines = bus_lines(axes, description, output, loads=loads)
-    words = [*summary(axes), *_load_words(loads)]
+    words = [*summary(axes), *_load_words([load.name for load in loads])]
     propose(output, words, lines, f"Next: axiswatch commission RECORD.log --config {output}")
 
 
@@ -183,7 +183,7 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
     loads = _loads_in(found, known)
     lines = bus_lines(found.axes, description, output, bus, loads=loads)
     next_step = f"Next: axiswatch commission --config {output} --minutes 10"
-    propose(output, [*_bus_words(found, description), *_load_words(loads)], lines, next_step)
+    propose(output, [*_bus_words(found, description), *_load_words([load.name for load in loads])], lines, next_step)
 
 
 def _from_log(description: Path, log: Path, output: Path) -> None:
@@ -200,7 +200,9 @@ def _from_log(description: Path, log: Path, output: Path) -> None:
     loads = _loads_in(found, known)
     lines = bus_lines(found.axes, description, output, channel=name, loads=loads)
     next_step = f"Next: axiswatch commission {log} --config {output}"
-    propose(output, [*_bus_words(found, description), *more, *_load_words(loads)], lines, next_step)
+    propose(
+        output, [*_bus_words(found, description), *more, *_load_words([load.name for load in loads])], lines, next_step
+    )
 
 
 def _loads_in(found: BusRoles, known: MessageSet) -> list[LoadSignal]:
@@ -210,8 +212,9 @@ def _loads_in(found: BusRoles, known: MessageSet) -> list[LoadSignal]:
     return loads_in([message for message in known.messages if message.name in found.received])
 
 
-def _load_words(loads: Iterable[LoadSignal]) -> Iterator[str]:
-    return (f"all axes: {load.name} may tell what the robot carries" for load in loads)
+def _load_words(names: Sequence[str]) -> Iterator[str]:
+    if names:
+        yield f"all axes: {_few(names)} may tell what the robot carries"
 
 
 def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str) -> BusRoles:

@@ -44,7 +44,10 @@ def _load_lines(sources: Mapping[str, str]) -> Iterator[str]:
     if sources:
         signals = (f"{{ name = {toml_value(name)}, {source} }}" for name, source in sources.items())
         why = "may tell what the robot carries: `commission` lets the torque follow it, if it does"
-        yield f"signal = [{', '.join(signals)}]  # {why}"
+        if len(sources) == 1:
+            yield f"signal = [{next(signals)}]  # {why}"
+        else:
+            yield "\n".join([f"signal = [  # each {why}", *(f"  {signal}," for signal in signals), "]"])
 
 
 _ANY_WAIT_S = 3600

@@ -106,7 +106,7 @@ class Hangup:
         log.info("SIGHUP: the configuration is read again once the daemon has started", file=str(self._path))
 
     def _apply(self, reloading: Reloading) -> None:
-        from service.config.public_text import public_problem
+        from service.config.public_text import public_problem, public_words
         from service.pipeline.baselines import BaselineError
         from service.pipeline.reloading import ReloadError
 
@@ -121,7 +121,7 @@ class Hangup:
             found = reloading.reload(read)
         except (ReloadError, BaselineError, StoreError) as error:
             log.error("SIGHUP: nothing was changed", file=str(self._path), reason=str(error))
-            reloading.refuse(self._path, [error.args[0]])
+            reloading.refuse(self._path, [public_words(error.args[0], self._path.absolute().parent)])
             return
         log.info("SIGHUP: the configuration is used", file=str(self._path), **found._asdict())
 

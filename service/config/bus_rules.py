@@ -103,13 +103,16 @@ def sources(config: Config) -> Iterator[CheckFinding]:
             source = getattr(axis, quantity)
             if source is None:
                 continue
-            where = (*path, quantity)
-            for key in ("message", "signal"):
-                if config.bus and not getattr(source, key):
-                    yield CheckFinding((*where, key), _missing(SignalConfig, key))
-                elif not config.bus and getattr(source, key):
-                    yield CheckFinding((*where, key), f"is on a bus, but {_NO_BUS}")
-            if not config.bus and source.column is None:
+            where, given = (*path, quantity), [key for key in ("message", "signal") if getattr(source, key)]
+            if config.bus:
+                yield from (
+                    CheckFinding((*where, key), _missing(SignalConfig, key))
+                    for key in ("message", "signal")
+                    if key not in given
+                )
+            elif given:  # message, signal and a missing column have one cause
+                yield CheckFinding((*where, given[0]), f"is on a bus, but {_NO_BUS}")
+            elif source.column is None:
                 message = f"{_missing(SignalConfig, 'column')}: without a [[bus]] it is read from there"
                 yield CheckFinding((*where, "column"), message)
 

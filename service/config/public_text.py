@@ -1,4 +1,4 @@
-"""A configuration as TOML without its secrets, for readers who must not see these."""
+"""A configuration, and messages, for readers who must not see secrets or folders of the machine."""
 
 import os
 import re
@@ -9,12 +9,15 @@ from urllib.parse import urlsplit
 import tomlkit
 from pydantic import BaseModel
 
+from monitor_core.wording import replaced
 from service.config.found_file import FoundFile
 from service.config.problems import ConfigProblem
 from service.config.robot_defaults import DEFAULTS
 from service.config.schema import Config
 
 HIDDEN = "..."
+_FOLDER = re.compile(r"(?<![^\s\"'`(\[=:,;])/(?:[^\s\"'`()\[\]:,;/]+/)+(?=[^\s/])")
+"""The folder of an absolute path in a text; not what follows the host in a URL"""
 _SECRET = re.compile(r"secret|password|passwd|passphrase|token|credential|(^|_)key$", re.IGNORECASE)
 """Keys whose values are hidden, even if they only name a file or a variable with a secret."""
 
@@ -36,8 +39,19 @@ def public_problem(problem: ConfigProblem) -> str:
     if any(_SECRET.search(key) for key in problem.key.split(".")) or "://" in words:
         words = "the log says what is wrong with it"
     if file is not None:
-        words = words.replace(f"{file.absolute().parent}{os.sep}", "")
+        words = public_words(words, file.absolute().parent)
     return f"{place}: {problem.key}: {words}" if problem.key else f"{place}: {words}"
+
+
+def public_words(text: str, folder: Path) -> str:
+    """A message without folders of the machine, which only the log names.
+
+    A file in ``folder`` is named relative to it, any other by its name alone.  A sentence keeps its kind.
+    """
+    words = replaced(text, f"{folder}{os.sep}", "")
+    for outside in sorted(_FOLDER.findall(words), key=len, reverse=True):
+        words = replaced(words, outside, "")
+    return words
 
 
 def _shown_table(table: BaseModel, folder: Path) -> dict[str, Any]:

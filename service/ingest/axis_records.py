@@ -126,10 +126,6 @@ def axis_record(
 def _log_record(
     path: Path, config: Config, axis: NamedAxis, signals: Sequence[FurtherSignalConfig], progress: ReadProgress
 ) -> AxisRecord:
-    if axis.config.records_only:
-        raise RecordError(
-            f"{path} is a CAN log, and there is no [[bus]] in the configuration that describes its messages"
-        )
     log = LogRecord(path, config, {axis.id: signals})
     block = samples_of(log, axis.id, progress)
     dropped = {**log.quality.axis_dropped[axis.id], "unreadable": len(log.left_out)}

@@ -76,7 +76,8 @@ def roles(
     if time is not None:
         interval_s = float(np.nanmedian(np.diff(values[time]))) * unit_s
         if _restarts(columns[time] * unit_s):
-            time, asked = None, f'; "{time}" starts again: where rows are missing there, cut the file'
+            asked = f'; "{time}" starts again: {_what_to_do(time, columns)}'
+            time = None
     else:
         interval_s = _interval_of_rows(values, unit_names) or interval_s
     apart = [] if time is None else _at_other_times(columns, time)
@@ -205,6 +206,16 @@ def _absurd(v: Floats) -> Bools:
 
 _UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _DAY_S = 86_400.0
+_TICK_S = 1e-7
+_TICKS_BY_NAME = re.compile(r"100[\s_-]*ns", re.IGNORECASE)
+_TICKS = {
+    (1.0e17, 1.7e17): "100 ns since 1601, as times of Windows and TwinCAT",
+    (6.2e17, 6.8e17): "100 ns since the year 1, as times of .NET",
+}
+"""Values of times of the years from 1965 to 2100 that count steps of 100 ns, and what these are"""
+_MILLIONTH_S = _DAY_S / 1e6
+_MILLIONTHS = (2.5e10, 7.5e10)
+"""Time_ms of WinCC in the years from 1968 to 2105: millionths of a day since 1900, in spite of its name"""
 _MIN_RISING_SHARE = 0.99
 """Smallest share of rising steps in a time column: a few rows may be repeated."""
 _FEWEST_STEPS = 4
@@ -212,6 +223,7 @@ _LONGEST_S, _SHORTEST_S = 0.5, 1e-5
 """A time column with longer or shorter intervals is not in seconds."""
 _FASTEST_S = 2e-4
 """A shorter interval is doubted: hardly any record is as fast."""
+_MIN_FRACTIONS = 0.5
 _MAX_LATE_SHARE = 0.01
 """Largest share of rows with a time that is not after those above"""
 
@@ -228,6 +240,9 @@ def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str |
     if role_of(name) != "time" and np.quantile(steps, 0.9) - np.quantile(steps, 0.1) > steps.mean():
         return None, 1.0, ""  # uneven steps: an angle that only grows
     interval, named = float(np.median(steps)), _named_unit(name, units[name])
+    if (counted := _counted(values[name], interval, named)) is not None:
+        unit, what = counted
+        return name, unit, f" if it counts {what} do"
     if named is not None:
         return name, named, ""
     # A spreadsheet counts days.
@@ -236,14 +251,48 @@ def _time(values: Mapping[str, Floats], units: Mapping[str, str]) -> tuple[str |
     return name, unit, f" if it is in {_unit_words(unit)}, as its steps suggest" if doubted else ""
 
 
+def _counted(values: Floats, interval: float, named: float | None) -> tuple[float, str] | None:
+    """The unit [s] of times (N,) whose size shows what they count, and what that is; None: it does not.
+
+    ``interval``: between two rows, as in the file; ``named``: unit by the name of the column [s].
+    """
+    middle = float(np.nanmedian(values))
+    if named in (None, _TICK_S) and interval * _TICK_S < _LONGEST_S:
+        for (low, high), what in _TICKS.items():
+            if low < middle < high:
+                return _TICK_S, what
+    # A counter of milliseconds has no fractions.
+    fractions = np.mean(values % 1 != 0) > _MIN_FRACTIONS
+    if named == _UNITS["ms"] and _MILLIONTHS[0] < middle < _MILLIONTHS[1] and fractions:
+        return _MILLIONTH_S, "millionths of a day since 1900, as those of WinCC"
+    return None
+
+
 def _named_unit(name: str, unit: str) -> float | None:
     """The unit of a time column by its name or unit [s]; None: it has none, or s."""
+    if _TICKS_BY_NAME.search(unit) or _TICKS_BY_NAME.search(name):
+        return _TICK_S
     return next((_UNITS[word] for word in (unit, *words_in(name)) if word in _UNITS), None)
 
 
 def _unit_words(unit_s: float) -> str:
     words = {unit: name for name, unit in _UNITS.items()} | {1.0: "s", _DAY_S: "days"}
     return words[unit_s]
+
+
+def _what_to_do(fraction: str, columns: Mapping[str, Floats]) -> str:
+    """What to do about a time column that starts again, which may be the part of a time below the second."""
+    words = {"nsec": "sec", "nsecs": "secs", "nanosec": "sec", "nanosecs": "secs"}
+    start, found = fraction[: _start_of_word(fraction)], words.get(fraction[_start_of_word(fraction) :].lower())
+    seconds = next((name for name in columns if found and name.lower() == f"{start}{found}".lower()), None)
+    if seconds is None:
+        return "where rows are missing there, cut the file"
+    added = f"{seconds} + 1e-9 {fraction}"
+    return f'it is the fraction of "{seconds}"; where rows are missing, write both as one column, {added}'
+
+
+def _start_of_word(name: str) -> int:
+    return len(name) - len(re.split(r"[^A-Za-z]", name)[-1])
 
 
 def _at_other_times(columns: Mapping[str, Floats], time: str) -> list[str]:

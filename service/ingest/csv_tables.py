@@ -31,6 +31,10 @@ _UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
+_LISTS = ("[", "(", "{", "array(")
+"""Starts of cells with several values, as programs write lists, tuples and arrays"""
+
+
 class CsvRows(NamedTuple):
     """Columns by name, with NaN for an empty cell; ``done``: part of the file that has been read, 0 to 1."""
 
@@ -195,7 +199,7 @@ class CsvTable:
             if not (cell in _EMPTY or self._is_key(name) or is_number(number) or date is not None):
                 hint = ": write decimal points" if is_number(cell.replace(",", ".")) else ""
                 hint = ": write a date as 2026-03-02 08:00:00.005" if ":" in cell else hint
-                hint = ": give each of its values a column" if cell.startswith("[") else hint
+                hint = ": give each of its values a column" if cell.startswith(_LISTS) else hint
                 kind = "date" if is_date else "number"
                 return f'column "{name}" holds {cell!r}, which is no {kind}{hint}'
         return ""

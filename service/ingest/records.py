@@ -145,8 +145,8 @@ class LogRecord:
     def __init__(self, path: Path, config: Config, carried: Carried | None = None) -> None:
         if not config.bus:
             raise RecordError(
-                f"{path} is a CAN log, and the configuration has no bus: add [[bus]] with its messages and,"
-                " to each axis, bus, and message and signal of torque and motion"
+                f"{path} is a CAN log, and the configuration has no [[bus]]: add it with the file that describes its"
+                " messages, and give message and signal of torque and motion in each axis"
             )
         self.path = path
         self._config = config

@@ -16,7 +16,7 @@ angle: pos position positions lage istlage angle angles ang phi q qm theta winke
 speed: vel velo velocity velocities speed spd omega w qd dq qdot rpm drehzahl vitesse velocita velocidad
 temperature: temp temperature temperatur
 wanted: ref reference cmd des set soll target wanted desired command commanded qg setpoint consigne consigna
-other: error err deviation diff disturb disturbance ff limit limits gravity schleppfehler
+other: error err deviation diff disturb disturbance ff limit limits gravity schleppfehler validity quality
 """
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
 """The role that a word in a column's name indicates; "wanted": a command of the controller, not a measurement; "other":

@@ -215,10 +215,12 @@ class AlarmRecorder:
         """Write all that wait, however shortly ago the last try failed: afterwards they are only in the log."""
         if self._waiting:
             self._write()
-        for waiting in self._waiting.values():
+        for key, waiting in self._waiting.items():
             note = waiting.acknowledged
             log.error(
-                "alarm lost: it could not be recorded until the end",
+                "the last change of a recorded alarm could not be recorded until the end"
+                if key in self._open
+                else "alarm lost: it could not be recorded until the end",
                 **self._facts(waiting.change),
                 raised=iso(waiting.change.alarm.raised_us),
                 acknowledged=None if note is None else note._asdict(),

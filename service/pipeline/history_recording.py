@@ -6,7 +6,7 @@ The worker only appends points, so a slow, full, locked or damaged disk does not
 import math
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from time import monotonic, time
 from typing import NamedTuple
 
@@ -120,6 +120,11 @@ class HistoryRecording:
         with self._lock:
             self._waiting.extend(found)
             self._drop_oldest()
+
+    def keep_only(self, axis_ids: Collection[str]) -> None:
+        """Forget all other axes, which were removed; their points that wait are still written."""
+        self._slots = {axis_id: slot for axis_id, slot in self._slots.items() if axis_id in axis_ids}
+        self._looked_us = {axis_id: t_us for axis_id, t_us in self._looked_us.items() if axis_id in axis_ids}
 
     def _slot(self, time_us: int) -> int:
         return math.floor(time_us / (self.interval_s * 1e6))

@@ -14,6 +14,7 @@ from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
 from service.pipeline.alarm_recording import AlarmRecorder, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.certificate_watch import CertificateWatch
 from service.pipeline.checkpointing import Checkpointer
 from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.pauses import with_pauses
@@ -99,6 +100,8 @@ class Publisher:
         self.processing = ProcessingTime()
         self.refused: str | None = None
         """Message to the operator that a changed configuration was refused; None: the last one is in force"""
+        self.certificates: CertificateWatch | None = None
+        """Knows when the certificates of the servers expire; None: there are no servers"""
         self.prepare: Callable[[Snapshot], object] = lambda _: None
         """Called with a snapshot before it is published, unless the last one was published a moment ago"""
 
@@ -112,6 +115,8 @@ class Publisher:
         """Include exactly these axes from now on; ``new``: ids of the axes whose monitor is new."""
         fresh, before = set(new), self._views
         self._views = {axis.id: self._view(axis) if axis.id in fresh else before[axis.id] for axis in axes}
+        # A daemon runs for years, and each reload may rename axes.
+        self._parts.history.keep_only(self._views.keys())
 
     def _view(self, axis: NamedAxis) -> AxisView:
         return AxisView(axis, self._parts.pipeline, self._parts.alarms, self._parts.history)
@@ -149,7 +154,7 @@ class Publisher:
 
     def _news(self, buses: Iterable[BusSnapshot], compiling: Iterable[str]) -> _Surroundings:
         now_us, history = self._now_us(), self._parts.history.state()
-        messages = *compiling, *self._all_messages(history)
+        messages = *compiling, *self._all_messages(history, now_us)
         return _Surroundings(now_us, tuple(buses), self._parts.alarms.snapshot(now_us), history, messages)
 
     def _snapshot(self, news: _Surroundings) -> Snapshot:
@@ -166,11 +171,13 @@ class Publisher:
             alarms=news.alarms,
             history=news.history,
             configuration_refused=self.refused is not None,
+            certificates=() if self.certificates is None else self.certificates.expiries,
         )
 
-    def _all_messages(self, history: HistoryState) -> tuple[str, ...]:
+    def _all_messages(self, history: HistoryState, now_us: int) -> tuple[str, ...]:
         parts = self._parts
         alarms = parts.alarms.problem, parts.alarms.clock_message
         now = (*alarms, self.refused, parts.checkpointer.problem, history.problem, *parts.recording.problems)
         problems = (problem for problem in now if problem)
-        return (*problems, *self._messages, *parts.pipeline.monitors.restarted_windows, *history.messages)
+        warnings = () if self.certificates is None else self.certificates.warnings(now_us)
+        return (*problems, *warnings, *self._messages, *parts.pipeline.monitors.restarted_windows, *history.messages)

@@ -12,6 +12,7 @@ from monitor_core.settings import Settings
 from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
+from service.config.certificates import Expiry
 from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, AlarmRecorder, AlarmsSnapshot
@@ -127,6 +128,8 @@ class Snapshot:
     """State of the history writer"""
     configuration_refused: bool = False
     """Whether a changed configuration was refused, so that the former one stays in force; a message says why"""
+    certificates: tuple[Expiry, ...] = ()
+    """When the certificates of the servers expire"""
 
     def axis(self, axis_id: str) -> AxisSnapshot | None:
         """The axis with this id; None: there is none."""

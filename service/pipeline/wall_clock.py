@@ -10,6 +10,8 @@ from service.texts.instants import iso, now_us
 
 _STEP_US = 1_000_000
 """Smallest step; a smaller difference is a correction by NTP, or a delay between reading the two clocks"""
+SHOWN_US = 7 * 86_400_000_000
+"""How long a step is reported: a message that stays for months hides others"""
 
 log = structlog.get_logger(__name__)
 
@@ -27,8 +29,16 @@ class WallClock:
         self._before: tuple[int, int] | None = None
         self.set_by_us = 0
         """Sum of all steps since the first call [us]"""
-        self.message: str | None = None
-        """Message to the operator that the clock was set; None: it was not"""
+        self._message: str | None = None
+        self._set_at_us = 0
+        """When it was set last, by the monotonic clock"""
+
+    @property
+    def message(self) -> str | None:
+        """Message to the operator that the clock was set; None: it was not, or more than ``SHOWN_US`` ago."""
+        if self._before is None or self._before[1] - self._set_at_us > SHOWN_US:
+            return None
+        return self._message
 
     def __call__(self) -> int:
         """The present time; a step since the last call is counted and logged."""
@@ -37,13 +47,13 @@ class WallClock:
         if before is not None:
             step = (now - before[0]) - (steady - before[1])
             if abs(step) >= _STEP_US:
-                self._report_step(step, now)
+                self._report_step(step, now, steady)
         return now
 
-    def _report_step(self, step_us: int, now: int) -> None:
-        self.set_by_us += step_us
+    def _report_step(self, step_us: int, now: int, steady_us: int) -> None:
+        self.set_by_us, self._set_at_us = self.set_by_us + step_us, steady_us
         way = "back" if step_us < 0 else "forward"
-        self.message = sentence(
+        self._message = sentence(
             "clock set back" if step_us < 0 else "clock set forward",
             "the clock of this machine was set {way} by {by}, to {at}. Alarms that were raised before are recorded with"
             " their true duration",

@@ -51,10 +51,11 @@ _MISSING = {
     Effect.FOREIGN: (
         "what is missing depends neither on the angle nor on the speed of this axis: where the robot picks and places"
         ' parts, give its axes the signal that tells when (signal = [{{ name = "gripper", ... }}], or that of the'
-        " payload), and `axiswatch commission` lets the torque offset follow it; where other axes accelerate it,"
-        " `commission` does the same if all axes move in the record; or record this axis alone, and let a gate monitor"
-        " it only then ([[robot.axis.gate]] on a signal of the controller, such as the number of its program); or"
-        " something is in contact"
+        " payload), and `axiswatch commission` lets the torque offset follow it; if the records have no such signal,"
+        " let the controller send the output of its gripper, too, or record a program without parts; where other axes"
+        " accelerate it, `commission` does the same if all axes move in the record; or record this axis alone, and let"
+        " a gate monitor it only then ([[robot.axis.gate]] on a signal of the controller, such as the number of its"
+        " program); or something is in contact"
     ),
 }
 

@@ -1,5 +1,6 @@
 """Backups: files and databases in one .tar.gz with a manifest of their SHA-256; restored completely or not at all."""
 
+import errno
 import fcntl
 import gzip
 import hashlib
@@ -81,6 +82,8 @@ def state_files(state_dir: Path) -> dict[str, Path]:
         paths = [*_below(state_dir)]
     except OSError as error:
         where = "[service] state_dir, or $STATE_DIRECTORY of a service, must be the folder in which the daemon runs"
+        if isinstance(error, FileNotFoundError):
+            where += "; before its first run there is none yet: --without-state saves the configuration alone"
         raise StoreError(f"{state_dir}: {error.strerror}; {where}") from error
     names = {path.relative_to(state_dir).as_posix(): path for path in paths}
     return dict(sorted(names.items(), key=lambda item: (item[0] == "alarms.sqlite", item[0])))
@@ -109,11 +112,16 @@ def write_archive(target: Path, manifest: Manifest, sources: Mapping[str, Path |
     Raises:
         StoreError: a file cannot be read, a database is damaged, or the archive cannot be written.
     """
-    with tempfile.TemporaryDirectory(prefix="axiswatch-backup-") as name, _explained():
-        copies = {member: _copied(source, Path(name, str(i))) for i, (member, source) in enumerate(sources.items())}
-        entries = {member: _entry(copy, member) for member, copy in sorted(copies.items())}
+    with tempfile.TemporaryDirectory(prefix="axiswatch-backup-") as name:
+        with _explained(f"copies in {tempfile.gettempdir()} (TMPDIR names another folder for them)"):
+            copies = {member: _copied(source, Path(name, str(i))) for i, (member, source) in enumerate(sources.items())}
+            entries = {member: _entry(copy, member) for member, copy in sorted(copies.items())}
         manifest = manifest._replace(files=entries)
-        with replacing(target) as file, tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as archive:
+        with (
+            _explained(target),
+            replacing(target) as file,
+            tarfile.open(fileobj=file, mode="w:gz", compresslevel=6) as archive,
+        ):
             head = json.dumps(manifest._asdict(), indent=1).encode()
             archive.addfile(_member(MANIFEST, len(head)), io.BytesIO(head))
             for member, entry in entries.items():
@@ -143,6 +151,8 @@ def _copy_database(source: Path, copy: Path) -> None:
             kept.execute("PRAGMA journal_mode=DELETE")
             check_integrity(kept)
     except sqlite3.Error as error:
+        if getattr(error, "sqlite_errorcode", 0) & 0xFF == sqlite3.SQLITE_FULL:  # that of the copy
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
         raise StoreError(f"{source}: {error}; a damaged file is set aside when the daemon starts again") from error
 
 
@@ -165,11 +175,14 @@ def _member(name: str, size: int) -> tarfile.TarInfo:
 
 
 @contextmanager
-def _explained() -> Iterator[None]:
+def _explained(written: Path | str) -> Iterator[None]:
+    """Turn errors of the file system into a StoreError that names the file; ``written``: what is written."""
     try:
         yield
     except OSError as error:
-        raise StoreError(f"{error.filename}: {error.strerror}" if error.filename else str(error)) from error
+        # A full disk is that of what is written, whatever file was read.
+        place = written if error.filename is None or error.errno == errno.ENOSPC else error.filename
+        raise StoreError(f"{place}: {error.strerror or error}") from error
 
 
 # --- Restoring an archive ---------------------------------------------------------------------------------------------
@@ -185,7 +198,7 @@ def restore_archive(archive: Path, folder: Path) -> Manifest:
     folder = folder.absolute()
     if not archive.is_file():
         raise ArchiveError(f"{archive} is not there, or no file")
-    with _explained():
+    with _explained(folder):
         _must_be_free(folder)
         folder.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))  # private to its owner

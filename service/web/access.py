@@ -12,7 +12,7 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from monitor_core.wording import sentence
 from service.store.tokens import ANYONE, LOCAL, Caller, Scope, TokenFile
 
-__all__ = ["Access", "Admin", "ForbiddenError", "Operator", "Scope", "UnprotectedError", "needs"]
+__all__ = ["Access", "Admin", "ForbiddenError", "IsAdmin", "Operator", "Scope", "UnprotectedError", "needs"]
 
 _BEARER = HTTPBearer(
     auto_error=False,
@@ -51,8 +51,15 @@ def needs(scope: Scope) -> Callable[..., str]:
     return who
 
 
+def _is_admin(request: Request) -> bool:
+    """Whether the caller may see addresses and folders; a dependency for routes that leave these out for others."""
+    caller: Caller = request.state.caller
+    return Scope.ADMIN in caller.scopes
+
+
 Operator = Annotated[str, Depends(needs(Scope.OPERATE))]
 Admin = Annotated[str, Depends(needs(Scope.ADMIN))]
+IsAdmin = Annotated[bool, Depends(_is_admin)]
 
 
 class Access:

@@ -12,6 +12,7 @@ from starlette.exceptions import HTTPException
 from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
+from service.config.public_text import public_words
 from service.pipeline.baselines import BaselineConflictError, BaselineError, BaselineUnavailableError
 from service.pipeline.pauses import with_pauses
 from service.pipeline.snapshot import Snapshot
@@ -67,7 +68,7 @@ def create_app(state: AppState) -> FastAPI:
     app.add_middleware(EntityTags)
     app.add_middleware(RequestGate, access=state.access)
     _describe_webhook(app)
-    _answer_errors(app)
+    _answer_errors(app, state)
     add_to_schema(app)
     return app
 
@@ -90,8 +91,8 @@ def _api(state: AppState) -> APIRouter:
     @api.get("/service", summary="The daemon itself", tags=["service"])
     def service() -> models.Service:
         """Version, readiness with reasons, buses, links, messages for the operator."""
-        report = state.reports.address
-        return views.service(state.snapshot(), state.now_us(), report, state.access.danger, state.links())
+        report, danger, folder = state.reports.address, state.access.danger, state.setup.folder
+        return views.service(state.snapshot(), state.now_us(), report, danger, folder, state.links())
 
     return api
 
@@ -233,8 +234,8 @@ _STATUS: Mapping[type[Exception], int] = {
 """Status of the answer to a request that raises such an error; the error's first argument is the text"""
 
 
-def _answer_errors(app: FastAPI) -> None:
-    """Answer failed requests with the reason, and with the existing resources."""
+def _answer_errors(app: FastAPI, state: AppState) -> None:
+    """Answer failed requests with the reason, which names no folder of the machine, and with the existing resources."""
 
     async def refused(_: Request, error: Exception) -> JSONResponse:
         return answer(_STATUS[type(error)], error.args[0])
@@ -252,11 +253,13 @@ def _answer_errors(app: FastAPI) -> None:
 
     @app.exception_handler(StoreError)
     async def store_failed(_: Request, error: StoreError) -> JSONResponse:
-        return answer(503, f"a file of the daemon cannot be read or written: {error}")
+        return answer(
+            503, f"a file of the daemon cannot be read or written: {public_words(str(error), state.setup.folder)}"
+        )
 
     @app.exception_handler(HTTPException)
     async def no_such_path(request: Request, error: HTTPException) -> JSONResponse:
         if error.status_code != 404:
-            return answer(error.status_code, error.detail, headers=error.headers)
+            return answer(error.status_code, public_words(error.detail, state.setup.folder), headers=error.headers)
         paths = [*app.openapi()["paths"], "/", "/docs", "/openapi.json"]
         return answer(404, f"there is nothing at {request.url.path}", sorted(paths))

@@ -13,8 +13,9 @@ from pydantic import Field
 
 from service.config import NamedAxis
 from service.config.commissioned import RECORDS, REPORT, motion_file, pages_of
+from service.web.access import IsAdmin
 from service.web.app_state import AppState, is_silent
-from service.web.models import Body
+from service.web.models import Body, TextOrNull
 from service.web.problem_details import described
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup, SignalCheck
@@ -48,7 +49,7 @@ class AxisCommissioning(Body):
 class Commissioning(Body):
     """Progress of the commissioning of the robot."""
 
-    folder: str = Field(description="of the configuration")
+    folder: TextOrNull = Field(description="of the configuration; null: the scope of the caller is smaller than admin")
     steps: list[CommissioningStep] = Field(description="in their order")
     next: StepName | None = Field(description="the first step that is not done; null: all are")
     report: str | None = Field(description="address of the summary; null: there is none")
@@ -60,14 +61,14 @@ def router(state: AppState) -> APIRouter:
     api = APIRouter(prefix="/commissioning")
 
     @api.get("", summary="Steps of the commissioning")
-    def commissioning() -> Commissioning:
+    def commissioning(is_admin: IsAdmin) -> Commissioning:
         """The steps of `axiswatch commission` with their state, their reports and their commands."""
         setup = state.setup
         axes = setup.config().axes
-        folder = setup.file.absolute().parent
+        folder = setup.folder
         steps = _steps(state, setup, axes, folder)
         return Commissioning(
-            folder=str(folder),
+            folder=str(folder) if is_admin else None,
             steps=steps,
             next=next((step.name for step in steps if step.done < (step.total or 0)), None),
             report=state.reports.address,

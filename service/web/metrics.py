@@ -84,6 +84,10 @@ _GAUGES = {
         "link_pending": "Transitions of alarms that wait for the link.",
     },
     "bus": {"bus_up": "1 while the bus can be read, else 0."},
+    "use": {
+        "certificate_expiry_seconds": "Time until the certificate of a server expires, or the first of its chain, in "
+        "seconds; negative: it has. web: page, API and metrics; opcua: the OPC UA server."
+    },
     "": {
         "alarms_not_recorded": "Alarms of which the journal does not have all yet, as the disk refuses it.",
         "history_waiting_points": "Points of the history that are not yet in its file.",
@@ -318,6 +322,9 @@ def _ages(snapshot: Snapshot, now_us: int) -> Iterator[_Family]:
     yield _Family("snapshot_age_seconds", _NONE, [age_s(snapshot.taken_us, now_us)])
     saved = snapshot.checkpoint_us
     yield _Family("checkpoint_age_seconds", *(([], []) if saved is None else (_NONE, [age_s(saved, now_us)])))
+    ends = snapshot.certificates
+    left = [(end.at_us - now_us) / 1e6 for end in ends]
+    yield _Family("certificate_expiry_seconds", [(end.use,) for end in ends], left)
 
 
 def _ids(axes: _Axes) -> list[_Labels]:

@@ -53,3 +53,8 @@ class RobotSetup:
     file: Path
     look: Callable[[str], SignalCheck]
     problems: Callable[[], Mapping[str, str | None]] = dict
+
+    @property
+    def folder(self) -> Path:
+        """The folder of the configuration, from which relative paths start."""
+        return self.file.absolute().parent

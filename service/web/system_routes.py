@@ -14,7 +14,7 @@ from fastapi import APIRouter, Query
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
-from service.config.public_text import public_text
+from service.config.public_text import public_text, public_words
 from service.store.audit import Place, Subject
 from service.store.database import SQLITE_VERSION
 from service.texts.instants import iso
@@ -109,7 +109,7 @@ def router(state: AppState) -> APIRouter:
     def configuration(_who: Admin) -> PublicConfiguration:
         """The configuration in force, also after a reload by SIGHUP, without secrets."""
         setup = state.setup
-        text = public_text(setup.config(), setup.file.absolute().parent)
+        text = public_text(setup.config(), setup.folder)
         return PublicConfiguration(file=str(setup.file), text=text)
 
     @api.get("/audit", summary="Who has changed what", responses=_NO_FILE | _NO_CURSOR)
@@ -147,8 +147,9 @@ def _databases(folder: Path, setup: RobotSetup) -> Iterator[DatabaseFile]:
                 continue
             sizes.append(found.st_size)
             times.append(found.st_mtime)
-        written = iso(round(max(times) * 1e6)) if times else None
-        yield DatabaseFile(name=name, size_bytes=sum(sizes), written=written, problem=problems.get(name))
+        written, problem = iso(round(max(times) * 1e6)) if times else None, problems.get(name)
+        public = problem and public_words(problem, setup.folder)
+        yield DatabaseFile(name=name, size_bytes=sum(sizes), written=written, problem=public)
 
 
 def _versions() -> dict[str, str]:

@@ -2,6 +2,8 @@
 
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import TypeVar
 
 from pydantic_core import to_json
@@ -10,6 +12,7 @@ from monitor_core.detection import Reach
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
+from service.config.public_text import public_words
 from service.pipeline.replay_reports import ReportState
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_table import RecordedAlarm
@@ -212,14 +215,20 @@ def service(
     now_us: int,
     report: str | None,
     insecure: str | None,
+    folder: Path,
     links: Sequence[LinkSnapshot] = (),
 ) -> models.Service:
-    """The daemon itself; ``report``: address of the commissioning report; ``insecure``: why it is not protected."""
+    """The daemon itself.
+
+    ``report``: address of the commissioning report; ``insecure``: why it is not protected; ``folder``: that of the
+    configuration: messages name files relative to it.
+    """
+    links = [replace(link, problem=public_words(link.problem, folder)) for link in links]
     reasons = list(reasons_not_ready(snapshot, now_us))
     down = (sentence("link", "link {name}: {why}", name=n.name, why=n.problem) for n in links if n.problem)
-    messages = [*snapshot.messages, *down]
+    messages = [*(public_words(words, folder) for words in snapshot.messages), *down]
     own = {
-        "links": list(links),
+        "links": links,
         "messages": messages,
         "sentences": models.sentences(
             (*messages, *(bus.state for bus in snapshot.buses), *(n.problem for n in links), insecure)

@@ -6,12 +6,14 @@ import signal
 import ssl
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from service.store.tokens import Scope, TokenFile
 from tests.conftest import ROOT
 from tests.end_to_end.processes import PATIENCE_S, daemon, demo_config, edit, wait_for
+from tests.made_certificates import made_certificate
 
 CERTIFICATE = ROOT / "tests" / "tls" / "localhost.crt"
 
@@ -60,3 +62,42 @@ def test_a_daemon_on_all_interfaces_lets_in_those_with_a_token(tmp_path: Path) -
     writes = [(e["who"], e["what"], e["result"]) for e in log if e["event"] == "write request"]
     assert writes == [("anna", "POST /api/v1/service", 405), ("nobody", "POST /api/v1/service", 401)]
     assert secret not in json.dumps(log)
+
+
+def test_a_certificate_that_expires_soon_is_reported_until_a_new_one_is_loaded(
+    tmp_path: Path, need: Callable[[str], str]
+) -> None:
+    """On the page, in the log once, and as a metric."""
+    config = demo_config(tmp_path, 'interface = "virtual"\nchannel = "expiry"', axes=1)
+    file = made_certificate(need("openssl"), tmp_path / "cell.crt", 20)
+    edit(config, ("[[bus]]", '[web]\ncertificate = "cell.crt"\nkey = "cell.key"\n\n[[bus]]'))
+    with daemon(config) as d:
+        unverified = ssl._create_unverified_context()
+
+        def get(path: str) -> str:
+            with urllib.request.urlopen(d.page + path, timeout=PATIENCE_S, context=unverified) as answer:
+                return str(answer.read(), "utf-8")
+
+        def warned() -> list[str]:
+            messages: list[str] = json.loads(get("api/v1/service"))["messages"]
+            return [message for message in messages if "certificate" in message]
+
+        def days_left() -> int:
+            (line,) = [n for n in get("metrics").splitlines() if n.startswith("axiswatch_certificate_expiry_seconds")]
+            name, number = line.split()
+            assert name == 'axiswatch_certificate_expiry_seconds{use="web"}'
+            return round(float(number) / 86400)
+
+        assert days_left() == 20
+        (words,) = wait_for(warned)
+        assert words.startswith("cell.crt, the certificate of [web], expires at 20")
+        d.process.send_signal(signal.SIGHUP)  # the same certificate again
+        wait_for(lambda: next((e for e in d.events() if "the configuration is used" in e["event"]), None))
+        assert warned() == [words]
+        made_certificate(need("openssl"), file, 100)
+        assert days_left() == 20  # the daemon still has the former one
+        d.process.send_signal(signal.SIGHUP)
+        wait_for(lambda: not warned())
+        assert days_left() == 100
+        assert [e["message"] for e in d.events() if e["event"] == "certificate"] == [words]
+        assert d.stop() == 0

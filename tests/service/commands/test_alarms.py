@@ -168,9 +168,10 @@ def test_a_daemon_that_does_not_answer_is_a_message_and_exit_code_4() -> None:
     assert "an address is http://HOST:PORT" in refused("status", "--url", "http://[::1", code=2)
 
 
-def test_a_certificate_that_is_not_trusted_is_no_silence() -> None:
+def refused_by_certificate(name: str) -> str:
+    """What a command says about a daemon with this certificate."""
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
-    context.load_cert_chain(TLS / "localhost.crt", TLS / "localhost.key")
+    context.load_cert_chain(TLS / name, TLS / "localhost.key")
     with socket.create_server(("127.0.0.1", 0)) as listener:
 
         def run() -> None:
@@ -181,8 +182,21 @@ def test_a_certificate_that_is_not_trusted_is_no_silence() -> None:
         thread.start()
         message = refused("status", "--url", f"https://127.0.0.1:{listener.getsockname()[1]}", code=4)
         thread.join(PATIENCE_S)
+    return message
+
+
+def test_a_certificate_that_is_not_trusted_is_no_silence() -> None:
+    message = refused_by_certificate("localhost.crt")
     assert "its certificate is not trusted here" in message
     assert "SSL_CERT_FILE" in message
+
+
+def test_an_expired_certificate_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To trust its authority would not help."""
+    monkeypatch.setenv("SSL_CERT_FILE", str(TLS / "expired.crt"))
+    message = refused_by_certificate("expired.crt")
+    assert "its certificate has expired: put a new one in its place, and reload the daemon" in message
+    assert "SSL_CERT_FILE" not in message
 
 
 def test_a_token_that_no_header_can_hold_is_not_shown(url: str) -> None:

@@ -125,5 +125,22 @@ def test_what_commissioning_has_left_is_in_it_and_names_stay(tmp_path: Path) -> 
 
 def test_a_state_directory_that_is_not_there(tmp_path: Path) -> None:
     config, archive = demo_config(tmp_path, axes=1), tmp_path / "robot.tar.gz"
-    assert "state: No such file" in refused("backup", "--config", config, "--output", archive, code=4)
+    words = refused("backup", "--config", config, "--output", archive, code=4)
+    assert "state: No such file" in words
+    assert "before its first run there is none yet: --without-state saves the configuration alone" in words
     assert not archive.exists()
+    shown("backup", "--config", config, "--output", archive, "--without-state")
+    assert names(archive) == {"robot.toml", "demo.dbc"}
+    shown("restore", archive, "--into", tmp_path / "new")
+    assert load(tmp_path / "new" / "robot.toml", {}).service.state_dir == tmp_path / "new" / "state"
+
+
+def test_without_state_nothing_of_the_state_directory_is_in_it(robot: Path, tmp_path: Path) -> None:
+    archive = tmp_path / "robot.tar.gz"
+    shown("backup", "--config", robot, "--output", archive, "--without-state", "--secrets")
+    assert names(archive) == {
+        "robot.toml",
+        "outside/1-demo.dbc",
+        "outside/2-localhost.crt",
+        "outside/3-localhost.key",
+    }

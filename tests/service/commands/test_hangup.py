@@ -9,7 +9,7 @@ from structlog.testing import capture_logs
 
 from service.commands.run import Hangup
 from service.config import Config
-from service.pipeline.reloading import Reloaded, Reloading
+from service.pipeline.reloading import Reloaded, ReloadError, Reloading
 from tests.end_to_end.processes import demo_config, edit, wait_for
 
 
@@ -18,8 +18,11 @@ class Applied:
 
     def __init__(self) -> None:
         self.configs, self.refused = list[Config](), list[Sequence[str]]()
+        self.fault: str | None = None
 
     def reload(self, new: Config) -> Reloaded:
+        if self.fault is not None:
+            raise ReloadError(self.fault)
         self.configs.append(new)
         return Reloaded((), (), (), len(new.axes), ())
 
@@ -53,3 +56,14 @@ def test_without_it_nothing_is_applied_at_the_start(tmp_path: Path) -> None:
     assert applied.configs == []
     hangup.apply()
     assert len(applied.configs) == 1
+
+
+def test_the_log_names_the_folder_of_a_file_and_the_operator_sees_its_name(tmp_path: Path) -> None:
+    file, applied = demo_config(tmp_path), Applied()
+    applied.fault = f"{tmp_path / 'tls' / 'cell.crt'}: No such file or directory"
+    hangup = Hangup(file, None)
+    hangup.start(cast(Reloading, applied))
+    with capture_logs() as logs:
+        hangup.apply()
+    assert logs[-1]["reason"] == applied.fault
+    assert applied.refused == [["tls/cell.crt: No such file or directory"]]

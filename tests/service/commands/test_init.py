@@ -143,7 +143,11 @@ def test_a_column_of_two_values_may_tell_what_is_carried(
     text = shown("init", record)
     for axis in load(Path("axis.toml")).axes:
         assert [signal.name for signal in axis.config.signal] == signals
-    assert text.count(" may tell what the robot carries") == len(signals)
+    carried = ", ".join(
+        name for name in columns if re.sub(r"[ .]", "-", f"signal{name}" if name == "1" else name) in signals
+    )
+    assert (f"all axes: {carried} may tell what the robot carries" in text) == bool(signals)
+    assert text.count(" may tell what the robot carries") == bool(signals)
     unused = [name for name in columns if re.sub(r"[ .]", "-", name) not in signals and name != "1"]
     assert not unused or f"not used: {', '.join(unused)}" in text
 
@@ -258,6 +262,53 @@ def test_a_unit_of_the_time_that_no_name_shows_is_asked_for(
     retime(record, head, (cell.format(t, 1e3 * t, 1e6 * t, 46083.25 + t / 86_400, t / 60) for t in times))
     assert f"time: {head}, {interval_s:.4g} s apart{words}\n" in shown("init", record)
     assert proposed()[0].sample_interval_s == pytest.approx(interval_s, rel=1e-3)
+
+
+_FILETIME = 134_404_344_000_000_000
+_TICKS = 639_085_896_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "factor", "words"),
+    [
+        ("Timestamp", (_FILETIME + 50_000 * k for k in range(4000)), 1e-7, "100 ns since 1601, as times of Windows"),
+        ("t [100 ns]", (_FILETIME + 50_000 * k for k in range(4000)), 1e-7, "100 ns since 1601, as times of Windows"),
+        ("Ticks", (_TICKS + 50_000 * k for k in range(4000)), 1e-7, "100 ns since the year 1, as times of .NET do"),
+        ("time_100ns", (50_000 * k for k in range(4000)), 1e-7, ""),
+        ("Time_ms", (46_355_583_333.3 + k * 0.005 / 0.0864 for k in range(4000)), 0.0864, "millionths of a day since"),
+        ("Time_ms", (46_355_583_335 + 5 * k for k in range(4000)), 1e-3, ""),  # a machine that runs for 537 days
+        ("Time", (1_795_960_800_000_000_000 + 5_000_000 * k for k in range(4000)), 1e-9, "it is in ns, as its steps"),
+    ],
+)
+def test_times_that_count_other_steps_than_their_name_says(
+    record: Path, head: str, cells: Iterable[float], factor: float, words: str
+) -> None:
+    """Their size shows it: a ten times longer interval would be a hundred times the inertia."""
+    retime(record, head, (f"{cell:.4f}" if isinstance(cell, float) else str(cell) for cell in cells))
+    text = shown("init", record)
+    found = proposed()[0]
+    assert found.time.factor == pytest.approx(factor)
+    assert found.sample_interval_s == pytest.approx(0.005, rel=2e-3)
+    assert (
+        (f" s apart if it counts {words}" in text or f" s apart if {words}" in text)
+        if words
+        else " apart if" not in text
+    )
+
+
+def test_seconds_and_their_fraction_in_two_columns(record: Path) -> None:
+    """As ROS writes them: the rows are evenly spaced, and it is shown how to write the times of lost ones."""
+    names, *lines = record.read_text("utf-8").splitlines()
+    stamps = (f"{1_795_960_800 + k // 200},{k % 200 * 5_000_000}" for k in range(4000))
+    rows = [",".join([stamp, line.partition(",")[2]]) for stamp, line in zip(stamps, lines, strict=False)]
+    head = "stamp.sec,stamp.nanosec" + names[names.index(",") :]
+    record.write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
+    text = shown("init", record)
+    assert "rows are taken as evenly spaced, 0.005 s apart" in text
+    assert (
+        'it is the fraction of "stamp.sec"; where rows are missing, write both as one column, stamp.sec + 1e-9' in text
+    )
+    assert [(axis.time.column, axis.sample_interval_s) for axis in proposed()] == [(None, 0.005)] * 2
 
 
 @pytest.mark.parametrize(("head", "cell"), [("Time", "{0:.3f}"), ("stamp.nanosec", "{1}")])

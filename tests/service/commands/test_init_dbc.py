@@ -81,7 +81,7 @@ def test_a_gripper_and_a_payload(folder: Path) -> None:
     more += 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\n'
     more += 'BA_DEF_DEF_ "GenMsgCycleTime" 0;\nBA_ "GenMsgCycleTime" BO_ 704 100;\n'
     text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", more))
-    assert "all axes: Outputs.DO_Gripper may tell what the robot carries" in text
+    assert "all axes: Scale.Payload, Outputs.DO_Gripper, Second.DO_Gripper may tell what the robot carries" in text
     for axis in axes:
         found = {(signal.name, signal.message, signal.signal, signal.max_age_s) for signal in axis.config.signal}
         assert found == {
@@ -89,6 +89,18 @@ def test_a_gripper_and_a_payload(folder: Path) -> None:
             ("Second-DO_Gripper", "Second", "DO_Gripper", 3600.0),
             ("Payload", "Scale", "Payload", 10.0),
         }
+
+
+def test_many_outputs_of_grippers_are_one_line_for_people_and_one_each_in_the_file(folder: Path) -> None:
+    signals = "".join(f' SG_ Gripper{k} : {k}|1@1+ (1,0) [0|1] "" M\n' for k in range(40))
+    text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", f"BO_ 703 Outputs: 8 Controller\n{signals}\n"))
+    (line,) = [line for line in text.splitlines() if "may tell what the robot carries" in line]
+    assert "Outputs.Gripper0, Outputs.Gripper1, " in line
+    assert "and 28 more" in line
+    assert [len(axis.config.signal) for axis in axes] == [40, 40]
+    written = Path("axis.toml").read_text(encoding="utf-8").splitlines()
+    assert sum('signal = "Gripper' in line for line in written) == 40
+    assert max(map(len, written)) < 200
 
 
 def test_a_real_one(records_dir: Path) -> None:

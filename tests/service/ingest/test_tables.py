@@ -181,6 +181,15 @@ def fault(path: Path, axis: dict[str, Any]) -> str:
             '1,2,"[3, 4]"\n1,2,3\n',
             ", line 2: column \"angle_one\" holds '[3, 4]', which is no number: give each of its values a column",
         ),
+        (
+            '1,2,"(3, 4)"\n1,2,3\n',
+            ", line 2: column \"angle_one\" holds '(3, 4)', which is no number: give each of its values a column",
+        ),
+        (
+            "1,2,\"array('d', [3, 4])\"\n1,2,3\n",
+            ', line 2: column "angle_one" holds "array(\'d\', [3, 4])", which is no number: give each of its values a'
+            " column",
+        ),
     ],
 )
 def test_a_wrong_line_of_a_csv(tmp_path: Path, text: str, message: str) -> None:

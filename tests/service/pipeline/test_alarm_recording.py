@@ -145,6 +145,12 @@ def test_at_the_end_what_waits_is_written_at_once_or_logged_as_lost(path: Path, 
         alarms.finish()
     assert [entry["event"] for entry in logs] == ["alarm raised"]
     assert [a.state for a in journal.standing()] == ["acknowledged"]
+    # The alarm is in the journal now: what is lost is only its newest size.
+    with locked(path), capture_logs() as logs:
+        alarms.record([AxisAlarm(AXIS, episode(crossings=2))])
+        alarms.finish()
+    assert logs[-1]["event"] == "the last change of a recorded alarm could not be recorded until the end"
+    assert not any("alarm lost" in entry["event"] for entry in logs)
 
 
 def test_what_persons_do_is_in_the_next_snapshot_and_shelves_end_by_the_given_clock(journal: Journal) -> None:

@@ -98,8 +98,12 @@ def test_axes_are_added_and_removed(
     core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
 ) -> None:
     reload = reloading.reload
+    last = {axis.id: axis.status.time_us for axis in core.worker.snapshot.axes}
+    wait_for(lambda: not any(core.history.is_due(axis_id, time_us) for axis_id, time_us in last.items()))
     assert reload(cell(tmp_path, 1)) == Reloaded((), (), (OTHER,), 1, ())
     wait_for(lambda: len(core.worker.snapshot.axes) == 1)
+    # The history has forgotten the axis that is gone, and only that.
+    assert [axis_id for axis_id, time_us in last.items() if core.history.is_due(axis_id, time_us)] == [OTHER]
     core.feed([f for f in seconds(frames, 12, 13) if f.can_id == frames[0].can_id])
     assert [axis.id for axis in core.worker.snapshot.axes] == [AXIS]
     assert reload(cell(tmp_path, 2)) == Reloaded((), (OTHER,), (), 1, ())

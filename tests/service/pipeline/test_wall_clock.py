@@ -7,7 +7,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from service.can.frames import Frame, FrameBlock
-from service.pipeline.wall_clock import WallClock
+from service.pipeline.wall_clock import SHOWN_US, WallClock
 from service.simulation.robot import SimulatedFault
 from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 from tests.service.pipeline.running_core import StandingCore
@@ -46,8 +46,26 @@ def test_each_step_is_recorded_and_slow_corrections_are_none() -> None:
         ("the clock was set", 3600),
     ]
     assert clock.set_by_us == -2 * HOUR_US
-    assert clock.message is not None
-    assert "was set forward by an hour, to 2025-" in clock.message
+
+
+def test_a_step_is_a_message_for_a_week() -> None:
+    """The log keeps it; on the page it would hide what is new."""
+    clocks = Clocks()
+    clock = WallClock(clocks.wall_us, clocks.steady)
+
+    def message_after(seconds: float, step_us: int = 0) -> str:
+        clocks.steady_s += seconds
+        clocks.set_by_us += step_us
+        clock()
+        return clock.message or ""
+
+    assert message_after(1) == ""
+    assert "was set back by an hour, to 2025-" in message_after(86400, -HOUR_US)
+    last = message_after(86400, 3 * HOUR_US)
+    assert "was set forward by 3 hours, to 2025-" in last
+    assert message_after(SHOWN_US / 1e6) == last
+    assert message_after(1) == ""
+    assert "was set forward by an hour" in message_after(1, HOUR_US)
 
 
 class Stepping(Waiting):

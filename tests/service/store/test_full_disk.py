@@ -1,6 +1,9 @@
 """A full disk: a small one that is really mounted, which needs root; without it these tests are skipped."""
 
+import os
+import random
 import subprocess
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -10,6 +13,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
 from service.pipeline.alarm_recording import RETRY_S, AlarmRecorder, AxisAlarm, JournalQuantity
 from service.store.alarm_transitions import Note
+from service.store.archive import FORMAT, Manifest, restore_archive, write_archive
 from service.store.checkpoints import Checkpoints
 from service.store.database import StoreError
 from service.store.history_store import Bounds, HistoryStore
@@ -34,6 +38,12 @@ class SmallDisk:
                         pass
                 except OSError:
                     continue
+
+    def fill_but(self, left: int) -> None:
+        """Up to so many bytes."""
+        disk = os.statvfs(self.folder)
+        with self._filler.open("ab", buffering=0) as file:
+            file.write(bytes(disk.f_bavail * disk.f_frsize - left))
 
     def free(self) -> None:
         """As before."""
@@ -101,3 +111,34 @@ def test_a_read_only_disk_names_the_folder_that_must_be_writable(disk: SmallDisk
     words = f"Read-only file system: {disk.folder} must be a folder that the user of the daemon can write"
     with pytest.raises(StoreError, match=words):
         Journal(disk.folder / "alarms.sqlite")
+
+
+def test_a_backup_names_the_disk_that_is_full(disk: SmallDisk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of the archive, that of the copies, or that of the restored folder; never the file that was read."""
+    journal = Journal(tmp_path / "alarms.sqlite")
+    for text in (tmp_path / "robot.toml", tmp_path / "drive.bin"):
+        text.write_bytes(random.Random(1).randbytes(400_000))
+    sources = {
+        path.name: path for path in (tmp_path / "robot.toml", tmp_path / "drive.bin", tmp_path / "alarms.sqlite")
+    }
+    manifest = Manifest(FORMAT, "0.1", "", "robot.toml", {}, [], {})
+    with pytest.raises(StoreError) as refused:
+        write_archive(disk.folder / "b.tar.gz", manifest, sources)
+    assert str(refused.value) == f"{disk.folder / 'b.tar.gz'}: No space left on device"
+    assert list(disk.folder.iterdir()) == []
+    archive = tmp_path / "b.tar.gz"
+    write_archive(archive, manifest, sources)
+    with pytest.raises(StoreError) as refused:
+        restore_archive(archive, disk.folder / "new")
+    assert str(refused.value) == f"{disk.folder / 'new'}: No space left on device"
+    assert list(disk.folder.iterdir()) == []
+    monkeypatch.setattr(tempfile, "tempdir", str(disk.folder))
+    for source in ("drive.bin", "alarms.sqlite"):
+        disk.fill_but(30_000)
+        with pytest.raises(StoreError) as refused:
+            write_archive(archive, manifest, {source: sources[source]})
+        assert str(refused.value) == (
+            f"copies in {disk.folder} (TMPDIR names another folder for them): No space left on device"
+        )
+        disk.free()
+    journal.close()

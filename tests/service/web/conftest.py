@@ -27,6 +27,7 @@ from monitor_core.trend.entries import HistoryEntry
 from monitor_core.trend.trend import trend_of
 from service.can.bus_reader import BusSnapshot
 from service.config import Config, load
+from service.config.certificates import Expiry
 from service.config.drive_sources import shipped
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_pipeline import Heat
@@ -209,6 +210,7 @@ def whole_snapshot() -> Snapshot:
         processing=Histogram((0.001, 0.01, 0.1), (100, 20, 3, 1), 1.25),
         checkpoint_us=NOON_US - 30_000_000,
         messages=("demo.axis1: its checkpoint is not used and kept aside: it is damaged",),
+        certificates=(Expiry("web", Path("cell.crt"), NOON_US + 86_400_000_000),),
     )
 
 

@@ -3,12 +3,14 @@
 import json
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.detection import Alarm, Reach
+from monitor_core.wording import sentence
 from service.pipeline.snapshot import Snapshot
 from service.store.alarm_transitions import Note
 from service.texts.instants import iso
@@ -249,7 +251,8 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
 
 def test_a_journal_that_cannot_be_read_is_said(stage: Stage, client: TestClient) -> None:
     stage.journal.close()
-    assert "alarms.sqlite: it has been closed" in get(client, "/api/v1/alarms", status=503)["detail"]
+    detail = get(client, "/api/v1/alarms", status=503)["detail"]
+    assert detail == "a file of the daemon cannot be read or written: alarms.sqlite: it has been closed"
     assert get(client, "/api/v1/axes")["axes"]
 
 
@@ -276,6 +279,25 @@ def test_service_tells_why_it_is_not_ready(stage: Stage, client: TestClient) -> 
     assert body["checkpoint"] == "2026-03-01T11:59:30.000000Z"
     stage.healthy()
     assert get(client, "/api/v1/service")["ready"] is True
+
+
+def test_who_may_only_read_sees_no_folder_of_the_machine(stage: Stage, client: TestClient) -> None:
+    """Of what the daemon cannot read or write; the log has the whole path."""
+    why = sentence("file gone", "{path} is no longer there", path="/var/lib/axiswatch/history.sqlite")
+    problem = sentence("history not written", "not written yet: {why}", why=why)
+    stage.snapshot = replace(stage.snapshot, messages=(problem,))
+    stage.links = (replace(stage.links[0], problem="/etc/axiswatch/ca/plant.pem: cannot read the certificate"),)
+    stage.setup = replace(stage.setup, file=Path("/etc/axiswatch/robot.toml"))
+    answer = client.get("/api/v1/service")
+    assert "/var" not in answer.text
+    assert "/etc" not in answer.text
+    body = answer.json()
+    assert body["messages"] == [
+        "not written yet: history.sqlite is no longer there",
+        "link orders: ca/plant.pem: cannot read the certificate",
+    ]
+    translated = {found["words"]: found["kind"] for found in body["sentences"]}
+    assert translated[body["messages"][0]] == "history not written"
 
 
 def test_alive_while_the_worker_reports(stage: Stage, client: TestClient) -> None:

@@ -8,6 +8,8 @@ import pytest
 from fastapi.testclient import TestClient
 
 from service.config.drive_sources import shipped
+from service.store.tokens import Scope, TokenFile
+from service.web.access import Access
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import NoLookError, SignalCheck
 from tests.service.pipeline.robots import with_axes
@@ -71,6 +73,18 @@ def test_a_robot_that_was_never_commissioned_is_told_where_to_write(stage: Stage
     assert found["folder"] == str(tmp_path)
     assert found["report"] is None
     assert found["steps"][3]["command"].endswith("--config 'my robot.toml' --minutes 10 --output commissioned")
+
+
+@pytest.mark.parametrize("scope", list(Scope))
+def test_only_an_admin_sees_the_folder(stage: Stage, tmp_path: Path, scope: Scope) -> None:
+    tokens = TokenFile(tmp_path / "tokens.json")
+    secret = tokens.new("anna", scope)
+    stage.setup = replace(robot_setup(), file=tmp_path / "robot.toml")
+    stage.access = Access(tokens)
+    answer = stage.client().get("/api/v1/commissioning", headers={"Authorization": f"Bearer {secret}"})
+    assert answer.status_code == 200
+    assert answer.json()["folder"] == (str(tmp_path) if scope is Scope.ADMIN else None)
+    assert (str(tmp_path) in answer.text) == (scope is Scope.ADMIN)
 
 
 def test_the_signals_of_an_axis_are_looked_at(stage: Stage) -> None:

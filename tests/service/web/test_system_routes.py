@@ -205,7 +205,8 @@ def test_the_databases_have_sizes_times_and_problems(stage: Stage, tmp_path: Pat
     setup = robot_setup()
     service = setup.config().service.model_copy(update={"state_dir": tmp_path})
     config = setup.config().model_copy(update={"service": service})
-    problems = {"alarms.sqlite": "3 alarms are not recorded yet", "checkpoints.sqlite": None}
+    gone = f"{tmp_path / 'history.sqlite'} is no longer there"
+    problems = {"alarms.sqlite": "3 alarms are not recorded yet", "checkpoints.sqlite": None, "history.sqlite": gone}
     stage.setup = replace(setup, config=lambda: config, problems=lambda: problems)
     damaged = "history.sqlite.damaged-20260301T120000.000000Z"
     (tmp_path / damaged).touch()
@@ -215,7 +216,7 @@ def test_the_databases_have_sizes_times_and_problems(stage: Stage, tmp_path: Pat
     assert alarms["size_bytes"] == sum(path.stat().st_size for path in on_disk) > 0
     assert alarms["problem"] == "3 alarms are not recorded yet"
     assert (checkpoints["size_bytes"], checkpoints["written"], checkpoints["problem"]) == (0, None, None)
-    assert (history["name"], history["problem"]) == ("history.sqlite", None)
+    assert (history["name"], history["problem"]) == ("history.sqlite", "history.sqlite is no longer there")
     assert re.fullmatch(r"20\d\d-.*Z", history["written"])
     assert found["damaged"] == [damaged]
     assert found["free_bytes"] > 0

@@ -23,7 +23,7 @@ export function CommissioningPage() {
       </p>
       <Signals axes={found.axes} />
       <h2>{c.steps}</h2>
-      <p class="quiet">{c.folder} <bdi>{found.folder}</bdi></p>
+      <p class="quiet">{c.folder} <bdi>{found.folder ?? c.ofConfiguration}</bdi></p>
       <Table label={c.steps} columns={[c.step, t.columns.state, c.command]} rows={found.steps.map((step) => stepOf(step, found.next))} />
       <h2>{c.results}</h2>
       {found.report !== null && <p><a href={found.report}>{t.pages.report}</a></p>}

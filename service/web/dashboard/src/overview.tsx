@@ -45,7 +45,7 @@ export function Overview() {
       <AlarmLines alarms={live.active.filter((alarm) => !isHidden(alarm))} axes={live.axes} />
       <div class="tools">
         <input ref={field} type="search" placeholder={`${t.search}  /`} aria-label={t.search} value={search}
-          onInput={(event) => setSearch(event.currentTarget.value)} />
+          onInput={(event) => setSearch(event.currentTarget.value)} onKeyDown={toFirstTile} />
         <div class="choice" role="group" aria-label={t.filter}>
           {(["all", ...NEEDS] as const).map((need) => (
             <button key={need} type="button" aria-pressed={shown === need} onClick={() => setShown(need)}>
@@ -66,6 +66,14 @@ export function Overview() {
       <Legend />
     </>
   );
+}
+
+/** From the search to what it has found, past the filters between. */
+function toFirstTile(event: KeyboardEvent): void {
+  const first = document.querySelector<HTMLElement>("a.tile");
+  if (first === null || !(event.key === "ArrowDown" || event.key === "Enter")) return;
+  event.preventDefault();
+  first.focus();
 }
 
 function AlarmLines({ alarms, axes }: { alarms: Alarm[]; axes: Axis[] }) {

@@ -355,7 +355,7 @@ export const en = {
     meaning: "The last ten seconds of each axis, looked at as commissioning does. The axis should move.",
     rate: "Samples/s", missing: "Missing", torque: "Torque", motionRange: "Motion", findings: "Findings",
     fine: "as expected", stands: "it does not move", problem: "problem", proposal: "change", doubt: "open",
-    steps: "Steps", folder: "Commands for a terminal, in the folder", step: "Step", command: "Command",
+    steps: "Steps", folder: "Commands for a terminal, in the folder", ofConfiguration: "of the configuration", step: "Step", command: "Command",
     name: {
       configure: "Configure", signals: "Look at the signals", record: "Record", identify: "Identify", calibrate: "Calibrate",
       run: "Run",
