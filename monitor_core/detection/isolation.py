@@ -163,19 +163,29 @@ class _Heavier(NamedTuple):
 def _heavier(d: Floats, V: Floats, payload: Payload) -> _Heavier | None:
     """The likeliest payload that changes weight and inertia; None: no payload changes them so.
 
-    The weight would become less with a larger inertia, or the inertia would grow far more than the weight.
+    The weight would become less with a larger inertia, or the inertia would grow far more than the weight.  Where it is
+    known that there is another payload, only deviations beyond the tolerance show that.
     """
     R, scale = _information(V)
     directions = np.column_stack([payload.inertia, np.arange(len(d)) == payload.load]) / scale[:, np.newaxis]
-    explained = directions.T @ R @ (d / scale)
-    covariance = np.linalg.pinv(directions.T @ R @ directions, hermitian=True)
+    information, explained = directions.T @ R @ directions, directions.T @ R @ (d / scale)
+    covariance = np.linalg.pinv(information, hermitian=True)
     a, b = covariance @ explained
+    T = float(explained @ (a, b))
     more = -b / payload.inertia[payload.load]  # relative, as a
-    if a >= 1 or a * more <= 0 or abs(a) > MAX_SHARE * abs(more):
+    if a * more <= 0 or abs(a) > MAX_SHARE * abs(more):
+        # The estimates scatter: of a known payload the one nearest to them counts, if it is within their tolerance.
+        edge = np.array([1.0, -payload.inertia[payload.load] / MAX_SHARE])
+        a, b = edge * (edge @ explained) / (edge @ information @ edge)
+        beyond, T = T - float(explained @ (a, b)), float(explained @ (a, b))
+        weight_alone = float(explained[1] ** 2 / information[1, 1])
+        if payload.cost or beyond > SECOND_DIRECTION or weight_alone >= T:
+            return None
+    if a >= 1:
         return None
     slopes = np.array([b / (1 - a) ** 2, 1 / (1 - a)])  # of the weight b / (1 - a)
     weight_sd = float(np.sqrt(slopes @ covariance @ slopes))
-    return _Heavier(float(explained @ (a, b)), float(b / (1 - a)), weight_sd)
+    return _Heavier(T, float(b / (1 - a)), weight_sd)
 
 
 def _without(direction: Floats, R: Floats, Rd: Floats) -> tuple[Floats, Floats]:

@@ -9,7 +9,9 @@ covariance C and the slopes s of the nominal values over the heat,
 where ``error`` is the standard deviation by which healthy estimates are off beside their scatter, until the remaining
 uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.  Only the parameters
 that depend on the heat are used, so a change of another parameter does not affect it.  A change of friction that is
-already present cannot be distinguished from heat, unless it is larger than the effect of any heat.
+already present cannot be distinguished from heat, unless it is larger than the effect of any heat.  If all of these
+parameters but one agree on a heat, that one has changed by a fault, and the others determine the heat; if no heat
+explains them so, the uncertainty only decays.
 
 The tests also tolerate the error of the thermal model (``Settings.model_error``), and the change of the nominal values
 if the heat is off by its standard deviation, as after a pause.  Beyond the heat of the records, where the straight
@@ -22,7 +24,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.operating_conditions import Conditions, Operating
 from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalState
@@ -161,18 +163,33 @@ class WarmUp:
 def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tuple[float, float]:
     """Heat and its standard deviation [W], corrected by the deviations of the estimates.
 
+    They stay as they are if no heat explains the deviations, not even those of all parameters but a certain one.
     ``slopes``: change of the nominal values (p,) per watt.
     """
     used = np.flatnonzero((slopes != 0) & np.isfinite(found.d))
     if not used.size or not sd > 0:
         return heat, sd
+    explained = _explained(sd, slopes, found, used)
+    if explained is None:
+        # A fault of one parameter: the heat is what explains all others.
+        fewer = [_explained(sd, slopes, found, np.delete(used, k)) for k in range(used.size if used.size > 1 else 0)]
+        possible = [step for step in fewer if step is not None]
+        if len(possible) != 1:
+            return heat, sd
+        explained = possible[0]
+    step, variance = explained
+    return heat + step, float(np.sqrt(variance))
+
+
+def _explained(sd: float, slopes: Floats, found: Deviations, used: Ints) -> tuple[float, float] | None:
+    """Step of the heat [W] and its variance by the parameters ``used``; None: no heat explains their deviations."""
     d, s = found.d[used], slopes[used]
     M = found.covariance[np.ix_(used, used)] + np.diag(found.errors[used] ** 2)
     if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > MAX_SIGMAS**2 * used.size:
-        return heat, sd
+        return None
     weighted = np.linalg.solve(M, s)
     variance = 1 / (1 / sd**2 + float(weighted @ s))
-    return heat + variance * float(weighted @ d), float(np.sqrt(variance))
+    return variance * float(weighted @ d), variance
 
 
 # --- Records: the heat at their first sample is computed back from later samples --------------------------------------

@@ -11,8 +11,11 @@ import numpy as np
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
-from monitor_core.samples import SampleBlock
+from service.commands.commissioning.link_load import link_load
 from service.commands.options import configuration
+from service.config.conditions import needed
+from service.ingest.axis_columns import AxisColumns
+from service.ingest.csv_tables import Rows
 from service.pipeline.axis_monitors import AxisMonitors
 from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
 from tests.service.by_commands import CommandRefusedError, restarted, write_thresholds
@@ -22,11 +25,13 @@ MEMORY_S = 10.0
 MIN_SPEED = 3.0
 """rad/s: below, the axis stands, and its friction may be anything."""
 MONITOR = ("kT", "fm", "fc", "load")
-SCHEDULES = {
-    "shoulder": ("tau0: cos(q2), cos(q2 + q3)",),
-    "elbow": ("tau0: cos(q2 + q3)",),
+SIGNALS = {
+    **{axis: (axis, "") for axis in AXES},
+    **{f"{axis}-{kind}": (axis, f"{kind} = true") for axis in AXES for kind in ("speed", "acceleration")},
 }
-"""The shoulder holds the upper arm and what is beyond, the elbow what is beyond alone."""
+"""By name: the axis, and what it is of its angle; all at the arm."""
+WEIGHTS = {"shoulder": "cos(shoulder), cos(shoulder + elbow)", "elbow": "cos(shoulder + elbow)"}
+"""The torque offset by weights alone: the shoulder holds upper arm and forearm, the elbow the forearm."""
 START = {
     "shoulder": {"kT": 1.0, "J": 7e-3, "fm": 4e-3, "fc": 0.3, "tau0": -1.0},
     "elbow": {"kT": 1.0, "J": 3e-3, "fm": 1.5e-3, "fc": 0.1, "tau0": -0.4},
@@ -42,8 +47,10 @@ def write(path: Path, samples: ArmSamples) -> Path:
     return path
 
 
-def configured(folder: Path, name: str, models: Mapping[str, str], monitor: Sequence[str] = MONITOR) -> Path:
-    """A configuration of both axes, with these lines in [robot.axis.model] of each."""
+def configured(
+    folder: Path, name: str, models: Mapping[str, str], monitor: Sequence[str] = MONITOR, signals: bool = True
+) -> Path:
+    """A configuration of both axes, with these lines in [robot.axis.model] of each, and with the signals or without."""
     text = '[[robot]]\nname = "cell"\n'
     for number, axis in enumerate(AXES, 2):
         text += f"""\
@@ -56,23 +63,37 @@ angle = {{ column = "angle{number}", resolution = {STEP} }}
 min_speed = {MIN_SPEED}
 estimator = {{ memory_s = {MEMORY_S} }}
 """
-        for k in (2, 3):
-            text += f'[[robot.axis.signal]]\nname = "q{k}"\ncolumn = "angle{k}"\nfactor = {R}\n'
+        for signal, (moving, of_angle) in SIGNALS.items() if signals else ():
+            text += f'[[robot.axis.signal]]\nname = "{signal}"\naxis = "{moving}"\nfactor = {R}\n{of_angle}\n'
         text += f"[robot.axis.model]\ndrive = 'one-mass'\nmonitor = {list(monitor)}\n{models[axis]}\n"
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
 
 
-def identified(folder: Path, records: Sequence[Path]) -> Path:
-    """The configuration with what ``identify`` finds."""
+def link_terms(folder: Path, records: Sequence[Path]) -> dict[str, str]:
+    """What the torque offset of each axis follows, as ``commission`` finds it in these records."""
+    bare = dict.fromkeys(AXES, f"nominal = {{ kT = 1.0, r = {R} }}")
+    text = configured(folder, "links.toml", bare, ("kT", "fm", "fc"), signals=False).read_text(encoding="utf-8")
+    terms = dict[str, str]()
+    for axis in AXES:
+        found = link_load(text, f"cell.{axis}", [str(record) for record in records], folder)
+        if found is None:
+            raise CommandRefusedError(f"the torque of the {axis} shows no load of links")
+        terms[axis] = ", ".join(found.terms)
+        print(f"{axis}: {terms[axis]}; they explain {found.explained:.1%} of the torque")
+    return terms
+
+
+def identified(folder: Path, records: Sequence[Path], offsets: Mapping[str, str] = WEIGHTS) -> Path:
+    """The configuration with what ``identify`` finds, where the torque offsets follow these terms."""
     given = {
         axis: "nominal = {{ {} }}".format(", ".join(f"{n} = {v}" for n, v in values.items()))
         for axis, values in START.items()
     }
     config = configured(folder, "identify.toml", {axis: f"friction_speed_scale = 1.0\n{given[axis]}" for axis in AXES})
     for axis in AXES:
-        schedule = [word for text in SCHEDULES[axis] for word in ("--schedule", text)]
+        schedule = ["--schedule", f"tau0: {offsets[axis]}"]
         found, page = folder / f"{axis}.toml", folder / f"{axis}.html"
         result = axiswatch(
             "identify", *records, "--config", config, "--axis", axis, "--start", "values", "--force",
@@ -107,16 +128,18 @@ class Watcher:
     """The monitors of the daemon for both axes; it can be copied."""
 
     def __init__(self, config: Path, monitors: AxisMonitors | None = None) -> None:
-        self._config = config
-        self.monitors = monitors or AxisMonitors(configuration(config, without_bus=True).axes)
+        axes = configuration(config, without_bus=True).axes
+        self._config, self._rows = config, 0
+        self._columns = {axis.id: AxisColumns(axis.id, axis.config, needed(axis)) for axis in axes}
+        self.monitors = monitors or AxisMonitors(axes)
 
     def take(self, samples: ArmSamples) -> list[tuple[str, Alarm]]:
         """Alarms that changed in these samples, with their axis."""
-        blocks = {
-            f"cell.{axis}": SampleBlock(samples.t_us, samples.u[:, k], samples.y[:, k], signals=samples.y * R)
-            for k, axis in enumerate(AXES)
-        }
-        found = self.monitors.update(blocks)
+        names = ("t", "torque2", "torque3", "angle2", "angle3")
+        table = np.column_stack([samples.t_us * 1e-6, samples.u, samples.y])
+        rows = Rows(dict(zip(names, table.T, strict=True)), 1.0)
+        found = self.monitors.update({a: columns.samples(rows, self._rows) for a, columns in self._columns.items()})
+        self._rows += len(table)
         return [(changed.axis_id.removeprefix("cell."), changed.alarm) for changed in found]
 
     def restarted(self) -> Watcher:

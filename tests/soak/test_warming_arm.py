@@ -1,9 +1,10 @@
 """Arms of two axes that carry a payload and warm up without a thermometer: days with a cold start each.
 
 All values redrawn (tests/core/warming_arm.py); commissioned by ``identify`` and ``calibrate`` from two cold mornings of
-operation with the usual payload: the torque offset follows the pose, friction the heat that nobody measures.  Each day
-has a pause at noon, and the daemon restarts after each stop.  ``AXISWATCH_PLANTS`` is the number of arms,
-``AXISWATCH_DAYS`` that of days.  Each change is tried on the first and the last day, cold and warm.
+operation with the usual payload: the torque offset follows the pose and what it takes to move the links, in the terms
+that ``commission`` finds; friction follows the heat that nobody measures.  Each day has a pause at noon, and the daemon
+restarts after each stop.  ``AXISWATCH_PLANTS`` is the number of arms, ``AXISWATCH_DAYS`` that of days.  Each change is
+tried on the first and the last day, cold and warm.
 """
 
 import os
@@ -14,7 +15,7 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from tests.core.warming_arm import WarmingArm, redrawn_warming_arm
-from tests.service.arm_cell import Watcher, after_change, calibrated, identified, write
+from tests.service.arm_cell import Watcher, after_change, calibrated, identified, link_terms, write
 from tests.service.arm_changes import CASES, FAULTS, PAYLOADS, Tried, table, try_arms
 
 pytestmark = pytest.mark.soak
@@ -36,7 +37,7 @@ def days_of(number: int, seed: int, folder: Path) -> tuple[list[str], list[Tried
         records.append(write(folder / name, arm.take(RECORD_S)))
         print(f"arm {number}: {name} ends at a warmth of {arm.warmth}", flush=True)
         arm.rest(NIGHT_S)
-    watcher = Watcher(calibrated(identified(folder, records), records, BUDGET))
+    watcher = Watcher(calibrated(identified(folder, records, link_terms(folder, records)), records, BUDGET))
     false, found = set[str](), list[Tried]()
     for day in range(DAYS):
         for half, pause_s in (("morning", LUNCH_S), ("afternoon", NIGHT_S)):

@@ -178,3 +178,19 @@ def test_given_a_payload_nothing_else_has_changed(seed: int) -> None:
     gain = unexplained(d, V, [LOAD], PAYLOAD.inertia) - unexplained(d, V, [LOAD, 1], PAYLOAD.inertia)
     assert causes.T[1] == pytest.approx(gain, rel=1e-3)
     assert causes.T[1] > 100
+
+
+def test_given_a_payload_the_scatter_of_its_weight_is_no_other_change(seed: int) -> None:
+    """With the weight that the estimates show, many of these draws have far more inertia than any payload adds."""
+    known = PAYLOAD._replace(cost=0.0)
+    V = np.diag((np.array([0.02, 0.05, 0.05, 0.07]) * NOMINAL) ** 2)
+    draws = np.random.default_rng(seed).multivariate_normal(after_payload(1.25, 1.1) / SCALE, V / SCALE**2, 2000)
+    given = [single_faults(d * SCALE, V, [LOAD], payload=known) for d in draws]
+    assert sum(causes.payload == 0 for causes in given) < 10
+    # Of the payloads inside the limits, 0.1 % are beyond the tolerance; that 10 are has a probability below 1e-4.
+    assert sum(causes.stands_out(4.0) for causes in given) < 10
+    for inertia, weight in ((1.5, 0.6), (0.7, 1.4)):  # far beyond the tolerance
+        causes = single_faults(after_payload(inertia, weight), V / 25, [LOAD], payload=known)
+        assert causes.payload == 0
+        assert causes.best == KT
+        assert causes.stands_out(4.0)
