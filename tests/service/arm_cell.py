@@ -11,11 +11,11 @@ import numpy as np
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
-from service.commands.commissioning.link_load import link_load
+from service.commands.commissioning.axis.link_load import link_load
 from service.commands.options import configuration
 from service.config.conditions import needed
 from service.ingest.axis_columns import AxisColumns
-from service.ingest.csv_tables import Rows
+from service.ingest.csv_tables import CsvRows
 from service.pipeline.axis_monitors import AxisMonitors
 from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
 from tests.service.by_commands import CommandRefusedError, restarted, write_thresholds
@@ -137,7 +137,7 @@ class Watcher:
         """Alarms that changed in these samples, with their axis."""
         names = ("t", "torque2", "torque3", "angle2", "angle3")
         table = np.column_stack([samples.t_us * 1e-6, samples.u, samples.y])
-        rows = Rows(dict(zip(names, table.T, strict=True)), 1.0)
+        rows = CsvRows(dict(zip(names, table.T, strict=True)), 1.0)
         found = self.monitors.update({a: columns.samples(rows, self._rows) for a, columns in self._columns.items()})
         self._rows += len(table)
         return [(changed.axis_id.removeprefix("cell."), changed.alarm) for changed in found]
