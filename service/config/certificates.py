@@ -14,7 +14,7 @@ from monitor_core.wording import Sentence, sentence
 from service.config.schema import Config
 from service.texts.instants import iso, microseconds
 
-Use = Literal["web", "opcua"]
+CertificateUse = Literal["web", "opcua"]
 """The server that shows a certificate to its clients"""
 
 WARNED_S = 30 * 86400.0
@@ -24,7 +24,7 @@ _PEM = re.compile(r"-----BEGIN CERTIFICATE-----.+?-----END CERTIFICATE-----", re
 _SEQUENCE, _VERSION, _UTC_TIME, _GENERALIZED_TIME = 0x30, 0xA0, 0x17, 0x18
 _VALIDITY = 3
 """Place of the validity after the version, which is optional: serial number, algorithm, issuer, validity"""
-_TABLES: dict[Use, str] = {"web": "[web]", "opcua": "[links.opcua]"}
+_TABLES: dict[CertificateUse, str] = {"web": "[web]", "opcua": "[links.opcua]"}
 
 
 class Expiry(NamedTuple):
@@ -33,7 +33,7 @@ class Expiry(NamedTuple):
     ``at_us``: when the first certificate of the file expires, which may be one of its chain [us since 1970].
     """
 
-    use: Use
+    use: CertificateUse
     file: Path
     at_us: int
 
@@ -62,7 +62,7 @@ class Expiry(NamedTuple):
 def expiries(config: Config) -> Iterator[Expiry]:
     """When the certificates of the servers expire; a file that cannot be read or used is reported elsewhere."""
     opcua = config.links.opcua
-    files: dict[Use, Path | None] = {
+    files: dict[CertificateUse, Path | None] = {
         "web": config.web.certificate,
         "opcua": None if opcua is None else opcua.certificate,
     }
