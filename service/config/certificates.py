@@ -1,12 +1,6 @@
-"""When the certificates that a configuration names expire, and the warnings before and after that.
+"""When the certificates that a configuration names expire, and the warnings before and after that."""
 
-The date is read from the DER structure of X.509 (RFC 5280, 4.1), as Python's ssl shows only certificates of others.
-"""
-
-import re
-import ssl
 from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -20,10 +14,6 @@ CertificateUse = Literal["web", "opcua"]
 WARNED_S = 30 * 86400.0
 """A certificate that expires within this time is reported [s]."""
 
-_PEM = re.compile(r"-----BEGIN CERTIFICATE-----.+?-----END CERTIFICATE-----", re.DOTALL)
-_SEQUENCE, _VERSION, _UTC_TIME, _GENERALIZED_TIME = 0x30, 0xA0, 0x17, 0x18
-_VALIDITY = 3
-"""Place of the validity after the version, which is optional: serial number, algorithm, issuer, validity"""
 _TABLES: dict[CertificateUse, str] = {"web": "[web]", "opcua": "[links.opcua]"}
 
 
@@ -79,37 +69,10 @@ def expires_us(pem: str) -> int:
     """When the first of the certificates in a PEM text expires [us since 1970].
 
     Raises:
-        ValueError: there is none, or it has no such date.
+        ValueError: there is none, or it cannot be read.
     """
-    return min(_expires_us(ssl.PEM_cert_to_DER_cert(found)) for found in _PEM.findall(pem))
+    # Not at the top: the import takes a third of a second, and few configurations have a certificate.
+    from cryptography import x509
 
-
-def _expires_us(der: bytes) -> int:
-    try:
-        ((_, certificate),) = _elements(der)
-        signed = next(_elements(certificate))[1]
-        fields = [element for element in _elements(signed) if element[0] != _VERSION]
-        kind, validity = fields[_VALIDITY]
-        _, (time_kind, text) = _elements(validity)
-    except (IndexError, StopIteration) as error:
-        raise ValueError("this is no certificate") from error
-    if kind != _SEQUENCE or time_kind not in (_UTC_TIME, _GENERALIZED_TIME):
-        raise ValueError("this is no certificate: its validity is missing")
-    moment = text.decode("ascii")
-    if time_kind == _UTC_TIME:  # two digits of the year
-        moment = ("19" if moment >= "50" else "20") + moment
-    found = microseconds(datetime.strptime(moment, "%Y%m%d%H%M%SZ").replace(tzinfo=UTC))
-    assert found is not None
-    return found
-
-
-def _elements(der: bytes) -> Iterator[tuple[int, bytes]]:
-    """The elements of DER, one after the other: tag and content."""
-    at = 0
-    while at < len(der):
-        tag, length, at = der[at], der[at + 1], at + 2
-        if length & 0x80:  # the length has several bytes, and this is their number
-            size = length & 0x7F
-            length, at = int.from_bytes(der[at : at + size]), at + size
-        yield tag, der[at : at + length]
-        at += length
+    ends = (microseconds(found.not_valid_after_utc) for found in x509.load_pem_x509_certificates(pem.encode()))
+    return min(end for end in ends if end is not None)
