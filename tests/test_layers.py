@@ -49,7 +49,7 @@ HOMES: dict[str, str | tuple[str, ...]] = {
     "httpx": ("service/client.py", "service/links/webhook.py"),
     "aiomqtt": "service/links/",
     "asyncua": "service/links/",
-    "cryptography": "service/links/",
+    "cryptography": ("service/links/", "service/config/certificates.py"),
     "smtplib": "service/links/",
     "matplotlib": "service/reports/",
 }
