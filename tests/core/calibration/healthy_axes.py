@@ -97,7 +97,8 @@ def count(plant: Plant, settings: Sequence[tuple[Threshold, ...]], seed: int, sa
     """
     axes = Axes(plant, np.random.default_rng(seed), LANES)
     batch = AxisBatch([plant.model] * LANES, [plant.axis.without_tests.settings] * LANES)
-    own = np.ascontiguousarray(np.moveaxis(np.array(settings, float), 0, -1))  # (p, 3, settings)
+    values = [[(t.alpha1, t.alpha2, t.allowance) for t in each] for each in settings]
+    own = np.ascontiguousarray(np.moveaxis(np.array(values), 0, -1))  # (p, 3, settings)
     g = np.zeros((LANES, len(own), 2, len(settings)))
     alarms, seen, scale = np.zeros(len(settings)), 0, plant.model.scale
     start = plant.settings.seed_updates + 400
