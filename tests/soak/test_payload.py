@@ -15,7 +15,7 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from tests.core.arm import Arm, redrawn
-from tests.service.arm_cell import Watcher, after_change, calibrated, identified, write
+from tests.service.arm_cell import Watcher, after_change, calibrated, identified, link_terms, write
 from tests.service.arm_changes import CASES, FAULTS, PAYLOADS, Tried, table, try_arms
 
 pytestmark = pytest.mark.soak
@@ -32,7 +32,7 @@ def tried(number: int, seed: int, folder: Path) -> tuple[list[str], list[Tried]]
     rng = np.random.default_rng([seed, number])
     arm = Arm(redrawn(rng), rng)
     first = write(folder / "first.csv", arm.take(IDENTIFY_S))
-    config = identified(folder, [first])
+    config = identified(folder, [first], link_terms(folder, [first]))
     config = calibrated(config, [write(folder / "second.csv", arm.take(CALIBRATE_S))], BUDGET)
     watcher = Watcher(config)
     false = {f"{axis}: {e.first} at {e.raised_us * 1e-6:.0f} s" for axis, e in watcher.take(arm.take(HEALTHY_S))}
