@@ -103,6 +103,8 @@ class AxisMonitor:
         """Whether the tests wait until that time, as nothing shows the heat earlier"""
         self._models_wait = False
         self._open_us = NEVER  # time of the last sample that no gate left out
+        self._judged_from = 0  # value of ``learned`` when the tests were last switched
+        self._learned_unjudged = 0  # of the samples before that, those without tests
 
     @property
     def open_alarms(self) -> tuple[Alarm, ...]:
@@ -203,7 +205,14 @@ class AxisMonitor:
 
     def judge(self, on: bool) -> None:
         """Switch the tests on or off from now on; the estimates are updated in any case."""
-        self.batch.judge(self.lane, on)
+        if on != self.batch.judged[self.lane]:
+            self._learned_unjudged, self._judged_from = self._unjudged(), self.learned
+            self.batch.judge(self.lane, on)
+
+    def _unjudged(self) -> int:
+        """Number of samples since the start that have updated theta while the tests were switched off."""
+        since = 0 if self.batch.judged[self.lane] else self.learned - self._judged_from
+        return self._learned_unjudged + since
 
     def allow(self, more: Floats, models_wait: bool) -> None:
         """Set an additional allowance (p,) for the CUSUM tests, beyond that of the settings, until the next call.
@@ -262,6 +271,7 @@ class AxisMonitor:
             if detector is not None
         )
         status = self._status.read(self._tracker, self._open_us, detectors)
+        status = replace(status, unjudged_s=self._unjudged() * self.settings.interval_s)
         if self.judged_us is None or status.time_us is None or self.batch.judged[self.lane]:
             return status
         left_s = max(0.0, (self.judged_us - status.time_us) * 1e-6)
@@ -293,6 +303,7 @@ class AxisMonitor:
             raise ValueError(f"open_us of shape {open_us.shape} does not fit")
         self.batch.restore(self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64))
         self._open_us = int(open_us[0])
+        self._judged_from, self._learned_unjudged = self.learned, 0
         self._tracker = AlarmTracker(alarms, unreported, self._reopen_us)
 
 

@@ -116,6 +116,8 @@ class AxisStatus:
     time cannot be told yet"""
     waits: bool = False
     """Whether the tests begin after that time and not sooner"""
+    unjudged_s: float = 0.0
+    """Time [s] of the samples since the start that have updated theta, but were not tested, as the heat was unknown"""
 
     def untested(self) -> dict[NotTested, tuple[str, ...]]:
         """Parameters that are not tested now, by reason."""
@@ -128,9 +130,14 @@ class AxisStatus:
         return _by_reason((p.name, self._main_reason(p)) for p in missing)
 
     def _main_reason(self, p: ParameterStatus) -> NotTested:
-        """Main reason why a parameter was not tested: its present one if that lasts, else the one of most samples."""
+        """Main reason why a parameter was not tested: its present one if that lasts, else the one of most samples.
+
+        With a heat that was known sooner it might have been tested long enough, however many samples a gate left out.
+        """
         if p.not_tested in _LASTING:
             return p.not_tested
+        if self.unjudged_s > 0 and p.tested_s + self.unjudged_s >= MIN_TESTED_MEMORIES * self.memory_s:
+            return NotTested.WARM_UP
         lost_by = {
             NotTested.SEEDING: ("seeding",),
             NotTested.CONDITIONS: ("gated",),

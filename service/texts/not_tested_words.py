@@ -20,7 +20,16 @@ def not_tested_sentences(
     uncertain = listed(untested.get(NotTested.UNCERTAIN, ("another parameter",)))
     for reason, names in untested.items():
         why, needed = (text.format(uncertain=uncertain) for text in _not_tested(reason, status, gated_by))
-        yield f"{listed(names)} {'is' if len(names) == 1 else 'are'} not tested: {why}. Needed: {needed}"
+        yield f"{listed(names)} {_how_long(names, status)}: {why}. Needed: {needed}"
+
+
+def _how_long(names: Sequence[str], status: AxisStatus) -> str:
+    """Whether these parameters are tested at present, but were not for long enough."""
+    found = [p for p in status.parameters if p.name in names]
+    if found and all(p.tested for p in found):
+        short = duration(max(p.tested_s for p in found))
+        return f"{'was' if len(names) == 1 else 'were'} tested for {short} only, too short to find and name a change"
+    return f"{'is' if len(names) == 1 else 'are'} not tested"
 
 
 def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[str, str]:
@@ -39,6 +48,8 @@ def _not_tested(reason: NotTested, status: AxisStatus, gated_by: str) -> tuple[s
         if status.waits:
             return _NOT_RECORDED, _WAIT.format(left=duration(left_s))
         return _WHY[reason], _WARMER.format(left=duration(left_s))
+    if reason is NotTested.WARM_UP and status.unjudged_s > 0:
+        return _WARM_BY_NOW, _NEEDED[reason]
     if reason is NotTested.NOT_OBSERVED and status.confounded:
         return f"{_WHY[reason]} ({'; '.join(status.confounded)})", _NEEDED[reason]
     if reason is NotTested.CONDITIONS and gated_by:
@@ -75,6 +86,7 @@ _WIDEN = '; or `outside_calibration = "widen"` in [robot.axis.detector], with wh
 _MORE_MOTION = "motion that accelerates and has several speeds within memory_s, or a longer memory_s"
 _COLD = '`start = "cold"` in [robot.axis.thermal], if it is cold at the beginning'
 _WARMER = f"{{left}} more of samples at most, as friction may tell it sooner; or {_COLD}"
+_WARM_BY_NOW = "how warm the axis was after a start or a pause was not known before; its friction told"
 _NOT_RECORDED = "how warm the axis is after a start or a pause is not known, and its records show no warm-up"
 _WAIT = "{left} more of samples; or nominal values and thresholds from records from cold to warm"
 _FEWER = "to take {uncertain} out of `monitor`"

@@ -75,6 +75,31 @@ def test_standing_still_before_and_after_P0_is_found(seed: int) -> None:
         assert reasons(monitor) == 3 * [NotTested.NOT_OBSERVED]
 
 
+@pytest.mark.parametrize(
+    ("unjudged", "reason"), [(2600, NotTested.WARM_UP), (0, None), (3000, NotTested.WARM_UP)], ids=str
+)
+def test_an_unknown_heat_is_the_reason_where_the_samples_would_have_sufficed(
+    unjudged: int, reason: NotTested | None, seed: int
+) -> None:
+    """A gate leaves out more of the samples, but with a heat that had been known they would have been enough."""
+    settings = replace(SUPERVISED, P0=P0, lam=0.98)  # a memory of 50 samples
+    samples = SampleBlock(*lively(seed, 3000), gate=np.arange(3000) % 100 < 20)
+    monitor = AxisMonitor(MODEL, settings)
+    monitor.judge(unjudged == 0)
+    monitor.update(samples.select(slice(unjudged)))
+    learned = monitor.learned
+    if unjudged < 3000:
+        monitor.judge(True)
+        monitor.update(samples.select(slice(unjudged, None)))
+    status = monitor.status()
+    assert status.counters["gated"] > status.counters["used"]
+    assert status.untested_so_far() == ({} if reason is None else {reason: NAMES})
+    assert status.unjudged_s == learned * H
+    restored = AxisMonitor(MODEL, settings)
+    restored.from_arrays(monitor.to_arrays())
+    assert restored.status().unjudged_s == 0
+
+
 def test_the_multimodel_detector_needs_no_P0_and_has_its_own_time(seed: int) -> None:
     detector = MultiModelDetector(MODEL, SUPERVISED, MultiModelThresholds(1e6))
     monitor = AxisMonitor(MODEL, SUPERVISED, detector, "multimodel")
