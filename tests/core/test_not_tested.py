@@ -96,6 +96,7 @@ def test_an_unknown_heat_is_the_reason_where_the_samples_would_have_sufficed(
     assert status.untested_so_far() == ({} if reason is None else {reason: NAMES})
     assert status.unjudged_s == learned * H
     restored = AxisMonitor(MODEL, settings)
+    restored.judge(False)  # as at a start at an unknown heat
     restored.from_arrays(monitor.to_arrays())
     assert restored.status().unjudged_s == 0
 
