@@ -57,6 +57,7 @@ class Outlook:
     def __init__(self, estimate: Estimate, records: Sequence[Record], sizes: Mapping[str, float] = {}) -> None:
         self._estimate, self._records, self._sizes = estimate, records, sizes
         self._duration_s = sum(record.duration_s for record in records)
+        self._known: dict[tuple[tuple[str, ...], frozenset[tuple[str, float]]], Mapping[str, float]] = {}
 
     def watched(
         self, monitored: Sequence[str], memory_s: float, weight: Mapping[str, float] = {}
@@ -124,13 +125,22 @@ class Outlook:
         if not names:
             return {}
         own = [name for name in names if name != LOAD or not weight]
-        used = weight if LOAD in names else {}
-        called, result = monitored_information(self._estimate, own, self._records, used)
+        sd = self._standard_deviations(own, weight if LOAD in names else {})
         longer = np.sqrt(max(self._duration_s / memory_s, 1.0))
-        known_as = {_base(name): name for name in called}  # Ja or 1/Ja
-        sd = dict(zip(known_as, np.sqrt(np.diag(result.covariance)).tolist(), strict=True))
+        known_as = {_base(name): name for name in sd}  # Ja or 1/Ja
         sizes = {name: _size(self._estimate, known_as[_base(name)]) for name in names} | dict(self._sizes)
-        return {name: float(_MIN_SIGMAS * longer * sd[_base(name)] / sizes[name]) for name in names}
+        return {name: float(_MIN_SIGMAS * longer * sd[known_as[_base(name)]] / sizes[name]) for name in names}
+
+    def _standard_deviations(self, names: Sequence[str], weight: Mapping[str, float]) -> Mapping[str, float]:
+        """Standard deviations of these parameters from all records, and of LOAD if there is a weight.
+
+        Kept, as they do not depend on the memory, and take as long as a step of the fit.
+        """
+        key = tuple(names), frozenset(weight.items())
+        if key not in self._known:
+            called, found = monitored_information(self._estimate, names, self._records, weight)
+            self._known[key] = dict(zip(called, np.sqrt(np.diag(found.covariance)).tolist(), strict=True))
+        return self._known[key]
 
 
 def _is_zero(estimate: Estimate, name: str) -> bool:
