@@ -1,4 +1,4 @@
-"""Levenberg and Marquardt's method within bounds, on normal equations."""
+"""Levenberg and Marquardt's method within bounds, on normal equations, with a learnt second-order term."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -85,7 +85,7 @@ def minimise(
     Raises:
         ValueError: the cost at the start is not finite.
     """
-    at, mu, grow = evaluate(xi), damping, 2.0
+    at, mu, grow, second = evaluate(xi), damping, 2.0, _SecondOrder(xi.size)
     if not np.isfinite(at.cost):
         raise ValueError("the predictor is unstable at the start values, or these are not valid")
     steps = _Steps(xi, at, region)
@@ -93,16 +93,19 @@ def minimise(
         left = steps.damped(0.0)
         if _settled(at, left, settled):
             return SearchResult(xi, at, count, True, left)
-        wanted = steps.damped(mu)
+        model = steps.with_second_order(second.S) if second.is_better else steps
+        wanted = model.damped(mu)
         step = wanted / max(1.0, float(np.max(np.abs(wanted) / region.longest, initial=0.0)))
         new = np.clip(xi + np.clip(step, -region.clipped, region.clipped), region.lower, region.upper)
         trial = evaluate(new)
         gain = at.cost - trial.cost
-        expected = float(2 * at.g @ (new - xi) - (new - xi) @ at.H @ (new - xi))
+        expected = model.expected(new - xi)
+        second.compare(at, new - xi, gain)
         if gain > 0 and np.isfinite(trial.cost):
             agrees = min(gain / expected, 1.0) if expected > 0 else 0.0
             mu = max(mu * max(1 / 10, 1 - (2 * agrees - 1) ** 3), 1e-15)
             flat = gain <= _FLAT * at.cost and np.array_equal(new, xi + wanted)
+            second.learn(at, trial, new - xi)
             xi, at, grow = new, trial, 2.0
             steps = _Steps(xi, at, region)
             if progress:
@@ -112,6 +115,9 @@ def minimise(
         else:
             mu, grow = max(mu * grow, _LEAST_DAMPING), grow * 2
             if mu > _MOST_DAMPING or 0 <= expected <= _FLAT * at.cost:
+                if model is not steps:  # what was learnt may be wrong here
+                    mu, grow, second = damping, 2.0, _SecondOrder(xi.size)
+                    continue
                 return SearchResult(xi, at, count + 1, _settled(at, left, NEARLY), left)
     left = steps.damped(0.0)
     return SearchResult(xi, at, most, _settled(at, left, NEARLY), left)
@@ -122,8 +128,42 @@ def _settled(at: NormalEquations, left: Floats, limit: float) -> bool:
     return float(at.g @ left) <= limit * at.cost / max(at.samples, 1)
 
 
+class _SecondOrder:
+    """S (P, P): the second-order term -sum eps d psi / d xi of the curvature H + S, which Gauss-Newton steps leave out.
+
+    With an inexact model it is not small, and steps without it overshoot or fall short by the same factor each time.
+    It is learnt from the changes of the gradient, and used where it predicts the cost better (Dennis, Gay and Welsch
+    1981, NL2SOL).
+    """
+
+    def __init__(self, size: int) -> None:
+        self.S: Floats = np.zeros((size, size))
+        self.is_better = False
+        """Whether it predicted the last gain better than H alone"""
+
+    def compare(self, at: NormalEquations, step: Floats, gain: float) -> None:
+        """Compare the gain of a step from ``at`` with what is expected of it with and without S."""
+        alone, more = float(2 * at.g @ step - step @ at.H @ step), float(step @ self.S @ step)
+        if more:
+            self.is_better = abs(gain - (alone - more)) < abs(gain - alone)
+
+    def learn(self, before: NormalEquations, after: NormalEquations, step: Floats) -> None:
+        """Change S as little as possible so that H + S explains how the gradient has changed over a step."""
+        change = before.g - after.g
+        along = float(change @ step)
+        if not along > 0:
+            return
+        rest = change - 0.5 * (before.H + after.H) @ step  # what S must give for this step
+        S, gives = self.S, abs(float(step @ self.S @ step))
+        if gives > 0:
+            S = min(1.0, abs(float(step @ rest)) / gives) * S
+        off = rest - S @ step
+        both = np.outer(off, change)
+        self.S = S + (both + both.T) / along - float(off @ step) / along**2 * np.outer(change, change)
+
+
 class _Eigen(NamedTuple):
-    """Eigenvalues and eigenvectors of H for the free entries, scaled to unit curvature, and g along them."""
+    """Eigenvalues and eigenvectors of the curvature for the free entries, scaled to unit H, and g along them."""
 
     size: Floats
     values: Floats
@@ -132,16 +172,27 @@ class _Eigen(NamedTuple):
 
 
 class _Steps:
-    """Steps from xi with any damping, from one decomposition of H for each set of free entries."""
+    """Steps from xi with any damping, from one decomposition of the curvature H + S for each set of free entries."""
 
-    def __init__(self, xi: Floats, at: NormalEquations, region: Region) -> None:
-        self._at, self._at_lower, self._at_upper = at, xi <= region.lower, xi >= region.upper
+    def __init__(self, xi: Floats, at: NormalEquations, region: Region, S: Floats | None = None) -> None:
+        self._xi, self._at, self._region = xi, at, region
+        self._at_lower, self._at_upper = xi <= region.lower, xi >= region.upper
         smallest = np.sqrt(_NOTHING * at.cost / max(at.samples, 1)) / region.clipped
         self._matter = np.sqrt(np.diag(at.H)) > smallest
+        self._curvature = at.H if S is None else at.H + S
         self._eigen: dict[bytes, _Eigen] = {}
 
+    def with_second_order(self, S: Floats) -> "_Steps":
+        """The steps with S; these, if H + S is not positive definite, so that steps might increase the cost."""
+        other = _Steps(self._xi, self._at, self._region, S)
+        return other if other._decomposed(self._matter, keep_all=True).values.min(initial=1.0) > _HIDDEN else self
+
+    def expected(self, step: Floats) -> float:
+        """The gain that the quadratic model expects of a step."""
+        return float(2 * self._at.g @ step - step @ self._curvature @ step)
+
     def damped(self, mu: float) -> Floats:
-        """(H + mu diag H)^-1 g; entries that would immediately leave their bounds, or do not matter, do not move."""
+        """(H + S + mu diag H)^-1 g; entries that would immediately leave bounds, or do not matter, do not move."""
         free = self._matter.copy()
         while True:
             step = self._unbounded(free, mu)
@@ -151,7 +202,7 @@ class _Steps:
             free &= ~leaves
 
     def _unbounded(self, free: NDArray[np.bool_], mu: float) -> Floats:
-        """The step of the free entries, without directions that H does not determine."""
+        """The step of the free entries, without directions that the curvature does not determine."""
         key = free.tobytes()
         if key not in self._eigen:
             self._eigen[key] = self._decomposed(free)
@@ -160,10 +211,9 @@ class _Steps:
         out[free] = vectors @ (along / (values + mu)) / size
         return out
 
-    def _decomposed(self, free: NDArray[np.bool_]) -> _Eigen:
-        g, H = self._at.g, self._at.H
-        size = np.sqrt(np.diag(H)[free])
+    def _decomposed(self, free: NDArray[np.bool_], keep_all: bool = False) -> _Eigen:
+        size = np.sqrt(np.diag(self._at.H)[free])
         size[size == 0] = 1.0
-        values, vectors = np.linalg.eigh(H[np.ix_(free, free)] / np.outer(size, size))
-        seen = values > _HIDDEN * values.max(initial=0.0)
-        return _Eigen(size, values[seen], vectors[:, seen], vectors[:, seen].T @ (g[free] / size))
+        values, vectors = np.linalg.eigh(self._curvature[np.ix_(free, free)] / np.outer(size, size))
+        seen = (values > _HIDDEN * values.max(initial=0.0)) | keep_all
+        return _Eigen(size, values[seen], vectors[:, seen], vectors[:, seen].T @ (self._at.g[free] / size))

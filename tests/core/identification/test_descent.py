@@ -22,8 +22,9 @@ def search(
     upper: Floats | float = np.inf,
     longest: Floats | float = np.inf,
     clipped: Floats | float = np.inf,
+    settled: float = 1e-8,
 ) -> SearchResult:
-    return minimise(evaluate, np.array(start), Region(-np.inf, upper, longest, clipped), most)
+    return minimise(evaluate, np.array(start), Region(-np.inf, upper, longest, clipped), most, settled=settled)
 
 
 def rosenbrock(xi: Floats) -> NormalEquations:
@@ -39,7 +40,7 @@ def test_a_bent_valley() -> None:
 
 
 def test_a_bound_that_holds_one_lets_the_other_go_on() -> None:
-    end = search(rosenbrock, (-1.2, 1.0), 200, upper=np.array([0.5, np.inf]))
+    end = search(rosenbrock, (-1.2, 1.0), 200, upper=np.array([0.5, np.inf]), settled=1e-12)
     assert end.converged
     np.testing.assert_allclose(end.xi, [0.5, 0.25], rtol=1e-6)
 
@@ -136,6 +137,25 @@ def slow(xi: Floats) -> NormalEquations:
     eps = np.array([x, off * (1 - 0.25 * x * x)])
     J = -np.array([[1.0], [-0.5 * off * x]])
     return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 1000)
+
+
+def test_the_curvature_that_gauss_and_newton_leave_out_is_learnt(seed: int) -> None:
+    """Curves fitted to what no curve is: the steps of Gauss and Newton overshoot by the same factor each time."""
+    rng, steps = np.random.default_rng(seed), list[Floats]()
+    for _ in range(20):
+        directions, truth = rng.standard_normal((4, 3)), rng.standard_normal(3)
+
+        def inexact(xi: Floats, directions: Floats = directions, truth: Floats = truth) -> NormalEquations:
+            steps.append(xi)
+            x = directions @ (xi - truth)
+            eps = np.concatenate([x, 1 + 0.4 * x * x])  # left out: 0.8 of the curvature
+            J = -np.concatenate([directions, 0.8 * x[:, np.newaxis] * directions])
+            return NormalEquations(float(eps @ eps), J.T @ eps, J.T @ J, 8)
+
+        end = search(inexact, tuple(truth + 0.3 * rng.standard_normal(3)), 100, settled=1e-16)
+        assert end.converged
+        np.testing.assert_allclose(end.xi, truth, atol=1e-5)
+    assert len(steps) <= 20 * 13  # 10 each; without it 21
 
 
 def test_the_end_of_the_evaluations_is_no_doubt_where_hardly_anything_is_left() -> None:
