@@ -201,10 +201,7 @@ def _response(
 
     drive = watched.model.drive
     delay_s = values[DELAY] if DELAY in watched.model.monitored else watched.settings.delay_s
-    P = np.array(list(covariance.values())) if covariance else None
-    found = drive_response(
-        drive, values, interval_s, frequency_hz, names=tuple(covariance), covariance=P, delay_s=delay_s
-    )
+    found = drive_response(drive, values, interval_s, frequency_hz, covariance, delay_s)
     A, _, _ = AxisModel(drive, values, ()).matrices()
     curve = BodeCurve(magnitude_db=found.db.round(4).tolist(), phase_deg=np.degrees(found.phase).round(3).tolist())
     sd_db, sd_deg = (
