@@ -13,7 +13,8 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, split_name
 from monitor_core.modeling import COMPONENT_KINDS
 from monitor_core.wording import listed
-from service.pipeline.snapshot import AxisSnapshot, MonitoredDrive
+from service.pipeline.axis_pipeline import MonitoredDrive
+from service.pipeline.snapshot import AxisSnapshot
 from service.web import models
 from service.web.app_state import AppState
 from service.web.problem_details import NOT_FOUND, described
