@@ -93,11 +93,7 @@ def run_daemon(
         parts.worker.publisher.certificates = watch
         web = partial(_web, access, certificate, watch)
         reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.replaced))
-        systemd = ServiceManager(
-            os.environ,
-            lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
-            lambda: status_line(parts.worker.snapshot),
-        )
+        systemd = _service_manager(parts)
         stack.callback(systemd.close)
         state = _app_state(parts, access, stop, reloading, file)
         if state.replays is not None:
@@ -119,6 +115,14 @@ def run_daemon(
         raise DaemonFailedError("a fault in the worker has stopped the daemon; the log says what") from fault
     saved_us = parts.worker.snapshot.checkpoint_us
     log.info("stopped", checkpoint=None if saved_us is None else iso(saved_us))
+
+
+def _service_manager(parts: DaemonParts) -> ServiceManager:
+    return ServiceManager(
+        os.environ,
+        lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
+        lambda: status_line(parts.worker.snapshot),
+    )
 
 
 def _app_state(parts: DaemonParts, access: Access, stop: threading.Event, reloading: Reloading, file: Path) -> AppState:

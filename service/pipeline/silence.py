@@ -9,7 +9,7 @@ from time import monotonic
 
 import structlog
 
-from monitor_core.wording import duration
+from monitor_core.wording import duration, first_of
 from service.can.bus_reader import BusSnapshot
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.texts.instants import iso
@@ -178,6 +178,4 @@ def _dropped(axis: AxisSnapshot, bus: BusSnapshot) -> Counter[str]:
 
 
 def _names(names: Iterable[str]) -> str:
-    found = list(dict.fromkeys(names))
-    more = f" and {len(found) - _MOST_NAMES} more" if len(found) > _MOST_NAMES else ""
-    return ", ".join(found[:_MOST_NAMES]) + more
+    return first_of(list(dict.fromkeys(names)), _MOST_NAMES)
