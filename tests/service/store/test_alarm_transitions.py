@@ -452,3 +452,30 @@ def test_stale_chattering_and_shelved_alarms_are_found(journal: Journal) -> None
     assert found("returned") == numbers[::-1]
     assert found("active") == [shelved, old]
     assert [a.id for a in journal.standing()] == [old, shelved]
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        *(AlarmFilter(state=state) for state in (*AlarmState, "active", "stale")),
+        *(AlarmFilter(active=active) for active in (True, False)),
+        *(AlarmFilter("demo.axis2", parameter) for parameter in (None, "fm", "Ja")),
+        *(AlarmFilter(since_us=k * SECOND, until_us=until) for k in (2, 3, 4) for until in (None, 4 * SECOND)),
+    ],
+    ids=str,
+)
+def test_the_journal_and_alarms_not_yet_in_it_are_filtered_alike(journal: Journal, wanted: AlarmFilter) -> None:
+    for axis in (AXIS, "demo.axis2"):
+        for seconds, parameter in ((2, "kT"), (3, "Ja"), (4, "fm"), (5, "gT")):
+            alarm = replace(RAISED, parameter=parameter, raised_us=seconds * SECOND)
+            number = journal.record([AlarmEntry(axis, "", 1.0, alarm, PLAIN)])[0]
+            match parameter:
+                case "fm":
+                    journal.act(number, E.ACKNOWLEDGE, by("anna", 6))
+                case "Ja":
+                    journal.act(number, E.SHELVE, by("anna", 6), 3 * 86_400 * SECOND)
+                case "kT":
+                    journal.record([AlarmEntry(axis, "", 1.0, replace(alarm, ended_us=7 * SECOND), PLAIN)])
+    now_us = (86_400 + 4) * SECOND
+    every = journal.query(now_us=now_us)[0]
+    assert journal.query(wanted, now_us=now_us)[0] == [a for a in every if wanted.matches(a, now_us)]
