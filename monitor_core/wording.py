@@ -57,8 +57,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     folded = {name.casefold(): name for name in reversed(names)}
     close = difflib.get_close_matches(word.casefold(), folded, n=1)
     suggestion = f'did you mean "{folded[close[0]]}"? ' if close else ""
-    rest = f" and {len(names) - _MOST} more" if len(names) > _MOST else ""
-    return f"{suggestion}there is {', '.join(names[:_MOST])}{rest}"
+    return f"{suggestion}there is {first_of(names, _MOST)}"
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:
@@ -66,6 +65,12 @@ def listed(names: Sequence[str], word: str = "and") -> str:
     if len(names) < 2:
         return "".join(names)
     return f"{', '.join(names[:-1])} {word} {names[-1]}"
+
+
+def first_of(names: Sequence[str], most: int) -> str:
+    """``kT, Jm and 3 more``: the first ``most`` names, and how many others there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"{', '.join(names[:most])}{more}"
 
 
 def how_often(count: int) -> str:

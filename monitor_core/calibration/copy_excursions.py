@@ -74,7 +74,7 @@ def simulate_excursions(
     sources = [source for record in records if (source := copy_source(axis, record)) is not None]
     if not sources:
         raise ValueError("no record has enough innovations")
-    copies = _Copies(axis)
+    copies = _MonitoredCopies(axis)
     total = sum(len(source.u) for source in sources)
     # sigma comes from the first memories; short records need a second turn for it.
     least = 1 if total > 4 * _SIGMA_MEMORIES * axis.settings.memory else 2
@@ -91,7 +91,9 @@ def simulate_excursions(
     return watch.found(error)
 
 
-def _bootstrap_error(copies: _Copies, sources: Sequence[CopySource], rng: np.random.Generator, samples: int) -> Floats:
+def _bootstrap_error(
+    copies: _MonitoredCopies, sources: Sequence[CopySource], rng: np.random.Generator, samples: int
+) -> Floats:
     """Error covariance (2 p, 2 p) of the copies: that of copies with few innovations, scaled to all innovations."""
     few = [_bootstrap_blocks(copies.axis.settings, source, FEW_BLOCKS, rng) for source in sources]
     parts: list[PartSums] = []
@@ -112,7 +114,7 @@ def _bootstrap_blocks(settings: Settings, source: CopySource, share: float, rng:
     return MatchedBlocks(source.eps, length, max(MIN_BLOCKS, round(share * len(source.eps) / length)), LANES, rng)
 
 
-class _Copies:
+class _MonitoredCopies:
     """The monitors of all copies."""
 
     def __init__(self, axis: MonitoredAxis) -> None:

@@ -194,7 +194,7 @@ def _run_copies(
     sources = [(number, source) for number, source in found if source is not None]
     while sources and heights.samples < samples:
         for number, source in sources:
-            copies = _Copies(bank, heights, clock, len(source.u))
+            copies = BankCopies(bank, heights, clock, len(source.u))
             at, skipped = 0, len(records[number].t_us) - len(source.u)
             sieve = SieveBootstrap(source.eps, LANES, rng)
             for t_us, u, y, weight in bootstrap_copies(axis, source, sieve.take):
@@ -208,7 +208,7 @@ def _run_copies(
     return heights
 
 
-class _Copies:
+class BankCopies:
     """LANES copies of a record, run one after the other through one bank."""
 
     def __init__(self, bank: HypothesisBank, heights: ExcursionPeaks, clock: int, length: int) -> None:

@@ -136,7 +136,7 @@ class Plant:
         kinds, ratio = np.array(self.drive.inputs, dtype=float), self._ratio
         ratios = np.column_stack([ratio, ratio / self.speed_scale])
         reference, gains = np.ascontiguousarray(reference.T), np.ascontiguousarray(gains.T)
-        step_through(_Held(Ad, Bd, C, kinds, ratios, parts), _Command(forward, reference, gains), out, inputs)
+        step_through(_DiscreteDrive(Ad, Bd, C, kinds, ratios, parts), _Command(forward, reference, gains), out, inputs)
         torque, angle, speed = out
         return DriveMotion(torque, angle, speed, inputs)
 
@@ -144,7 +144,7 @@ class Plant:
 # --- The inner loop of ``Plant.moved``, compiled ----------------------------------------------------------------------
 
 
-class _Held(NamedTuple):
+class _DiscreteDrive(NamedTuple):
     """A drive whose inputs are held over one part of an interval."""
 
     Ad: Floats  # (n, n)
@@ -162,7 +162,7 @@ class _Command(NamedTuple):
 
 
 @entry
-def step_through(drive: _Held, command: _Command, out: Floats, inputs: Floats) -> None:
+def step_through(drive: _DiscreteDrive, command: _Command, out: Floats, inputs: Floats) -> None:
     """A drive from rest: torque, angle, speed into ``out`` (3, N), all inputs at each sample into ``inputs`` (N, m)."""
     Ad, Bd, C, kinds, ratio, parts = drive
     forward, reference, gains = command

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import structlog
 
@@ -33,15 +34,27 @@ from service.web.server import Certificate, CertificateError, serve
 log = structlog.get_logger(__name__)
 
 
+class StartEvents(NamedTuple):
+    """What is called while the daemon starts."""
+
+    ready: Callable[[str], None] = lambda _url: None
+    """With the address of the page, once it is served and the buses are read"""
+    complete: Callable[[], None] = lambda: None
+    """Once everything is compiled and all detectors run, from another thread"""
+    reloadable: Callable[[Reloading], None] = lambda _reloading: None
+    """With the object that applies another configuration"""
+
+
+_NO_EVENTS = StartEvents()
+
+
 def run_daemon(
     config: Config,
     file: Path,
     record: Path | None = None,
-    ready: Callable[[str], None] = lambda _url: None,
     stop: threading.Event | None = None,
-    complete: Callable[[], None] = lambda: None,
     insecure: bool = False,
-    reloadable: Callable[[Reloading], None] = lambda _reloading: None,
+    events: StartEvents = _NO_EVENTS,
 ) -> None:
     """Run until ``stop`` is set, which SIGTERM and SIGINT do, too.
 
@@ -49,11 +62,9 @@ def run_daemon(
         config: the whole configuration.
         file: its path; a report of ``commission`` lies beside it.
         record: frames are also written here, as received.
-        ready: called with the address of the page once it is served and the buses are read.
         stop: ends the daemon from another thread.
-        complete: called once everything is compiled and all detectors run, from another thread.
         insecure: allow access from other machines without tokens or TLS.
-        reloadable: called with the object that applies another configuration.
+        events: what is called while it starts.
 
     Raises:
         UnprotectedError: other machines could reach the daemon unprotected, and ``insecure`` is not set.
@@ -75,16 +86,14 @@ def run_daemon(
     sys.setswitchinterval(0.001)
     with ExitStack() as stack:
         parts = DaemonParts(config, record, stop, stack)
-        parts.compiled.multimodel.add_done_callback(lambda done: None if done.exception() else _settled(complete))
+        parts.compiled.multimodel.add_done_callback(
+            lambda done: None if done.exception() else _settled(events.complete)
+        )
         watch = CertificateWatch(config)
         parts.worker.publisher.certificates = watch
         web = partial(_web, access, certificate, watch)
         reloading = parts.reloading((web, partial(_numbered, parts.extracts), parts.links.replaced))
-        systemd = ServiceManager(
-            os.environ,
-            lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
-            lambda: status_line(parts.worker.snapshot),
-        )
+        systemd = _service_manager(parts)
         stack.callback(systemd.close)
         state = _app_state(parts, access, stop, reloading, file)
         if state.replays is not None:
@@ -93,11 +102,11 @@ def run_daemon(
 
         def begin(port: int) -> None:
             parts.start()
-            reloadable(reloading)
+            events.reloadable(reloading)
             url = f"{'https' if certificate else 'http'}://{_shown(config.web.host)}:{port}/"
             log.info("running", axes=len(config.axes), buses=len(config.bus), page=url)
             systemd.ready()
-            ready(url)
+            events.ready(url)
 
         serve(create_app(state), config.web.host, config.web.port, begin, stop, certificate)
         log.info("stopping")
@@ -106,6 +115,14 @@ def run_daemon(
         raise DaemonFailedError("a fault in the worker has stopped the daemon; the log says what") from fault
     saved_us = parts.worker.snapshot.checkpoint_us
     log.info("stopped", checkpoint=None if saved_us is None else iso(saved_us))
+
+
+def _service_manager(parts: DaemonParts) -> ServiceManager:
+    return ServiceManager(
+        os.environ,
+        lambda: {"worker": parts.worker.turns} | parts.buses.turns(),
+        lambda: status_line(parts.worker.snapshot),
+    )
 
 
 def _app_state(parts: DaemonParts, access: Access, stop: threading.Event, reloading: Reloading, file: Path) -> AppState:

@@ -129,7 +129,7 @@ def _run(config: Config, file: Path, moved: Config, fault: SimulatedFault) -> No
 
     An error in one of them ends both.
     """
-    from service.commands.daemon import run_daemon
+    from service.commands.daemon import StartEvents, run_daemon
 
     configure_logs()
     ready, stop, detecting = threading.Event(), threading.Event(), threading.Event()
@@ -144,7 +144,7 @@ def _run(config: Config, file: Path, moved: Config, fault: SimulatedFault) -> No
             ready.set()
 
         try:
-            run_daemon(config, file, ready=served, stop=stop, complete=detecting.set)
+            run_daemon(config, file, stop=stop, events=StartEvents(served, detecting.set))
         finally:
             stop.set()
             ready.set()

@@ -10,6 +10,7 @@ import numpy as np
 import typer
 
 from monitor_core.arrays import Floats
+from monitor_core.wording import first_of
 from service.can.bus_reader import CanReader
 from service.can.canopen_drives import SUFFIXES, commissioned_node
 from service.can.frames import FrameBlock, concatenate_frames
@@ -275,8 +276,7 @@ _NAMED = 12
 
 
 def _few(names: Sequence[str]) -> str:
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
-    return ", ".join(names[:_NAMED]) + more
+    return first_of(names, _NAMED)
 
 
 def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:

@@ -149,7 +149,7 @@ def _remarks(config: Config, stamps: Mapping[str, Stamps]) -> list[str]:
 
 
 @dataclass
-class _Reception:
+class _ReceivedValues:
     values: QuantityValues
     count: int
     first_us: int
@@ -168,7 +168,7 @@ class LatestValues:
     """The latest received value of each quantity of each axis."""
 
     def __init__(self, config: Config) -> None:
-        self._seen: dict[tuple[str, str], _Reception | None] = {}
+        self._seen: dict[tuple[str, str], _ReceivedValues | None] = {}
         signals = _on_buses(config)
         for axis in config.axes:
             counter = ("counter",) if axis.config.time.counter_signal else ()
@@ -181,7 +181,7 @@ class LatestValues:
         key, count = (values.axis_id, values.quantity), len(values.t_us)
         seen = self._seen.get(key)
         if seen is None:
-            self._seen[key] = _Reception(values, count, int(values.t_us[0]))
+            self._seen[key] = _ReceivedValues(values, count, int(values.t_us[0]))
         else:
             seen.values, seen.count = values, seen.count + count
 

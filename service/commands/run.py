@@ -65,9 +65,10 @@ def run(
     with explained(), handling([signal.SIGHUP], hangup.apply):
         configure_logs(log_format)
         read = configuration(config)
-        from service.commands.daemon import run_daemon
+        from service.commands.daemon import StartEvents, run_daemon
 
-        run_daemon(with_port(read, port), config, record, insecure=insecure, reloadable=hangup.start)
+        events = StartEvents(reloadable=hangup.start)
+        run_daemon(with_port(read, port), config, record, insecure=insecure, events=events)
 
 
 class Hangup:

@@ -52,7 +52,7 @@ def quantity_of(name: str, source: SignalConfig | FurtherSignalConfig, decoder: 
     return AxisQuantity(name, decoder.want(message, signal), message, signal, *source.scale, wrap_period)
 
 
-class _Held:
+class _LastValue:
     """The last value of an auxiliary signal; ``interval_s``: between the samples of the axis."""
 
     def __init__(self, source: FurtherSignalConfig, interval_s: float) -> None:
@@ -81,7 +81,7 @@ class HeldSignal:
 
     def __init__(self, source: FurtherSignalConfig, decoder: Decoder, interval_s: float) -> None:
         self.quantity = quantity_of(f"signal {source.name}", source, decoder)
-        self._held = _Held(source, interval_s)
+        self._held = _LastValue(source, interval_s)
 
     def take(self, decoded: Mapping[FrameKey, Decoded], places: Ints, t_us: Ints) -> Floats:
         """The values (N,) for samples completed by the frames at these places of a block; NaN: no value, or too old.
@@ -106,7 +106,7 @@ class HeldColumns:
     """
 
     def __init__(self, sources: Sequence[FurtherSignalConfig], interval_s: float) -> None:
-        self._signals = [(source, _Held(source, interval_s)) for source in sources]
+        self._signals = [(source, _LastValue(source, interval_s)) for source in sources]
 
     def take(self, time_us: Floats, columns: Mapping[str, Floats]) -> Floats:
         """The signals (N, S) at these rows; NaN: unknown.

@@ -144,7 +144,7 @@ def _exchanged(pair: SignalPair, named: Mapping[str, Named]) -> float | None:
     return exchanged_share(pair.record)
 
 
-class _Candidates(NamedTuple):
+class _CandidateColumns(NamedTuple):
     """Columns that may be a torque, or a motion; ``speeds``: unnamed angles, each with the column of its speed.
 
     ``alike``: the motions, each with others that have nearly its values.
@@ -156,7 +156,7 @@ class _Candidates(NamedTuple):
     alike: Mapping[str, Sequence[str]]
 
 
-def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> _Candidates:
+def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> _CandidateColumns:
     """The columns with a name of a torque or motion; without such names, those whose values allow it."""
     by_role: dict[str, list[str]] = {}
     for name in values:
@@ -174,7 +174,7 @@ def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[s
     numbers = {named[name].number for name in angles}
     speeds = _alike(values, [n for n in by_role.get("speed", []) if named[n].number not in numbers], named)
     if torques and (alike := angles | speeds):
-        return _Candidates(torques, list(alike), {}, alike)
+        return _CandidateColumns(torques, list(alike), {}, alike)
     slope_of = _speeds(values, unnamed, t)
     alike = angles | speeds or _alike(values, list(slope_of) or unnamed, named)
     motions = list(alike)
@@ -185,7 +185,7 @@ def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[s
         if n in slope_of.values() or any(_likeness(values[s], values[n]) > _SAME for s in slope_of.values())
     }
     torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
-    return _Candidates(torques, motions, slope_of, alike)
+    return _CandidateColumns(torques, motions, slope_of, alike)
 
 
 def _alike(values: Mapping[str, Floats], motions: Sequence[str], named: Mapping[str, Named]) -> dict[str, list[str]]:

@@ -91,11 +91,36 @@ class MessageReceiver(Protocol):
         """
 
 
-class _Waiting(NamedTuple):
+class _WaitingTransition(NamedTuple):
     """A waiting transition, and the monotonic time at which it becomes too old [s]."""
 
     numbered: NumberedTransition
     until_s: float
+
+
+class MessageSource(NamedTuple):
+    """What all links deliver from."""
+
+    journal: Journal
+    """Has the transitions and the alarms"""
+    outbox: Outbox
+    """Stores the number of the last finished transition of each link"""
+    recording_of: Callable[[int], str | None]
+    """Returns the name of the recording of a time; None: there is none (yet)"""
+
+
+class DeliveryTimes(NamedTuple):
+    """The clocks of a delivery, and the chance in the time between its tries."""
+
+    clock: Callable[[], float] = monotonic
+    """Monotonic clock [s]"""
+    now_us: Callable[[], int] = now_us
+    """Wall clock, for the age of a transition when it is read"""
+    chance: Callable[[], float] = random.random
+    """Random number from 0 to 1"""
+
+
+_REAL_TIMES = DeliveryTimes()
 
 
 class Delivery:
@@ -105,13 +130,9 @@ class Delivery:
         link: the state of the link at the start.
         limits: which alarms to deliver, and for how long to try.
         receiver: delivers the messages.
-        journal: source of the transitions.
-        outbox: stores the number of the last finished transition.
-        done: that number at the start.
-        recording_of: returns the name of the recording of a time; None: there is none (yet).
-        clock: monotonic clock [s].
-        now_us: wall clock, for the age of a transition when it is read.
-        chance: random number from 0 to 1, for the time between tries.
+        source: where they are from.
+        done: number of the last finished transition at the start.
+        times: clocks.
     """
 
     def __init__(
@@ -119,18 +140,14 @@ class Delivery:
         link: LinkSnapshot,
         limits: AlarmLimits,
         receiver: MessageReceiver,
-        journal: Journal,
-        outbox: Outbox,
+        source: MessageSource,
         done: int,
-        recording_of: Callable[[int], str | None],
-        clock: Callable[[], float] = monotonic,
-        now_us: Callable[[], int] = now_us,
-        chance: Callable[[], float] = random.random,
+        times: DeliveryTimes = _REAL_TIMES,
     ) -> None:
         self._limits, self._receiver = limits, receiver
-        self._journal, self._outbox, self._recording_of = journal, outbox, recording_of
-        self._clock, self._now_us, self._chance = clock, now_us, chance
-        self._waiting = deque[_Waiting]()
+        self._journal, self._outbox, self._recording_of = source
+        self._clock, self._now_us, self._chance = times
+        self._waiting = deque[_WaitingTransition]()
         self._read_to = self._saved = done
         self._beyond, self._revision, self._failures, self._next_try = 0, -1, 0, -math.inf
         self._log = log.bind(link=link.name)
@@ -223,7 +240,7 @@ class Delivery:
         page = self._journal.transitions_after(self._read_to, free) if free > 0 else []
         for numbered in page:
             if numbered.priority in self._limits.priorities:
-                self._waiting.append(_Waiting(numbered, self._clock() + self._left_s(numbered)))
+                self._waiting.append(_WaitingTransition(numbered, self._clock() + self._left_s(numbered)))
             self._read_to = numbered.number
         complete = len(page) < free
         self._beyond = 0 if complete else self._journal.last_transition() - self._read_to

@@ -24,6 +24,7 @@ from monitor_core.monitoring import (
 )
 from service.links.delivery import PAGE, Message, UnavailableError
 from service.links.opcua_tree import Tree
+from service.store.alarm_filter import AlarmFilter
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import SERVICE, Note, control_character
 from service.store.database import StoreError
@@ -78,7 +79,7 @@ class AlarmConditions:
         """
         self._server, self._tree = server, tree
         self._events.clear()
-        returned, _ = self._journal.query(state=AlarmState.RETURNED, limit=MOST_RETURNED)
+        returned, _ = self._journal.query(AlarmFilter(state=AlarmState.RETURNED), limit=MOST_RETURNED)
         for alarm in (*self._journal.standing(), *returned):
             if alarm.priority in self._priorities:
                 note = Note(alarm.updated_us, SERVICE)

@@ -10,7 +10,7 @@ from typing import Protocol
 import structlog
 
 from service.config.schema_links import AlarmLimits, LinksConfig
-from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, MessageReceiver
+from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, MessageReceiver, MessageSource
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.journal import Journal
 from service.store.outbox import OUTBOX_FILE, Outbox
@@ -61,8 +61,8 @@ class Links:
         snapshot: Callable[[], Snapshot],
         recording_of: Callable[[int], str | None] = lambda _t_us: None,
     ) -> None:
-        self._journal, self._recording_of = journal, recording_of
         self._outbox = Outbox(state_dir / OUTBOX_FILE, journal)
+        self._source = MessageSource(journal, self._outbox, recording_of)
         try:
             self._done = self._outbox.begin(config.names)
             self.links: tuple[RunningLink, ...] = tuple(self._make_links(config, state_dir, snapshot))
@@ -128,14 +128,14 @@ class Links:
             from service.links.opcua_alarms import AlarmConditions
             from service.store.tokens import TOKENS_FILE, TokenFile
 
-            conditions = AlarmConditions(self._journal, config.opcua.priorities)
+            conditions = AlarmConditions(self._source.journal, config.opcua.priorities)
             delivery = self._delivery("opcua", "opcua", config.opcua, conditions)
             tokens = TokenFile(state_dir / TOKENS_FILE)
             yield OpcUaLink(config.opcua, tokens, conditions, delivery, snapshot)
 
     def _delivery(self, name: str, kind: str, limits: AlarmLimits, receiver: MessageReceiver) -> Delivery:
-        link, done = LinkSnapshot(name, kind, connected=True), self._done[name]
-        return Delivery(link, limits, receiver, self._journal, self._outbox, done, self._recording_of)
+        link = LinkSnapshot(name, kind, connected=True)
+        return Delivery(link, limits, receiver, self._source, self._done[name])
 
 
 async def _run_on(link: RunningLink) -> None:

@@ -115,7 +115,7 @@ NO_ALARMS = AlarmsSnapshot()
 
 
 @dataclass(slots=True)
-class _Waiting:
+class _WaitingChange:
     """A change of an alarm that is not in the journal yet."""
 
     change: AxisAlarm
@@ -156,7 +156,7 @@ class AlarmRecorder:
         self._set_by_us: dict[tuple[str, AlarmKey], int] = {}
         """For each open alarm: the sum of all clock steps [us] at the time when it was raised"""
         self._open: dict[tuple[str, AlarmKey], AxisAlarm] = {}
-        self._waiting: dict[tuple[str, AlarmKey], _Waiting] = {}
+        self._waiting: dict[tuple[str, AlarmKey], _WaitingChange] = {}
         self._next_try = self._next_read = -RETRY_S
         self._revision = -1
         self._recorded = NO_ALARMS
@@ -207,7 +207,7 @@ class AlarmRecorder:
         """Add changes and write all that wait, unless the last try failed less than ``RETRY_S`` ago."""
         for change in changes:
             corrected = self._with_true_duration(change)
-            self._waiting.setdefault(change.key, _Waiting(corrected)).change = corrected
+            self._waiting.setdefault(change.key, _WaitingChange(corrected)).change = corrected
         if self._waiting and self._clock() >= self._next_try:
             self._write()
 
@@ -283,7 +283,7 @@ class AlarmRecorder:
         self._recorded = AlarmsSnapshot(tuple(standing), states=tuple(states), removed=removed)
         self._revision, self._next_read = revision, -RETRY_S
 
-    def _unrecorded(self) -> list[_Waiting]:
+    def _unrecorded(self) -> list[_WaitingChange]:
         return [waiting for key, waiting in self._waiting.items() if key not in self._open]
 
     def _write(self) -> None:
@@ -345,13 +345,13 @@ class AlarmRecorder:
         ended = None if alarm.ended_us is None else alarm.ended_us - step
         return change._replace(alarm=replace(alarm, updated_us=alarm.updated_us - step, ended_us=ended))
 
-    def _entry(self, waiting: _Waiting) -> AlarmEntry:
+    def _entry(self, waiting: _WaitingChange) -> AlarmEntry:
         axis_id, alarm = waiting.change
         unit, nominal = self._quantities[axis_id, alarm.parameter]
         rules = self._rules.get((axis_id, alarm.parameter), _PLAIN)
         return AlarmEntry(axis_id, unit, nominal, alarm, rules, waiting.reserved_id, waiting.acknowledged)
 
-    def _shown_alarm(self, waiting: _Waiting) -> RecordedAlarm:
+    def _shown_alarm(self, waiting: _WaitingChange) -> RecordedAlarm:
         """The row that the journal will hold; it also says whether a person has taken the axis out of service."""
         entry = self._entry(waiting)
         if entry.axis in self._recorded.removed:
@@ -385,7 +385,7 @@ def _onset(e: Alarm) -> dict[str, str]:
     return {name: iso(t_us) for name, t_us in times.items() if t_us is not None}
 
 
-def _names(waiting: Iterable[_Waiting]) -> str:
+def _names(waiting: Iterable[_WaitingChange]) -> str:
     alarms = (w.change for w in waiting)
     names = (f"{axis_id} {alarm.parameter} {alarm.direction}" for axis_id, alarm in alarms)
     return ", ".join(dict.fromkeys(names))

@@ -1,9 +1,11 @@
 """One axis: its monitor, and the steps that its samples pass before the monitor."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import NamedTuple
 
-from monitor_core.drive import Operating, friction_of
+from monitor_core.drive import AxisModel, Operating, friction_of
+from monitor_core.modeling import FlatComponent
 from monitor_core.monitoring import (
     NEVER,
     AxisMonitor,
@@ -15,8 +17,10 @@ from monitor_core.monitoring import (
     WarmUp,
 )
 from monitor_core.samples import SampleBlock
+from monitor_core.settings import Settings
 from monitor_core.wording import joined, sentence
 from service.config import NamedAxis, conditions_of
+from service.config.drive_sources import model_of_axis
 from service.ingest.unwrap import AMBIGUOUS, MotionPoint, turns_of
 from service.pipeline.epoch_progress import EpochProgress
 
@@ -30,6 +34,16 @@ class Heat(NamedTuple):
     """Whether it is known well enough to test the friction"""
 
 
+@dataclass(frozen=True, slots=True)
+class MonitoredDrive:
+    """Model and settings with which an axis is monitored; they change only with the configuration and the epoch."""
+
+    model: AxisModel
+    settings: Settings
+    components: tuple[FlatComponent, ...]
+    """Components of the drive as drawn"""
+
+
 class AxisPipeline:
     """An axis, from its received samples to the samples that its monitor takes."""
 
@@ -37,6 +51,8 @@ class AxisPipeline:
         self.config, self.monitor, model = axis, monitor, monitor.model
         self.nominal = {p.name: (model.nominal[p.name], p.unit) for p in model.drive.parameters}
         """All nominal values of the model and their units, by name"""
+        self.watched = MonitoredDrive(model, monitor.settings, model_of_axis(axis.config).components)
+        """The drive as it is monitored"""
         self.causes = tuple(dict.fromkeys((*(p.name for p in model.parameters), *monitor.causes)))
         """Every cause that an alarm may name: the monitored parameters, then others"""
         self.epoch = EpochProgress(axis.epoch, axis.configured)

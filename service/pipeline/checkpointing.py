@@ -18,6 +18,7 @@ from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.axis_pipeline import AxisPipeline
 from service.pipeline.pauses import with_pauses
 from service.pipeline.trends import Trends, completed_id, gathered_id
+from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoint, Checkpoints, MonitorState, QuarantinedCheckpoint
 from service.store.database import StoreError
 from service.store.journal import Journal
@@ -282,7 +283,7 @@ def _adopt(axis_id: str, monitor: AxisMonitor, recorded: Iterable[Alarm], journa
 
 
 def _is_known(axis_id: str, alarm: Alarm, journal: Journal) -> bool:
-    found, _ = journal.query(axis_id, since_us=alarm.raised_us, until_us=alarm.raised_us + 1)
+    found, _ = journal.query(AlarmFilter(axis_id, since_us=alarm.raised_us, until_us=alarm.raised_us + 1))
     return any(recorded.first == alarm.first for recorded in found)
 
 

@@ -9,7 +9,7 @@ from time import monotonic
 
 import structlog
 
-from monitor_core.wording import duration
+from monitor_core.wording import duration, first_of
 from service.can.bus_reader import BusSnapshot
 from service.pipeline.snapshot import AxisSnapshot, Snapshot
 from service.texts.instants import iso
@@ -36,7 +36,7 @@ def silent_after_s(interval_s: float) -> float:
     return max(SILENT_S, SILENT_INTERVALS * interval_s)
 
 
-class _Reception:
+class _LastSample:
     """The samples of an axis as received; times [s] are those of the monotonic clock.
 
     Args:
@@ -86,7 +86,7 @@ class SilenceWatch:
 
     def __init__(self, frames: Callable[[str], Iterable[str]], steady: Callable[[], float] = monotonic) -> None:
         self._frames, self._steady = frames, steady
-        self._known = dict[str, _Reception]()
+        self._known = dict[str, _LastSample]()
         self._from_s = steady()
         """Since when frames are taken: the log reports no silence before"""
 
@@ -103,7 +103,7 @@ class SilenceWatch:
         if (seen := self._known.get(axis_id)) is None:
             # The last sample of a restored axis is older than the daemon.
             age_s = 0.0 if time_us is None else max(0, now_us - time_us) / 1e6
-            seen = self._known[axis_id] = _Reception(time_us, now_s - age_s)
+            seen = self._known[axis_id] = _LastSample(time_us, now_s - age_s)
         elif time_us is not None and time_us != seen.time_us:
             seen.take(time_us, now_s)
         silent_s = now_s - seen.received_s
@@ -178,6 +178,4 @@ def _dropped(axis: AxisSnapshot, bus: BusSnapshot) -> Counter[str]:
 
 
 def _names(names: Iterable[str]) -> str:
-    found = list(dict.fromkeys(names))
-    more = f" and {len(found) - _MOST_NAMES} more" if len(found) > _MOST_NAMES else ""
-    return ", ".join(found[:_MOST_NAMES]) + more
+    return first_of(list(dict.fromkeys(names)), _MOST_NAMES)

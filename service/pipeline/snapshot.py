@@ -5,33 +5,19 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from monitor_core.detection import Alarm
-from monitor_core.drive import AxisModel
-from monitor_core.modeling import FlatComponent
 from monitor_core.monitoring import AxisStatus, NotTested, ParameterTrend, Status
-from monitor_core.settings import Settings
 from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
 from service.config.certificates import Expiry
-from service.config.drive_sources import model_of_axis
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, AlarmRecorder, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.axis_pipeline import AxisPipeline, Heat
+from service.pipeline.axis_pipeline import AxisPipeline, Heat, MonitoredDrive
 from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
 from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
 from service.pipeline.trends import Trends
 from service.store.alarm_transitions import CONFIGURATION, Note
-
-
-@dataclass(frozen=True, slots=True)
-class MonitoredDrive:
-    """Model and settings with which an axis is monitored; they change only with the configuration and the epoch."""
-
-    model: AxisModel
-    settings: Settings
-    components: tuple[FlatComponent, ...]
-    """Components of the drive as drawn"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,11 +134,12 @@ def out_of_service(axes: Iterable[AxisSnapshot]) -> Iterator[str]:
 
 
 class Reception(NamedTuple):
-    """Counts of dropped values and clock restarts, and time stamp jitter, of an axis; fields as in AxisSnapshot."""
+    """How the samples of an axis are received; fields as in AxisSnapshot."""
 
     dropped: Mapping[str, int]
     clock: Mapping[str, int]
     stamps: Stamps
+    silent_since_us: int | None = None
 
 
 def make_axis_snapshot(
@@ -162,8 +149,6 @@ def make_axis_snapshot(
     open_alarms: tuple[Alarm, ...],
     received: Reception,
     out_of_service: Note | None = None,
-    watched: MonitoredDrive | None = None,
-    silent_since_us: int | None = None,
 ) -> AxisSnapshot:
     """Make the snapshot of an axis from its monitor, trends, alarms and input."""
     named, drive = axis.config, axis.monitor.model.drive
@@ -189,8 +174,8 @@ def make_axis_snapshot(
         histories_lost=trends.lost[named.id],
         epoch=axis.epoch.snapshot(status),
         out_of_service=out_of_service,
-        watched=watched,
-        silent_since_us=silent_since_us,
+        watched=axis.watched,
+        silent_since_us=received.silent_since_us,
     )
 
 
@@ -207,8 +192,6 @@ class AxisView:
     ) -> None:
         self._axis, self._pipeline, self._alarms, self._history = axis, pipeline, alarms, history
         self._monitored = pipeline.monitors.axes[axis.id]
-        monitor, components = self._monitored.monitor, model_of_axis(axis.config).components
-        self._watched = MonitoredDrive(monitor.model, monitor.settings, components)
         self._by_configuration = Note(0, CONFIGURATION) if axis.config.alarms.out_of_service else None
 
     def take_point(self) -> None:
@@ -226,11 +209,9 @@ class AxisView:
         silent_since_us = silence(axis.id, axis.config.sample_interval_s, status.time_us)
         if silent_since_us is not None:
             status = _without_samples(status)
-        received = Reception(source.dropped, source.events, source.stamps)
+        received = Reception(source.dropped, source.events, source.stamps, silent_since_us)
         removed = self._alarms.removed(axis.id) or self._by_configuration
-        return make_axis_snapshot(
-            self._monitored, trends, status, open_alarms, received, removed, self._watched, silent_since_us
-        )
+        return make_axis_snapshot(self._monitored, trends, status, open_alarms, received, removed)
 
 
 def _without_samples(status: AxisStatus) -> AxisStatus:

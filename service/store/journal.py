@@ -4,13 +4,11 @@ import sqlite3
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import (
     AlarmEvent,
     AlarmRules,
-    AlarmState,
     check_shelf,
     due,
     is_present,
@@ -18,19 +16,16 @@ from monitor_core.monitoring import (
     transition,
 )
 from service.store.alarm_entries import AlarmEntry, record_entry, shelved_alike
+from service.store.alarm_filter import EVERY_ALARM, AlarmFilter
 from service.store.alarm_statistics import (
-    ACTIVE,
-    CHATTERING,
     GROUP,
-    STALE,
-    STALE_S,
     AlarmStatistics,
     StateCount,
     state_counts,
     statistics,
 )
 from service.store.alarm_table import MIGRATIONS as TABLE_MIGRATIONS
-from service.store.alarm_table import STANDING, ColumnValue, RecordedAlarm, alarm_by_id, not_ended, select_alarms
+from service.store.alarm_table import STANDING, RecordedAlarm, alarm_by_id, not_ended, select_alarms
 from service.store.alarm_transitions import (
     IDENTITY_MIGRATION,
     MIGRATION,
@@ -49,10 +44,6 @@ from service.store.database import Store
 from service.store.epochs import EPOCH_MIGRATION, Epochs
 
 MIGRATIONS = (*TABLE_MIGRATIONS, MIGRATION, IDENTITY_MIGRATION, EPOCH_MIGRATION, SERVICE_MIGRATION)
-
-AlarmFilter = AlarmState | Literal["active", "stale", "chattering"]
-"""A state, or: active (the cause is present), stale (active for more than 24 hours), chattering (raised three times
-within ten minutes)."""
 
 
 class UnknownAlarmError(LookupError):
@@ -230,42 +221,21 @@ class Journal(Store):
 
     def query(
         self,
-        axis: str | None = None,
-        parameter: str | None = None,
+        wanted: AlarmFilter = EVERY_ALARM,
         *,
-        active: bool | None = None,
-        since_us: int | None = None,
-        until_us: int | None = None,
         limit: int = 100,
         after: tuple[int, int] | None = None,
-        state: AlarmFilter | None = None,
         now_us: int = 0,
     ) -> tuple[list[RecordedAlarm], int]:
-        """Alarms that match all conditions, latest first, and the number of all matching alarms without the limit.
+        """The wanted alarms, latest first, and the number of all of them without the limit.
 
         Args:
-            axis: only alarms of this axis.
-            parameter: only alarms of this parameter.
-            active: True: only alarms that have not ended or are latched; False: only others.
-            since_us: only alarms raised at this time or later.
-            until_us: only alarms raised before this time.
+            wanted: conditions that they meet.
             limit: most alarms to return.
             after: only alarms that follow, in this order, the one with this time of raising and id.
-            state: only alarms in this state, or active, stale or chattering ones.
             now_us: the present time, for stale alarms.
         """
-        equal: dict[str, ColumnValue] = {"axis = ?": axis, "parameter = ?": parameter}
-        if state == "stale":
-            equal[STALE] = now_us - round(STALE_S * 1e6)
-        elif state not in (None, "active", "chattering"):
-            equal["state = ?"] = state
-        within: dict[str, ColumnValue] = {"raised_us >= ?": since_us, "raised_us < ?": until_us}
-        given = {text: value for text, value in (equal | within).items() if value is not None}
-        activity = [] if active is None else [ACTIVE if active else f"NOT {ACTIVE}"]
-        activity += {"active": [ACTIVE], "chattering": [CHATTERING]}.get(state or "", [])
-        conditions = [*given, *activity]
-        where = f"WHERE {' AND '.join(conditions)}" if conditions else ""
-        values = list(given.values())
+        where, values = wanted.where(now_us)
         with self._db.read() as connection:
             total = connection.execute(f"SELECT count(*) FROM alarm {where}", values).fetchone()[0]
             rest = f"{where or 'WHERE TRUE'} AND (raised_us, id) < (?, ?) ORDER BY raised_us DESC, id DESC LIMIT ?"

@@ -10,11 +10,11 @@ from starlette.exceptions import HTTPException
 
 from monitor_core.monitoring import AlarmEvent
 from service.pipeline.replay_reports import NoReplayError
-from service.store.alarm_statistics import STALE_S
+from service.store.alarm_filter import AlarmFilter, StateFilter
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.database import StoreError
-from service.store.journal import AlarmFilter, UnknownAlarmError
+from service.store.journal import UnknownAlarmError
 from service.texts.instants import microseconds
 from service.web import models, views
 from service.web.access import Operator
@@ -61,43 +61,22 @@ def in_order(since: Moment, until: Moment) -> tuple[int | None, int | None]:
     return since_us, until_us
 
 
-class AlarmFilters:
-    """Filters for the list of alarms."""
-
-    def __init__(
-        self,
-        axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
-        parameter: Annotated[str | None, Query(description="only of this parameter")] = None,
-        active: Annotated[bool | None, Query(description="true: not ended, or latched; false: ended")] = None,
-        state: Annotated[
-            AlarmFilter | None,
-            Query(
-                description="only in this state; active: not ended, or latched; stale: shown and active for more than"
-                " 24 hours; chattering: with it, alarms of its name were raised three times within ten minutes"
-            ),
-        ] = None,
-        since: Moment = None,
-        until: Moment = None,
-    ) -> None:
-        self.axis, self.parameter, self.active, self.state = axis, parameter, active, state
-        self.since_us, self.until_us = in_order(since, until)
-
-    def match(self, a: RecordedAlarm, now_us: int) -> bool:
-        """Whether an alarm matches the filters; of chattering alarms only the journal knows."""
-        shown = a.active and not a.life.hidden
-        special = {
-            "active": a.active,
-            "stale": shown and a.since_us <= now_us - STALE_S * 1e6,
-            "chattering": False,
-        }
-        return (
-            self.axis in (None, a.axis)
-            and self.parameter in (None, a.parameter)
-            and self.active in (None, a.active)
-            and (self.state is None or special.get(self.state, a.state == self.state))
-            and (self.since_us is None or a.raised_us >= self.since_us)
-            and (self.until_us is None or a.raised_us < self.until_us)
-        )
+def _wanted(
+    axis: Annotated[str | None, Query(description="only of this axis (robot.axis)")] = None,
+    parameter: Annotated[str | None, Query(description="only of this parameter")] = None,
+    active: Annotated[bool | None, Query(description="true: not ended, or latched; false: ended")] = None,
+    state: Annotated[
+        StateFilter | None,
+        Query(
+            description="only in this state; active: not ended, or latched; stale: shown and active for more than"
+            " 24 hours; chattering: with it, alarms of its name were raised three times within ten minutes"
+        ),
+    ] = None,
+    since: Moment = None,
+    until: Moment = None,
+) -> AlarmFilter:
+    """The conditions of a request for the list of alarms."""
+    return AlarmFilter(axis, parameter, active, state, *in_order(since, until))
 
 
 def router(state: AppState) -> APIRouter:
@@ -106,7 +85,7 @@ def router(state: AppState) -> APIRouter:
 
     @api.get("", summary="Alarms", responses=_NO_JOURNAL | _NO_PAGE)
     def alarms(
-        filters: Annotated[AlarmFilters, Depends()],
+        wanted: Annotated[AlarmFilter, Depends(_wanted)],
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 100,
         cursor: Annotated[str | None, Query(description="the page after the one that has given this as next")] = None,
     ) -> models.Alarms:
@@ -114,28 +93,18 @@ def router(state: AppState) -> APIRouter:
 
         While the journal cannot be read, active alarms are those that were last read.
         """
-        now_us, f = state.now_us(), filters
+        now_us = state.now_us()
         skipped, after = (0, None) if cursor is None else _place(cursor)
-        waiting = [a for a in reversed(state.snapshot().alarms.unrecorded) if f.match(a, now_us)]
+        waiting = [a for a in reversed(state.snapshot().alarms.unrecorded) if wanted.matches(a, now_us)]
         first = waiting[skipped : skipped + limit] if after is None else []
-        wanted = limit - len(first) + 1  # one more, to see whether there is another page
+        most = limit - len(first) + 1  # one more, to see whether there is another page
         try:
-            recorded, total = state.journal.query(
-                f.axis,
-                f.parameter,
-                active=f.active,
-                state=f.state,
-                since_us=f.since_us,
-                until_us=f.until_us,
-                limit=wanted,
-                after=after,
-                now_us=now_us,
-            )
+            recorded, total = state.journal.query(wanted, limit=most, after=after, now_us=now_us)
         except StoreError:
-            if after is not None or not (f.active or f.state in _ACTIVE_STATES):
+            if after is not None or not (wanted.active or wanted.state in _ACTIVE_STATES):
                 raise
-            recorded = [a for a in reversed(state.snapshot().alarms.standing) if f.match(a, now_us)]
-            total, recorded = len(recorded), recorded[:wanted]
+            recorded = [a for a in reversed(state.snapshot().alarms.standing) if wanted.matches(a, now_us)]
+            total, recorded = len(recorded), recorded[:most]
         files = [] if state.extracts is None else state.extracts.folder.files()  # list the folder only once
         found = [views.alarm(a, now_us, state.recording_of(a.since_us, files)) for a in (*first, *recorded)[:limit]]
         following, left = None, after is None and skipped + len(first) < len(waiting)

@@ -13,7 +13,8 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, split_name
 from monitor_core.modeling import COMPONENT_KINDS
 from monitor_core.wording import listed
-from service.pipeline.snapshot import AxisSnapshot, MonitoredDrive
+from service.pipeline.axis_pipeline import MonitoredDrive
+from service.pipeline.snapshot import AxisSnapshot
 from service.web import models
 from service.web.app_state import AppState
 from service.web.problem_details import NOT_FOUND, described
@@ -201,10 +202,7 @@ def _response(
 
     drive = watched.model.drive
     delay_s = values[DELAY] if DELAY in watched.model.monitored else watched.settings.delay_s
-    P = np.array(list(covariance.values())) if covariance else None
-    found = drive_response(
-        drive, values, interval_s, frequency_hz, names=tuple(covariance), covariance=P, delay_s=delay_s
-    )
+    found = drive_response(drive, values, interval_s, frequency_hz, covariance, delay_s)
     A, _, _ = AxisModel(drive, values, ()).matrices()
     curve = BodeCurve(magnitude_db=found.db.round(4).tolist(), phase_deg=np.degrees(found.phase).round(3).tolist())
     sd_db, sd_deg = (

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from service.commands.daemon import run_daemon
+from service.commands.daemon import StartEvents, run_daemon
 from service.config import Config
 from tests.end_to_end.processes import PATIENCE_S
 
@@ -25,7 +25,8 @@ def daemon_thread(config: Config, file: Path = NO_FILE, **words: Any) -> Iterato
     """The address of its page; ``words`` are further arguments of ``run_daemon``.  What has ended it is raised."""
     pages, stop = queue.SimpleQueue[str | None](), threading.Event()
     with ThreadPoolExecutor(1, "daemon") as pool:
-        ended = pool.submit(run_daemon, on_any_port(config), file, ready=pages.put, stop=stop, **words)
+        events = StartEvents(ready=pages.put)
+        ended = pool.submit(run_daemon, on_any_port(config), file, stop=stop, events=events, **words)
         ended.add_done_callback(lambda _: pages.put(None))
         try:
             page = pages.get(timeout=PATIENCE_S)

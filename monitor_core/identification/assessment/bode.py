@@ -5,6 +5,7 @@ All are from torque to speed, where resonances stand out; a response to the angl
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -67,14 +68,12 @@ def bode_of(estimate: Estimate, start: Problem | None, records: Sequence[Record]
     """
     f, h = band(records), estimate.interval_s
     regular, words = _regular(records, h)
-    found = drive_response(
-        estimate.drive, estimate.values, h, f, names=estimate.names, covariance=estimate.covariance,
-        delay_s=estimate.delay_s, name="drive, identified",
-    )  # fmt: skip
-    before = None
+    covariance = dict(zip(estimate.names, estimate.covariance, strict=True))
+    found = drive_response(estimate.drive, estimate.values, h, f, covariance, estimate.delay_s)
+    found, before = replace(found, name="drive, identified"), None
     if start is not None:
-        name = "drive, nominal before"
-        before = drive_response(start.drive, start.nominal, h, f, delay_s=start.delay_s, name=name)
+        before = drive_response(start.drive, start.nominal, h, f, delay_s=start.delay_s)
+        before = replace(before, name="drive, nominal before")
     black_box, no_box = _tried("black box", lambda: _black_box(regular, f))
     measured, no_spectrum = _tried("frequency response of the record", lambda: local_response(regular, f))
     if records[0].quantity == "angle":
@@ -163,11 +162,8 @@ def drive_response(
     values: Mapping[str, float],
     interval_s: float,
     frequency_hz: ArrayLike,
-    *,
-    names: Sequence[str] = (),
-    covariance: Floats | None = None,
+    covariance: Mapping[str, ArrayLike] = MappingProxyType({}),
     delay_s: float = 0.0,
-    name: str = "grey box",
 ) -> FrequencyResponse:
     """The response of a drive to its torque; friction and gravity are known inputs and do not contribute.
 
@@ -176,11 +172,9 @@ def drive_response(
         values: of all parameters, as AxisModel takes them.
         interval_s: s.
         frequency_hz: (F,) Hz.
-        names: (p,) estimated parameters, as in Estimate.names: "1/Ja", "delay"; what varies with a signal
-            ("fm per temperature") is left out, the response being that at signals of zero.
-        covariance: (p, p) of their estimates; None: they are known exactly.
+        covariance: rows (p,) of the covariance of the estimates, by the p names in Estimate.names: "1/Ja", "delay";
+            what varies with a signal ("fm per temperature") is left out, the response being that at signals of zero.
         delay_s: by which the torque acts late, s.
-        name: as in a legend.
 
     A parameter of infinite variance that the response depends on makes its deviations infinite.
 
@@ -188,7 +182,8 @@ def drive_response(
         KeyError: a name that the drive does not have, or a value that is missing.
         ValueError: a value that makes no sense; a frequency beyond half the sampling frequency.
     """
-    covariance = np.zeros((len(names), len(names))) if covariance is None else covariance
+    names = tuple(covariance)
+    P = np.array([*covariance.values()], dtype=np.float64).reshape(len(names), len(names))
     model = AxisModel(drive, values, ())
     free = [p for p in names if p != DELAY and " per " not in p]
     system = Structure(drive, free, model.balance()).at(model.nominal)
@@ -199,8 +194,8 @@ def drive_response(
     for i, parameter in enumerate(names):
         if parameter in free or parameter == DELAY:
             dG[:, i] = slopes[:, free.index(parameter) if parameter in free else -1]
-    known = np.isfinite(np.diag(covariance))
-    found = by_gradient(f, G, dG[:, known], root_of(covariance[np.ix_(known, known)]), name)
+    known = np.isfinite(np.diag(P))
+    found = by_gradient(f, G, dG[:, known], root_of(P[np.ix_(known, known)]), "drive")
     lost = np.any(dG[:, ~known] != 0, axis=1)
     turns = np.exp(-2j * np.pi * f * interval_s)
     # A mean speed is the change of an angle over each interval.

@@ -29,7 +29,13 @@ from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart
-from monitor_core.identification.weight.link_energies import AngleSum, EnergyBalance, MotionSignals, link_energies
+from monitor_core.identification.weight.link_energies import (
+    AngleSum,
+    EnergyBalance,
+    MotionSignals,
+    link_energies,
+    possible_energies,
+)
 from monitor_core.identification.weight.weight_balance import (
     MIN_INCREASE,
     MOST_OTHERS,
@@ -144,11 +150,13 @@ def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSi
     values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
     arm = [angle for angle in signals.angles if angle in moving]
     beside = [angle for angle in moving if angle not in arm and angle != own]
-    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own, arm, beside=beside)
-    best, energies = terms, link_energies(balance(values)) if len(moving) > 1 else None
+    balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own)
+    best, energies = terms, None
+    if len(moving) > 1:
+        energies = link_energies(balance(possible_energies(own, arm, beside), values))
     for load in signals.loads:
         # Terms that were found without the energies of the load stand for them, so the search begins anew.
-        carrying = link_energies(balance([], load))
+        carrying = link_energies(balance(possible_energies(own, arm, beside, load), []))
         if energies is None or (1 - carrying.explained) ** 2 < _CLEARLY_LESS * (1 - energies.explained) ** 2:
             best, energies = [], carrying
     if energies is None or not energies.found:

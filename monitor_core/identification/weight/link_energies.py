@@ -193,11 +193,8 @@ class EnergyBalance(WeightBalance):
         window: length of the windows, in samples.
         scale: speed scale of Coulomb friction, rad/s.
         own: name of the angle of the axis itself.
-        angles: names of all angles, own too, that do not wrap, from the base to the hand.
+        energies: those that may act on the axis (``possible_energies``).
         terms: values (N,) of further terms of the torque in all parts, one after the other.
-        load: name of the signal of a carried load, by which each energy may be multiplied; "": none.
-        beside: names of the angles of other axes that do not turn the arm, as linear ones, to whose acceleration the
-            axis may be coupled.
     """
 
     def __init__(
@@ -206,20 +203,13 @@ class EnergyBalance(WeightBalance):
         window: int,
         scale: float,
         own: str,
-        angles: Sequence[str],
+        energies: Sequence[Energy],
         terms: Sequence[Floats],
-        load: str = "",
-        beside: Sequence[str] = (),
     ) -> None:
         super().__init__(parts, window, scale)
         ends = np.cumsum([len(part.u) for part in parts])[:-1]
         further = [self.column(np.split(values, ends)) for values in terms]
-        self.energies = tuple(_candidates(own, angles, beside))
-        if load:
-            every = [Energy((own, own), "cos", ()), *self.energies]
-            # A linear axis bears it whatever the pose; so does an axis whose motor also moves that one.
-            every.append(Energy((), "cos", ()))
-            self.energies += tuple(energy._replace(load=load) for energy in every)
+        self.energies = energies
         columns = [self._energy_column(energy, own) for energy in self.energies]
         rows = np.column_stack([self.rows, *further, *columns])
         size = np.sqrt((rows**2).sum(axis=0))
@@ -287,8 +277,28 @@ class EnergyBalance(WeightBalance):
         return self.rate(rates) + self.column(torques)
 
 
-def _candidates(own: str, angles: Sequence[str], beside: Sequence[str]) -> Iterator[Energy]:
-    """Energies that may act on the axis ``own``, those with cosine and sine of the same sum one after the other."""
+def possible_energies(
+    own: str, angles: Sequence[str], beside: Sequence[str] = (), load: str = ""
+) -> tuple[Energy, ...]:
+    """Energies that may act on an axis, those with cosine and sine of the same sum one after the other.
+
+    Args:
+        own: name of the angle of the axis itself.
+        angles: names of all angles, own too, that do not wrap, from the base to the hand.
+        beside: names of the angles of other axes that do not turn the arm, as linear ones, to whose acceleration the
+            axis may be coupled.
+        load: name of the signal of a carried load, by which each energy may be multiplied; "": none.
+    """
+    alone = tuple(_of_arm(own, angles, beside))
+    if not load:
+        return alone
+    # A linear axis bears a load whatever the pose; so does an axis whose motor also moves that one.
+    every = (Energy((own, own), "cos", ()), *alone, Energy((), "cos", ()))
+    return (*alone, *(energy._replace(load=load) for energy in every))
+
+
+def _of_arm(own: str, angles: Sequence[str], beside: Sequence[str]) -> Iterator[Energy]:
+    """Those of the arm alone; arguments as of ``possible_energies``."""
     for s in _sums(angles, 1 + MOST_OTHERS, 1):
         if own in {angle for _, angle in s}:
             yield from (Energy((), f, s) for f in ("cos", "sin"))

@@ -248,7 +248,7 @@ def test_copies_go_on_from_chunk_to_chunk(seed: int) -> None:
     for cuts in ([0, number], [0, 400, 411, 1100, number]):
         bank = HypothesisBank(plant.model, plant.settings, h=math.inf)
         heights = ExcursionPeaks(len(bank.hypotheses))
-        copies = watched._Copies(bank, heights, 0, number)
+        copies = watched.BankCopies(bank, heights, 0, number)
         for start, stop in pairwise(cuts):
             rows = slice(start, stop)
             samples = np.arange(start, stop)

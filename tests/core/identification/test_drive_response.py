@@ -81,7 +81,7 @@ def test_deviations_of_a_drive_are_its_derivatives(output: str, i: int) -> None:
     covariance = np.zeros((5, 5))
     covariance[i, i] = sd**2
     values, delay = moved(i, 0.0)
-    found = drive_response(drive, values, INTERVAL_S, f, names=NAMES, covariance=covariance, delay_s=delay)
+    found = drive_response(drive, values, INTERVAL_S, f, dict(zip(NAMES, covariance, strict=True)), delay)
     ends = []
     for step in (1e-5 * size(i), -1e-5 * size(i)):
         values, delay = moved(i, step)
@@ -114,8 +114,9 @@ def test_what_is_not_told_makes_the_band_infinite() -> None:
     drive, f = three_mass("speed"), np.array([1.0, 20.0])
     covariance = np.array([[np.inf, np.nan, 0.0], [np.nan, 1e-8, 0.0], [0.0, 0.0, np.inf]])
     names = ("kT", "Jm", "fm per temperature")
-    lost = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, names=names, covariance=covariance)
+    lost = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, dict(zip(names, covariance, strict=True)))
     assert np.isinf(lost.sd_db).all()
-    known = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, names=names[1:], covariance=covariance[1:, 1:])
+    finite = dict(zip(names[1:], covariance[1:, 1:], strict=True))
+    known = drive_response(drive, REFERENCE_VALUES, INTERVAL_S, f, finite)
     assert np.isfinite(known.sd_db).all()
     assert (known.sd_db > 0).all()

@@ -19,6 +19,7 @@ from monitor_core.identification.weight.link_energies import (
     EnergyBalance,
     MotionSignals,
     link_energies,
+    possible_energies,
 )
 from monitor_core.identification.weight.weight_balance import moving_parts
 
@@ -230,6 +231,6 @@ def test_a_weight_that_stands_for_an_energy_is_not_needed(rng: Generator) -> Non
     torque = 3 * a[1] + 30 * np.cos(q[1]) + 4 * np.sin(2 * q[1]) * v[0] ** 2
     parts, window = moving_parts([record(rng, 1, torque, q, v)], ANGLES)
     given = [f(np.concatenate([part.signals["q2"] for part in parts])) for f in (np.cos, np.sin)]
-    found = link_energies(EnergyBalance(parts, window, 0.05, "q2", ANGLES, given))
+    found = link_energies(EnergyBalance(parts, window, 0.05, "q2", possible_energies("q2", ANGLES), given))
     assert found.found == (Energy(("q1", "q1"), "cos", ((2, "q2"),)),)
     assert found.needless == (1,)

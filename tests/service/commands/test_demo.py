@@ -35,9 +35,9 @@ class Daemon:
         assert record is None
         assert not words.get("insecure")
         self.config, self.file = config, file
-        if "ready" in words:  # as `demo` calls it
-            words["complete"]()
-            words["ready"]("http://127.0.0.1:1/")
+        if "stop" in words:  # as `demo` calls it
+            words["events"].complete()
+            words["events"].ready("http://127.0.0.1:1/")
             words["stop"].set()
 
 

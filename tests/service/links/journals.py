@@ -10,7 +10,7 @@ from typing import Any
 from monitor_core.detection import Alarm, Cause, FormerName
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
 from service.config.schema_links import AlarmLimits, LinksConfig
-from service.links.delivery import Delivery, Message
+from service.links.delivery import Delivery, DeliveryTimes, Message, MessageSource
 from service.links.running import Links
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.alarm_entries import AlarmEntry
@@ -103,13 +103,9 @@ class Post:
             LinkSnapshot("orders", "webhook", connected=True),
             AlarmLimits.model_validate({"priorities": self.priorities, "max_age_s": 3600.0}),
             self.inbox,
-            self.journal,
-            self.outbox,
+            MessageSource(self.journal, self.outbox, lambda t_us: self.recording if t_us == RAISED.raised_us else None),
             self.outbox.begin(["orders"])["orders"],
-            lambda t_us: self.recording if t_us == RAISED.raised_us else None,
-            lambda: self.clock_s,
-            lambda: self.now_us,
-            lambda: 1.0,
+            DeliveryTimes(lambda: self.clock_s, lambda: self.now_us, lambda: 1.0),
         )
 
     def close(self) -> None:

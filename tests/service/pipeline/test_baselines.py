@@ -12,6 +12,7 @@ from monitor_core.monitoring import AlarmEvent, AlarmState, Status
 from service.can.frames import Frame
 from service.config import Config
 from service.pipeline.baselines import BaselineConflictError, BaselineError, reason_of
+from service.store.alarm_filter import AlarmFilter
 from service.store.alarm_transitions import SERVICE, Note
 from service.web.models import sentences
 from tests.end_to_end.processes import PATIENCE_S, wait_for
@@ -59,7 +60,7 @@ def test_an_alarm_a_repair_a_learned_baseline_its_verification_and_the_way_back(
 ) -> None:
     d = start()
     d.feed(seconds(frames, 0, 12))
-    (alarm,) = (a for a in d.journal.query(AXIS)[0] if a.parameter == "fm")
+    (alarm,) = (a for a in d.journal.query(AlarmFilter(AXIS))[0] if a.parameter == "fm")
     d.journal.act(alarm.id, AlarmEvent.ACKNOWLEDGE, REPAIR)
 
     assert d.baselines.learn(AXIS, WINDOW_S, 5.0, REPAIR).state == "learning"

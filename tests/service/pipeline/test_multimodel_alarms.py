@@ -17,6 +17,7 @@ from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.simulation.axis import SimulatedSample
 from service.simulation.robot import Moment, SimulatedFault
+from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.journal import Journal
 from service.texts.alarm_words import episode_words
@@ -103,8 +104,8 @@ def test_faults_of_axes_and_of_a_sensor_are_named_over_a_restart(
         assert e.stage == "named"
         assert repr(straight.monitors.by_id[axis_id].open_alarms) == repr((e,))  # sizes may be NaN
         assert BROKEN_S - 1 < (e.onset_us - START_US) * 1e-6 < BROKEN_S + 1
-        assert journal.query(axis=axis_id)[1] == 1
-        (alarm,) = journal.query(axis=axis_id)[0]
+        assert journal.query(AlarmFilter(axis_id))[1] == 1
+        (alarm,) = journal.query(AlarmFilter(axis_id))[0]
         assert alarm.causes == e.causes
     sizes = {axis_id: again.open(axis_id)[0].size for axis_id in expected}
     assert sizes["demo.axis1"] == pytest.approx(-0.2, abs=0.06)

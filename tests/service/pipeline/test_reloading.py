@@ -15,6 +15,7 @@ from service.config import Config
 from service.config.drive_sources import shipped
 from service.pipeline.bus_readers import BusReaders
 from service.pipeline.reloading import Reloaded, ReloadError, Reloading
+from service.store.alarm_filter import AlarmFilter
 from service.store.alarm_transitions import Note
 from service.texts.instants import iso
 from tests.end_to_end.processes import wait_for
@@ -118,11 +119,11 @@ def test_axes_are_added_and_removed(
 def test_the_alarms_of_an_axis_end_with_it_and_its_fault_is_found_again_where_it_comes_back(
     core: RunningCore, reloading: Reloading, tmp_path: Path, frames: list[Frame]
 ) -> None:
-    (alarm,), _ = core.journal.query(AXIS)
+    (alarm,), _ = core.journal.query(AlarmFilter(AXIS))
     note = Note(core.now_us, "anna")
     core.journal.act(alarm.id, AlarmEvent.SHELVE, note, core.now_us + 3_600_000_000)
     assert reloading.reload(with_axes(core.config, core.config.robot[0].axis[1:])).removed == (AXIS,)
-    assert core.journal.query(AXIS, active=True)[1] == 0
+    assert core.journal.query(AlarmFilter(AXIS, active=True))[1] == 0
     assert reloading.reload(core.config).added == (AXIS,)
     wait_for(lambda: len(core.worker.snapshot.axes) == 2)
     core.feed(seconds(frames, 12, 24))

@@ -17,6 +17,7 @@ from service.pipeline.alarm_recording import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, LostState, Restored, loss_messages, restore
 from service.store.alarm_entries import AlarmEntry
+from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.journal import Journal
 from tests.service.pipeline.robots import blocks, changed, demo
@@ -202,7 +203,7 @@ def test_alarms_of_what_is_no_longer_monitored(tmp_path: Path, checkpoints: Chec
         "demo.axis7: the alarm of fm was ended: that is no longer monitored",
     )
     assert found.by_id[AXIS].open_alarms == ()
-    assert journal.query(active=True)[1] == 0
+    assert journal.query(AlarmFilter(active=True))[1] == 0
     assert {a.life.state for a in journal.query()[0]} == {AlarmState.RETURNED}
 
 

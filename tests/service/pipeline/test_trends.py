@@ -13,6 +13,7 @@ from service.pipeline.alarm_recording import AlarmRecorder, AxisAlarm, quantitie
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.trends import Trends
+from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.journal import Journal
 from tests.service.pipeline.robots import START_US, changed, demo
@@ -171,7 +172,7 @@ def test_a_forecast_is_not_taken_for_a_change_of_the_same_parameter(
     alarms = AlarmRecorder(journal, quantities(monitors.by_id))
     change = Alarm("fm", "up", 10, 40, 50, None, 0.03, 0.001, 2)
     alarms.record([AxisAlarm(AXIS, FORECAST), AxisAlarm(AXIS, change)])
-    found, total = journal.query(AXIS)
+    found, total = journal.query(AlarmFilter(AXIS))
     assert total == 2
     assert [a.kind for a in found] == ["", "forecast"]
     assert found[1].reaches == FORECAST.reaches

@@ -9,6 +9,7 @@ from structlog.testing import capture_logs
 from service.can.frames import Frame, FrameBlock
 from service.pipeline.wall_clock import SHOWN_US, WallClock
 from service.simulation.robot import SimulatedFault
+from service.store.alarm_filter import AlarmFilter
 from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo
 from tests.service.pipeline.running_core import StandingCore
 
@@ -105,7 +106,7 @@ def test_an_alarm_lasts_as_long_as_its_cause(tmp_path: Path, frames: list[Frame]
     while reader.frames:
         reader.go_on()
         bench.worker.turn()
-    (alarm,) = bench.journal.query("demo.axis1")[0]
+    (alarm,) = bench.journal.query(AlarmFilter("demo.axis1"))[0]
     assert alarm.ended_us is not None
     assert alarm.raised_us < alarm.updated_us <= alarm.ended_us
     assert 14.0 < (alarm.ended_us - START_US) * 1e-6 < LENGTH_S
@@ -125,7 +126,7 @@ def test_a_small_step_of_the_clock_is_no_fault_of_an_axis_without_a_counter(
     while reader.frames:
         reader.go_on()
         bench.worker.turn()
-    assert bench.journal.query("demo.axis1")[0] == []
+    assert bench.journal.query(AlarmFilter("demo.axis1"))[0] == []
     counted_on = -500_000 < step_us < 0
     events = bench.core.ingests["can0"].axes["demo.axis1"].events
     assert events == {

@@ -20,6 +20,7 @@ from service.pipeline.snapshot import Histogram, Snapshot
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, next_block_s
 from service.simulation.robot import SimulatedFault
 from service.store.alarm_entries import AlarmEntry
+from service.store.alarm_filter import AlarmFilter
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note
 from service.store.checkpoints import Checkpoint
@@ -81,7 +82,7 @@ def test_what_is_shown_is_in_the_journal(bench: StandingCore) -> None:
         assert not bench.failed.is_set()
         shown = bench.worker.snapshot.axes[0]
         for e in shown.open_alarms:
-            recorded, _ = bench.journal.query("demo.axis1", e.parameter, active=True)
+            recorded, _ = bench.journal.query(AlarmFilter("demo.axis1", e.parameter, active=True))
             assert [a.raised_us for a in recorded] == [e.raised_us]
             seen.add(e.parameter)
         alarmed = {p.name for p in shown.status.parameters if p.status is Status.ALARM}

@@ -20,6 +20,7 @@ from monitor_core.monitoring import (
     ShelfEndError,
 )
 from service.store.alarm_entries import AlarmEntry
+from service.store.alarm_filter import AlarmFilter
 from service.store.alarm_transitions import MIGRATION, Note
 from service.store.database import StoreError
 from service.store.journal import MIGRATIONS, Journal, UnknownAlarmError
@@ -120,7 +121,7 @@ def test_a_shelf_ends_by_itself_and_the_cause_is_followed(journal: Journal) -> N
     journal.act(number, E.SHELVE, by("anna", 5, "spare part on its way"), 60 * SECOND)
     journal.end_shelves(59 * SECOND)
     assert state(journal, number) == AlarmLife(S.SHELVED, S.UNACKNOWLEDGED, 60 * SECOND)
-    assert [a.id for a in journal.query(active=True)[0]] == [number]
+    assert [a.id for a in journal.query(AlarmFilter(active=True))[0]] == [number]
     journal.end_shelves(61 * SECOND)
     assert state(journal, number) == AlarmLife(S.UNACKNOWLEDGED)
     last = journal.transitions(number)[-1]
@@ -184,9 +185,9 @@ def test_rules_of_the_configuration_hold_at_once_and_after_a_change_of_it(journa
     alarm = journal.get(hidden)
     assert alarm is not None
     assert (alarm.state, alarm.active, alarm.priority, alarm.ended_us) == ("latched", True, "low", 9 * SECOND)
-    assert journal.query(active=True)[1] == 1
+    assert journal.query(AlarmFilter(active=True))[1] == 1
     journal.act(hidden, E.ACKNOWLEDGE, by("anna", 10))
-    assert (journal.query(active=True)[1], journal.query(active=False)[1]) == (0, 1)
+    assert (journal.query(AlarmFilter(active=True))[1], journal.query(AlarmFilter(active=False))[1]) == (0, 1)
 
 
 def test_an_old_journal_keeps_its_alarms_and_the_active_ones_become_unacknowledged(tmp_path: Path) -> None:
@@ -443,7 +444,7 @@ def test_stale_chattering_and_shelved_alarms_are_found(journal: Journal) -> None
         numbers.append(recorded(journal, replace(e, ended_us=e.raised_us + SECOND)))
 
     def found(name: str, now: int = day + 3000) -> list[int]:
-        return [a.id for a in journal.query(state=name, now_us=now * SECOND)[0]]  # type: ignore[arg-type]
+        return [a.id for a in journal.query(AlarmFilter(state=name), now_us=now * SECOND)[0]]  # type: ignore[arg-type]
 
     assert found("chattering") == [numbers[2]]
     assert (found("stale"), found("stale", day + 1)) == ([old], [])
@@ -451,3 +452,30 @@ def test_stale_chattering_and_shelved_alarms_are_found(journal: Journal) -> None
     assert found("returned") == numbers[::-1]
     assert found("active") == [shelved, old]
     assert [a.id for a in journal.standing()] == [old, shelved]
+
+
+@pytest.mark.parametrize(
+    "wanted",
+    [
+        *(AlarmFilter(state=state) for state in (*AlarmState, "active", "stale")),
+        *(AlarmFilter(active=active) for active in (True, False)),
+        *(AlarmFilter("demo.axis2", parameter) for parameter in (None, "fm", "Ja")),
+        *(AlarmFilter(since_us=k * SECOND, until_us=until) for k in (2, 3, 4) for until in (None, 4 * SECOND)),
+    ],
+    ids=str,
+)
+def test_the_journal_and_alarms_not_yet_in_it_are_filtered_alike(journal: Journal, wanted: AlarmFilter) -> None:
+    for axis in (AXIS, "demo.axis2"):
+        for seconds, parameter in ((2, "kT"), (3, "Ja"), (4, "fm"), (5, "gT")):
+            alarm = replace(RAISED, parameter=parameter, raised_us=seconds * SECOND)
+            number = journal.record([AlarmEntry(axis, "", 1.0, alarm, PLAIN)])[0]
+            match parameter:
+                case "fm":
+                    journal.act(number, E.ACKNOWLEDGE, by("anna", 6))
+                case "Ja":
+                    journal.act(number, E.SHELVE, by("anna", 6), 3 * 86_400 * SECOND)
+                case "kT":
+                    journal.record([AlarmEntry(axis, "", 1.0, replace(alarm, ended_us=7 * SECOND), PLAIN)])
+    now_us = (86_400 + 4) * SECOND
+    every = journal.query(now_us=now_us)[0]
+    assert journal.query(wanted, now_us=now_us)[0] == [a for a in every if wanted.matches(a, now_us)]

@@ -14,6 +14,7 @@ import pytest
 from monitor_core.detection import Alarm, Cause, FormerName
 from monitor_core.detection.alarm import Direction
 from service.store.alarm_entries import AlarmEntry
+from service.store.alarm_filter import AlarmFilter
 from service.store.database import StoreError, StoreInUseError
 from service.store.journal import MIGRATIONS, Journal
 
@@ -119,7 +120,7 @@ def test_recording_an_ended_alarm_again_leaves_a_later_one_open(journal: Journal
     first = raised(journal, ended)
     second = raised(journal, episode(raised_us=8_000_000))
     assert raised(journal, ended) == first
-    assert [a.id for a in journal.query(active=True)[0]] == [second]
+    assert [a.id for a in journal.query(AlarmFilter(active=True))[0]] == [second]
 
 
 def test_a_batch_is_written_as_a_whole_or_not_at_all(journal: Journal) -> None:
@@ -153,12 +154,12 @@ def test_query_filters_and_pages(journal: Journal) -> None:
     page, total = journal.query(limit=3, after=(before.raised_us, before.id))
     assert total == 10
     assert [a.raised_us // 1_000_000 for a in page] == [7, 6, 5]
-    assert [a.raised_us for a in journal.query(active=True)[0]] == [9_000_001]
-    assert journal.query(active=False)[1] == 9
-    assert journal.query(axis="demo.axis1", active=False)[1] == 4
-    assert journal.query(parameter="kT") == ([], 0)
-    assert journal.query(since_us=3_000_001, until_us=5_000_001)[1] == 2
-    assert journal.query(axis="' OR 1=1 --") == ([], 0)
+    assert [a.raised_us for a in journal.query(AlarmFilter(active=True))[0]] == [9_000_001]
+    assert journal.query(AlarmFilter(active=False))[1] == 9
+    assert journal.query(AlarmFilter("demo.axis1", active=False))[1] == 4
+    assert journal.query(AlarmFilter(parameter="kT")) == ([], 0)
+    assert journal.query(AlarmFilter(since_us=3_000_001, until_us=5_000_001))[1] == 2
+    assert journal.query(AlarmFilter("' OR 1=1 --")) == ([], 0)
 
 
 def test_alarms_of_parameters_no_longer_monitored_end(journal: Journal) -> None:
@@ -166,7 +167,7 @@ def test_alarms_of_parameters_no_longer_monitored_end(journal: Journal) -> None:
     kept = raised(journal, episode("fm"))
     closed = journal.close_unmonitored("demo.axis1", ["kT", "fm"], at_us=7_000_000)
     assert [(a.id, a.ended_us) for a in closed] == [(stale, 7_000_000)]
-    assert [a.id for a in journal.query(active=True)[0]] == [kept]
+    assert [a.id for a in journal.query(AlarmFilter(active=True))[0]] == [kept]
 
 
 def test_a_second_writer_learns_who_has_the_journal(tmp_path: Path) -> None:

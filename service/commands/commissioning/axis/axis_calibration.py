@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from monitor_core.calibration import CalibrationError, CalibrationOptions
+from monitor_core.wording import rounded_down
 from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order, as_found, within
 from service.commands.output_files import replace_text
@@ -66,7 +67,7 @@ def _remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationO
     """Changes to try if these records do not suffice; None: only other records can help."""
     outcome = replace(outcome, notes=(*outcome.notes, f"{error}."))
     if error.budget_s is not None:
-        budget_s = _rounded(error.budget_s)
+        budget_s = rounded_down(error.budget_s)
         return _Remedy(f"a budget of {budget_s:g} s", outcome, replace(options, budget_s=budget_s))
     if error.memory_s is not None:
         reason = "for a longer one the records are too short"
@@ -79,12 +80,6 @@ def _remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationO
     if error.without and left:
         return _Remedy(f"monitor = {list(left)}", replace(outcome, watched=left), options)
     return None
-
-
-def _rounded(budget_s: float) -> float:
-    """Round down to two digits."""
-    digits = float(f"{budget_s:.1e}")
-    return digits if digits <= budget_s else float(f"{budget_s * 0.95:.1e}")
 
 
 # --- The test in its own records --------------------------------------------------------------------------------------

@@ -79,7 +79,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
 # --- The signals that the load may depend on --------------------------------------------------------------------------
 
 
-class _Candidates(NamedTuple):
+class _LoadSignals(NamedTuple):
     """Signals on which the load of an axis may depend, as changes of its configuration, by the names of axes."""
 
     axis: str
@@ -113,7 +113,7 @@ class _Candidates(NamedTuple):
         return MotionSignals(*(changes[0].key[1] for changes in found)) if found else None
 
 
-def _candidates(config: Config, axis: NamedAxis) -> _Candidates:
+def _candidates(config: Config, axis: NamedAxis) -> _LoadSignals:
     """The angles of the arm only if the axis itself is one of them, and not the only one, unless it may bear a load."""
     others = list(_arm(config, axis))
     loads = tuple(signal.name for signal in axis.config.signal if signal.axis is None)
@@ -123,10 +123,10 @@ def _candidates(config: Config, axis: NamedAxis) -> _Candidates:
     given = {signal.name for signal in axis.config.signal}
     turning = {angles[other.config.name][0].key[1] for other in others if _turns_on(other)}
     derivatives = {other.config.name: _derivatives(axis, other) for other in others}
-    return _Candidates(axis.config.name, angles, derivatives, loads, frozenset(given | turning))
+    return _LoadSignals(axis.config.name, angles, derivatives, loads, frozenset(given | turning))
 
 
-def _changes(candidates: _Candidates, ratios: Mapping[str, float], used: Collection[str]) -> Iterator[Correction]:
+def _changes(candidates: _LoadSignals, ratios: Mapping[str, float], used: Collection[str]) -> Iterator[Correction]:
     """The changes of the configuration that add the used signals, with the gear ratios that were found."""
     motions = [*candidates.angles.values(), *chain.from_iterable(candidates.derivatives.values())]
     yield from (change for change in chain.from_iterable(motions) if change.key[1] in used)
@@ -162,7 +162,7 @@ class _Recorded(NamedTuple):
     accelerations: Sequence[str]
 
 
-def _recorded(candidates: _Candidates, text: str, axis_id: str, names: Sequence[str], folder: Path) -> _Recorded:
+def _recorded(candidates: _LoadSignals, text: str, axis_id: str, names: Sequence[str], folder: Path) -> _Recorded:
     """The records of these names, read with the candidates as signals; other arguments as of ``link_load``."""
     config, _ = configured(corrected(text, axis_id, candidates.searched), axis_id, folder)
     records = [load(name, config, axis_id).record for name in names]

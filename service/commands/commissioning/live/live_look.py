@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
+from monitor_core.wording import first_of
 from service.can.frames import FrameKey
 from service.can.user_errors import RecordError
 from service.commands.commissioning.live.axis_look import AxisLook, look_at_axis, missing_messages
@@ -98,9 +99,7 @@ def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
 
 
 def _ids(keys: Iterable[FrameKey]) -> str:
-    names = [f"0x{key.can_id:x}" for key in sorted(keys)]
-    more = f" and {len(names) - _MAX_NAMED} more" if len(names) > _MAX_NAMED else ""
-    return ", ".join(names[:_MAX_NAMED]) + more
+    return first_of([f"0x{key.can_id:x}" for key in sorted(keys)], _MAX_NAMED)
 
 
 # --- What the checks of a record find ---------------------------------------------------------------------------------
