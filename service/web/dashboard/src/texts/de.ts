@@ -204,6 +204,7 @@ const SENTENCES: Record<string, string> = {
   "not known": "{name} ist nicht bekannt",
   brake: "von der Bremse gehalten: steht, und der Motor trägt das Gewicht nicht",
   slow: "langsamer als {speed} rad/s",
+  "gate settles": "{name} hat vor weniger als {time} s eine Bedingung verletzt",
   bounds: "{name} würde seine Grenzen verlassen",
   beyond: "{found}, außerhalb von {low} bis {high}",
   heat: "Wärme = {heat}, Reibung bekannt von {low} bis {high}",
