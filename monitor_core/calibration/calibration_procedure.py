@@ -16,7 +16,7 @@ import numpy as np
 from monitor_core.calibration.budget import Rates, nu_over_sigma, rates, thresholds
 from monitor_core.calibration.copy_excursions import SAMPLES
 from monitor_core.calibration.fault_trials import TrialResult, run_trials
-from monitor_core.calibration.healthy_records import deviations
+from monitor_core.calibration.healthy_records import deviations, time_with_standstill
 from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
 from monitor_core.calibration.injection import InjectedFault, changed_values
 from monitor_core.calibration.monitored_axis import MonitoredAxis
@@ -36,7 +36,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
 
 WITHIN_MEMORIES = 10.0
-"""Changes are to be found within this number of memory lengths, unless ``within_s`` is given."""
+"""Changes are to be found within this number of memory lengths of tests, unless ``within_s`` is given."""
 OBSERVED_SHARE = 2.0
 """Each change is observed for this multiple of that time."""
 
@@ -56,7 +56,8 @@ class CalibrationOptions:
 
     Attributes:
         budget_s: mean time between false alarms of the axis that the thresholds must keep [s].
-        within_s: time within which changes of the smallest possible size must be found [s]; None: ten memory lengths.
+        within_s: time within which changes of the smallest possible size must be found [s]; None: ten memory lengths,
+            in addition to the time in which gates and ``min_speed`` exclude the samples.
         sizes: changes to try, as shares of the size of the parameter, upwards and downwards.
         onsets: number of onsets in the record for each change.
         seed: seed of the bootstrap.
@@ -98,19 +99,20 @@ def calibrate(
         CalibrationError: these records yield no thresholds; the text says why and what would be right.
     """
     axis, memory_s = MonitoredAxis(model, settings), settings.memory * settings.interval_s
-    within_s = options.within_s or WITHIN_MEMORIES * memory_s
+    tests_s = options.within_s or WITHIN_MEMORIES * memory_s
     samples = options.budget_s / settings.interval_s
 
     def step(name: str) -> PartialProgress:
         return lambda part: progress(name, part, 1.0)
 
-    check_within(settings, within_s)
+    check_within(settings, tests_s)
     check_settings(settings)
     healthy = deviations(axis, records, step("healthy records"))
+    within_s = options.within_s or time_with_standstill(tests_s, healthy, settings.interval_s)
     check_records(axis, healthy)
     check_healthy(axis, healthy)
     rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
-    k = nu_over_sigma(len(model.monitored), settings.memory, samples, within_s / memory_s)
+    k = nu_over_sigma(len(model.monitored), settings.memory, samples, tests_s / memory_s)
     task = partial(_bank_thresholds, axis, records, samples, rng_multimodel, options.bank_copies)
     with launch(task) as pending:
         statistics = healthy_statistics(axis, records, healthy, k, rng, options.copies, step("copies of the records"))

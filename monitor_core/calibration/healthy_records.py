@@ -34,6 +34,9 @@ class RecordDeviations:
     """Parameters that could not be determined within the memory, so that P(0) was not found"""
 
 
+_MOST_OF_RECORD = 0.25
+
+
 def deviations(
     axis: MonitoredAxis, records: Sequence[SampleBlock], progress: Callable[[float], None] = lambda _: None
 ) -> list[RecordDeviations]:
@@ -70,6 +73,19 @@ def _deviations(monitor: AxisMonitor, record: SampleBlock, progress: Callable[[i
     status = monitor.status()
     uncertain = status.untested().get(NotTested.UNCERTAIN, ()) if st.seed_left[0] else ()
     return RecordDeviations(record.name, record.t_us, d, s, tested, seeding, gated, status.confounded, uncertain)
+
+
+def time_with_standstill(tests_s: float, found: Sequence[RecordDeviations], interval_s: float) -> float:
+    """The time that contains so much time of tests [s] where gates and ``min_speed`` exclude samples; two digits.
+
+    At most a quarter of the longest record, so that there are several such times in it; no less than ``tests_s``.
+    """
+    after = sum(len(deviations.t_us) - deviations.seeding for deviations in found)
+    gated = sum(deviations.gated for deviations in found)
+    if not gated:
+        return tests_s
+    most_s = _MOST_OF_RECORD * interval_s * max(len(deviations.t_us) for deviations in found)
+    return max(float(f"{min(tests_s * after / max(after - gated, 1), most_s):.2g}"), tests_s)
 
 
 def first_tested(monitor: AxisMonitor, record: SampleBlock) -> int:

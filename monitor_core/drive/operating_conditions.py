@@ -16,7 +16,7 @@ All results for a sample depend only on samples up to that one: blocks may be sp
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -39,6 +39,8 @@ MARGIN = 0.1
 _HEAT = Term.read(HEAT)
 _SAME = 1e-6
 """Relative difference below which two values of a signal count as equal: signals are scaled numbers."""
+_LONG_AGO_US = -(2**62)
+"""Before any sample [us]"""
 
 
 class Follow(NamedTuple):
@@ -74,20 +76,64 @@ class Gate(NamedTuple):
     """A gate that is open while its signal is one of ``equals`` (if given) and between ``above`` and ``below``.
 
     Estimates and tests wait while it is closed.  All values have the unit of the signal.
+
+    ``settle_s``: it stays closed for this time after its signal has the right value again [s], until a force that acted
+    has gone, and the prediction has forgotten it.
     """
 
     signal: str
     equals: tuple[float, ...] = ()
     above: float = -math.inf
     below: float = math.inf
+    settle_s: float = 0.0
 
     def open(self, values: Floats) -> Bools:
-        """Whether the gate is open (N,) for values of the signal (N,); NaN closes it."""
+        """Whether the gate is open (N,) for values of the signal (N,), regardless of ``settle_s``; NaN closes it."""
         between = (values > self.above) & (values < self.below)
         if not self.equals:
             return np.asarray(between, np.bool_)
         near = [np.abs(values - value) <= _SAME * max(1.0, abs(value)) for value in self.equals]
         return np.asarray(between & np.any(near, axis=0), np.bool_)
+
+
+class OpenGates:
+    """Whether all gates of an axis are open, from sample to sample."""
+
+    def __init__(self, gates: Sequence[Gate]) -> None:
+        self._gates = gates
+        self._closed_us = np.full(len(gates), _LONG_AGO_US)
+        """Time of the last sample at which each gate was closed by its signal [us]"""
+        self._is_closed = [False] * len(gates)
+        """Whether each was closed at the last sample"""
+
+    def take(self, t_us: NDArray[np.int64], columns: Mapping[str, Floats]) -> Bools:
+        """Whether all are open (N,) at these times [us], by the signals (N,) of these names."""
+        every = np.ones(len(t_us), np.bool_)
+        for k, gate in enumerate(self._gates):
+            is_open = gate.open(columns[gate.signal])
+            if gate.settle_s > 0 and len(t_us):
+                latest = np.maximum.accumulate(np.where(is_open, -1, np.arange(len(t_us))))
+                last_us = np.where(latest < 0, self._closed_us[k], t_us[latest])
+                self._closed_us[k] = last_us[-1]
+                is_open &= np.abs(t_us - last_us) > gate.settle_s * 1e6  # the clock may be set back
+            if len(t_us):
+                self._is_closed[k] = not is_open[-1]
+            every &= is_open
+        return every
+
+    def closed(self, values: Mapping[str, float]) -> Iterator[str]:
+        """Sentences that say which gates the last sample closed; its signals had these values."""
+        for gate, closed in zip(self._gates, self._is_closed, strict=True):
+            value = values[gate.signal]
+            if closed and gate.open(np.array([value])).all():
+                yield sentence(
+                    "gate settles",
+                    "{name} closed a gate less than {time} s ago",
+                    name=gate.signal,
+                    time=f"{gate.settle_s:g}",
+                )
+            elif closed:
+                yield _stated(gate.signal, value)
 
 
 @dataclass(frozen=True)
@@ -154,6 +200,7 @@ class Operating:
         wanted = {name for f in every for name in f.term.signals} | {g.signal for g in conditions.gates}
         if missing := wanted - self._column.keys():
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
+        self._gates = OpenGates(conditions.gates)
         self._speed = MeasuredSpeed(model.drive.output)
         brake = HoldingBrake(model)
         self._brake = brake if brake.possible else None
@@ -197,9 +244,7 @@ class Operating:
         shift = np.zeros((N, len(self._model.monitored)))
         for follower in self._followers:
             shift[:, follower.i] = follower.shift(s, self._column)
-        gate = np.ones(N, np.bool_)
-        for entry in c.gates:
-            gate &= entry.open(s[:, self._column[entry.signal]])
+        gate = self._gates.take(t_us, {name: s[:, k] for name, k in self._column.items()})
         if c.min_speed > 0:
             gate &= speed >= c.min_speed
         weight = None
@@ -295,10 +340,7 @@ class Operating:
         if self._last is None:
             return
         (s, speed), c = self._last, self._conditions
-        for gate in c.gates:
-            value = s[self._column[gate.signal]]
-            if not gate.open(np.array([value])).all():
-                yield _stated(gate.signal, value)
+        yield from self._gates.closed({name: s[k] for name, k in self._column.items()})
         for follower in self._followers:
             yield from follower.reasons(s[np.newaxis], self._column)
         yield from _unknown(self._weight, s[np.newaxis], self._column)

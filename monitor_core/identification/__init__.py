@@ -64,6 +64,7 @@ from monitor_core.identification.records.measured_record import (
 )
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
+from monitor_core.identification.torque_balance.contact_force import ContactForce, contact_force
 from monitor_core.identification.torque_balance.late_torque import samples_late
 from monitor_core.identification.torque_balance.rigid_body import rigid_fit, speed_scales
 from monitor_core.identification.weight.arm_links import ArmSignals, LinkWeights, link_weights

@@ -45,6 +45,7 @@ from monitor_core.identification.thermal.warm_up import (
 )
 from monitor_core.identification.torque_balance.standstill import find_standstill
 from monitor_core.identification.torque_balance.torque_windows import moves_one_way
+from monitor_core.identification.weight.weight_balance import with_torque_of_links
 from monitor_core.kernel.tables import COULOMB, OF_ANGLE, ONE
 
 MOST_ITERATIONS = 100
@@ -126,9 +127,8 @@ def _with_repeats(problem: Problem, given: _Given) -> IdentificationResult:
 
 def _with_balanced_inertia(found: IdentificationResult, problem: Problem, given: _Given) -> IdentificationResult:
     """The fit repeated with the inertia of the torque balance, if that explains clearly more; else ``found``."""
-    torques, options = problem.drive.constant_torques(), given.options
-    terms = tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
-    rigid = hold_balanced_inertia(problem, given.records, terms)
+    options = given.options
+    rigid = hold_balanced_inertia(problem, given.records, _torque_terms(problem, options))
     if rigid is None:
         return found
     held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
@@ -138,6 +138,12 @@ def _with_balanced_inertia(found: IdentificationResult, problem: Problem, given:
     if again is None or not (found.rejection or _is_better(again.verdict, found.verdict)):
         return found
     return replace(again, held={**held, **again.held})
+
+
+def _torque_terms(problem: Problem, options: IdentificationOptions) -> tuple[str, ...]:
+    """The signals that act on the drive as torques."""
+    torques = problem.drive.constant_torques()
+    return tuple(dict.fromkeys(s.term for s in options.scheduled if s.parameter in torques))
 
 
 def _unless_rejected(problem: Problem, given: _Given) -> IdentificationResult | None:
@@ -158,10 +164,11 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
     as_one = dict[str, str]()
     if moves_one_way(records):
         problem, as_one = hold_offset(problem, options.monitored)
-    standstill = find_standstill(records)
+    links = _torque_terms(problem, options)
+    standstill = find_standstill(with_torque_of_links(records, links))
     if standstill is not None:
         records = standstill.records
-        validation = standstill.held(validation)
+        validation = standstill.held(with_torque_of_links(validation, links))
         if not problem.min_speed:  # as the monitor is then used; the speed scale is that of the motion, too
             problem = replace(problem, min_speed=standstill.speed)
     most = options.max_masses

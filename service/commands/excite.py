@@ -82,7 +82,7 @@ def excite(
     request = MotionRequest(seconds, periods, band, *limits, names_in(find), names_in(free), as_)
     with explained(ValueError):
         experiment = planned(found, request, np.random.default_rng(seed))
-    write(output, as_csv(experiment, torque_columns(found)))
+    write(output, as_csv(experiment, torque_columns(found), angle_columns(found)))
     print_text(experiment, found.id, Console(highlight=False))
 
 
@@ -141,6 +141,16 @@ def torque_columns(axis: NamedAxis) -> dict[str, float]:
     if unit is not None and unit.factor is None and abs(source.factor) == 1:
         return {"torque_as_recorded": 1.0 / source.factor}
     return {"current_A" if name and role_of(name) == "current" else "torque_Nm": 1.0}
+
+
+def angle_columns(axis: NamedAxis) -> dict[str, float]:
+    """Angle columns in the file of a motion and what they contain: rad, and the unit of the records if that differs.
+
+    That is the unit of the controller, such as degrees of the arm, or mm.
+    """
+    source = axis.config.angle
+    recorded = {} if source is None or source.factor == 1 else {"angle_as_recorded": 1.0 / source.factor}
+    return {"angle_rad": 1.0, **recorded}
 
 
 def planned(axis: NamedAxis, request: MotionRequest, rng: np.random.Generator) -> PlannedExperiment:

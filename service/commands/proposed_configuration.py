@@ -43,7 +43,7 @@ def _load_lines(sources: Mapping[str, str]) -> Iterator[str]:
     """The key for signals that may tell what the robot carries; ``sources``: where they are, by their names."""
     if sources:
         signals = (f"{{ name = {toml_value(name)}, {source} }}" for name, source in sources.items())
-        why = "may tell what the robot carries: `commission` lets the torque follow it, if it does"
+        why = "may tell what the robot carries: `commission` lets the torque follow it, or leaves out what presses"
         if len(sources) == 1:
             yield f"signal = [{next(signals)}]  # {why}"
         else:

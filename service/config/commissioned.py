@@ -22,6 +22,10 @@ _OF_PARAMETERS = {"model": ("scales", "bounds", "limits"), "alarms": ("prioritie
 """Keys of an axis, by table, whose entries name monitored parameters."""
 SIGNAL = "signal"
 """Key of the auxiliary signals of an axis"""
+GATE = "gate"
+"""Key of the gates of an axis"""
+_NAMED_BY = {SIGNAL: "name", GATE: "signal"}
+"""Lists of tables of an axis, with the key by which a correction names one"""
 _PLACE = ("message", "signal", "column")
 REPORT = "report.html"
 """Name of the summary of a commissioned robot, beside its configuration"""
@@ -44,7 +48,8 @@ def motion_file(axis_id: str) -> str:
 class Correction(NamedTuple):
     """A corrected key of an axis, e.g. ("torque", "factor") or ("sample_interval_s",), with new value and reason.
 
-    ("signal", "axis2", "axis") is the key "axis" of the auxiliary signal named axis2, which need not exist yet.
+    ("signal", "axis2", "axis") is the key "axis" of the auxiliary signal named axis2, which need not exist yet, and
+    ("gate", "closed", "below") that of the gate on the signal "closed".
     """
 
     key: tuple[str, ...]
@@ -87,8 +92,8 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
     for correction in corrections:
         *tables, key = correction.key
         table = axis
-        if tables[:1] == [SIGNAL]:
-            table, tables = _signal_table(robot, axis, tables[1]), tables[2:]
+        if tables and tables[0] in _NAMED_BY:
+            table, tables = _listed_table(robot, axis, tables[0], tables[1]), tables[2:]
         for name in tables:
             table = _table(table, name)
         value = correction.value
@@ -281,16 +286,16 @@ def kept_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
 # --- Auxiliary signals: adding one, and replacing a reference to an axis that is left out -----------------------------
 
 
-def _signal_table(robot: Any, axis: Any, name: str) -> Any:
-    """The auxiliary signal of an axis with this name; it is added if it does not exist."""
-    if SIGNAL not in axis:
-        axis[SIGNAL] = tomlkit.array()
-        for table in robot.get(DEFAULTS, {}).get(SIGNAL, []):
-            axis[SIGNAL].append(_inline(table))  # an axis with own signals does not get those of the defaults
-    own = axis[SIGNAL]
-    if all(table["name"] != name for table in own):
-        own.append(_inline({"name": name}) if isinstance(own, Array) else tomlkit.item({"name": name}))
-    return next(table for table in own if table["name"] == name)
+def _listed_table(robot: Any, axis: Any, key: str, name: str) -> Any:
+    """The auxiliary signal of an axis with this name, or the gate on this signal; it is added if it does not exist."""
+    if key not in axis:
+        axis[key] = tomlkit.array()
+        for table in robot.get(DEFAULTS, {}).get(key, []):
+            axis[key].append(_inline(table))  # an axis with own ones does not get those of the defaults
+    own, by = axis[key], _NAMED_BY[key]
+    if all(table[by] != name for table in own):
+        own.append(_inline({by: name}) if isinstance(own, Array) else tomlkit.item({by: name}))
+    return next(table for table in own if table[by] == name)
 
 
 def _detach(robot: Any, left_out: Collection[str]) -> None:

@@ -108,12 +108,17 @@ def conditions_of(axis: NamedAxis) -> Conditions:
     return Conditions(
         tuple(source.name for source in needed(axis)),
         tuple(_within(follow_of(v), axis.config) for _, v in varying_of(axis.config) if v not in weight),
-        tuple(_gate(gate) for gate in axis.config.gate),
+        gates_of(axis.config),
         min_speed_of(axis.config),
         thermal_of(axis.config),
         tuple(map(follow_of, weight)),
         _arm_angles(axis),
     )
+
+
+def gates_of(axis: AxisConfig) -> tuple[Gate, ...]:
+    """The gates of an axis as configured."""
+    return tuple(_gate(gate) for gate in axis.gate)
 
 
 def min_speed_of(axis: AxisConfig) -> float:
@@ -176,7 +181,7 @@ def _arm_angles(axis: NamedAxis) -> tuple[str, ...]:
 def _gate(gate: GateConfig) -> Gate:
     above = -math.inf if gate.above is None else gate.above
     below = math.inf if gate.below is None else gate.below
-    return Gate(gate.signal, gate.equals or (), above, below)
+    return Gate(gate.signal, gate.equals or (), above, below, gate.settle_s)
 
 
 def in_words(axis: AxisConfig) -> Iterator[str]:

@@ -152,6 +152,8 @@ class GateConfig(TomlTable):
     """open while the signal is greater than this"""
     below: Real | None = None
     """open while the signal is less than this"""
+    settle_s: NotNegative = 0.0
+    """stays closed for this time after the signal has the right value again [s]"""
 
 
 class TimeConfig(TomlTable):

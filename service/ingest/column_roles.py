@@ -94,7 +94,8 @@ def roles(
     used = {time, *(pair.torque for pair in pairs), *(pair.motion for pair in pairs)}
     loaded = [name for name in moving if name not in used and is_load(name, unit_names[name])]
     loads = {_axis_of(name, [pair.name for pair in pairs]): name for name in loaded}
-    switches = _switches({name: v for name, v in moving.items() if name not in {*used, *loaded}})
+    # Of all rows: what is carried may be changed only every few minutes.
+    switches = _switches({name: columns[name] for name in values if name not in {*used, *loaded, *apart}})
     unused = tuple(name for name in columns if name not in {*used, *loads.values(), *switches})
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=interval_s, measured=True) for pair in pairs)
     found = {_owner(pair.torque) for pair in pairs}
@@ -129,6 +130,8 @@ def _switches(columns: Mapping[str, Floats]) -> tuple[str, ...]:
 
 
 def _is_switch(values: Floats) -> bool:
+    if not values.size:
+        return False
     low, high = values.min(), values.max()
     both = np.all((values == low) | (values == high))
     return bool(both and np.count_nonzero(np.diff(values)) >= _LEAST_CHANGES)

@@ -5,14 +5,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from monitor_core.drive import AxisModel, Operating
+from monitor_core.arrays import Bools
+from monitor_core.drive import AxisModel, OpenGates, Operating
 from monitor_core.identification import Record, RecordPart
 from monitor_core.monitoring import conditioned_records
 from monitor_core.samples import SampleBlock
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
-from service.config.conditions import needed
+from service.config.conditions import gates_of, needed
 from service.config.schema import FurtherSignalConfig
 from service.ingest.axis_records import ReadProgress, axis_record, no_samples_words, sha256_of, wanted
 from service.ingest.records import is_table
@@ -72,9 +73,21 @@ def load(text: str, config: Config, axis_id: str) -> Loaded:
     axis = next(axis for axis in config.axes if axis.id == axis_id)
     signals = _signals_in(wanted(text).path, axis)
     block, source = samples_in(text, config, axis, signals)
-    block = block._replace(name=source.path.name)
+    block = block._replace(name=source.path.name, gate=_gate(axis, [s.name for s in signals], block))
     record = Record.from_samples(block, axis.config.output, [s.name for s in signals], source.start_s)
     return Loaded(record, source)
+
+
+def _gate(axis: NamedAxis, signals: Sequence[str], block: SampleBlock) -> Bools | None:
+    """Whether the gates of the axis are open (N,), as far as the record has their signals; None: it has none of them.
+
+    Without them it is taken as recorded while they were open, such as a planned motion that was recorded on its own.
+    """
+    if block.signals is None:
+        return None
+    values = dict(zip(signals, block.signals.T, strict=True))
+    gates = [gate for gate in gates_of(axis.config) if gate.signal in values]
+    return OpenGates(gates).take(block.t_us, values) if gates else None
 
 
 def loaded_part(loaded: Loaded, part: RecordPart) -> Loaded:

@@ -111,9 +111,10 @@ def motion_step(outcome: Outcome, config: Path) -> str:
     if not outcome.motion:
         return f"{lost} that {command} plans (its limits are those of the records), and record it."
     given = (
-        "angle_reference_rad is the angle to follow"
+        "angle_reference_rad is the angle to follow, angle_reference_as_recorded in the unit of the records"
         if "--as" in outcome.excite
-        else "torque_Nm is the torque to give, or current_A its current, torque_as_recorded in the unit of the records"
+        else "torque_Nm is the torque to give, or current_A its current, torque_as_recorded in the unit of the records;"
+        " a controller that takes no torque follows angle_rad, or angle_as_recorded, from where the axis stands"
     )
     return (
         f"{lost} in {plan} ({outcome.motion_s:.0f} s, within the torque, speed and angle of the records; its column"

@@ -12,23 +12,25 @@ from monitor_core.wording import percent
 from service.config.unit_names import UNITS
 
 QUANTITIES = ("torque", "speed", "angle")
-REFERENCE = {"speed": "speed_reference_rad_s", "angle": "angle_reference_rad"}
 
 
-def as_csv(experiment: PlannedExperiment, torques: Mapping[str, float]) -> str:
+def as_csv(experiment: PlannedExperiment, torques: Mapping[str, float], angles: Mapping[str, float]) -> str:
     """Time, the predicted torque, speed and angle, and the reference where one is followed.
 
-    ``torques``: columns of the torque, with their factors.
+    ``torques``, ``angles``: columns of the torque and of the angle, with their factors.
     """
     motion, task = experiment.motion, experiment.task
     columns = {
         "t_s": np.arange(len(motion.torque)) * task.plant.interval_s,
         **{name: factor * motion.torque for name, factor in torques.items()},
         "speed_rad_s": motion.speed,
-        "angle_rad": motion.angle,
+        **{name: factor * motion.angle for name, factor in angles.items()},
     }
-    if task.command != "torque":
-        columns[REFERENCE[task.command]] = experiment.trial.reference[0 if task.command == "angle" else 1]
+    if task.command == "speed":
+        columns["speed_reference_rad_s"] = experiment.trial.reference[1]
+    if task.command == "angle":
+        reference = experiment.trial.reference[0]
+        columns |= {name.replace("angle", "angle_reference"): factor * reference for name, factor in angles.items()}
     out = StringIO()
     rows = np.column_stack(list(columns.values()))
     np.savetxt(out, rows, "%.9g", ",", header=",".join(columns), comments="")

@@ -28,7 +28,8 @@ _MEANINGS = {DELAY: "delay of the torque", LOAD: "weight of arm and payload, rel
 _MISSING = {
     Effect.POSE: (
         "torque depends on the angle, as that of a weight does: take a drive with a weight (of the library one such as"
-        ' "one-mass-weight", with the gear ratio as its nominal r; in a Modelica file AxisWatch.Gravity)'
+        ' "one-mass-weight", with the gear ratio as its nominal r; in a Modelica file AxisWatch.Gravity); if the axis'
+        " presses there, as a welding gun does, leave that part out by a gate on a signal, or on its angle"
     ),
     Effect.COULOMB: (
         "friction does not vanish with the speed: add Coulomb friction to the drive (AxisWatch.CoulombFriction)"

@@ -112,7 +112,10 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
     if parameter == LOAD:
         return _payload("the load on the axis is {by}", size)
     if parameter == INERTIA:  # of an axis that bears no weight
-        return _payload("the inertia that the axis moves is {by}", size)
+        # Where friction is small, or deviates itself, a motor that is weaker by the same factor shows the same.
+        motor = _by(-size / (1 + size) if math.isfinite(size) and size > -1 else -size)
+        words = _payload("the inertia that the axis moves is {by}", size)
+        return f"{words}; if it carries the same as then, kT is {motor}"
     amount, more = _digits(abs(size)), "less" if size < 0 else "more"
     if parameter in SENSORS:
         if not math.isfinite(size):
@@ -154,10 +157,13 @@ def _skew(size: float, nominal: float) -> str:
 
 def _payload(words: str, size: float) -> str:
     """Message about another payload: a change of the operation, and no fault of the drive."""
-    by = "smaller" if size < 0 else "larger"
-    if math.isfinite(size):
-        by = f"{_digits(abs(100 * size))} % {by}"
-    return f"{words.format(by=by)} than at its commissioning: another payload, and no fault of its drive"
+    return f"{words.format(by=_by(size))} than at its commissioning: another payload, and no fault of its drive"
+
+
+def _by(size: float) -> str:
+    """A relative change, such as "19 % smaller"; only its direction if it is infinite."""
+    way = "smaller" if size < 0 else "larger"
+    return f"{_digits(abs(100 * size))} % {way}" if math.isfinite(size) else way
 
 
 def _ms(seconds: float) -> str:

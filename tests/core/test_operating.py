@@ -114,6 +114,24 @@ def test_all_gates_must_be_open() -> None:
     assert reason == "mode = 2"
 
 
+@pytest.mark.parametrize("cuts", [[], [3], [1, 2, 3, 4, 5, 6, 7]])
+def test_a_gate_settles_after_its_signal(cuts: list[int]) -> None:
+    """Each time for more than 10 ms, and from block to block; not before the first sample."""
+    operating = Operating(TURNING, Conditions(("closed",), (), (Gate("closed", below=0.5, settle_s=0.01),)))
+    t_us = 1_760_000_000_000_000 + 5_000 * np.arange(9)
+    closed = np.array([[0.0], [1.0], [0.0], [0.0], [0.0], [1.0], [NAN], [0.0], [0.0]])
+    expected = [True, False, False, False, True, False, False, False, False]
+    found, reasons = list[bool](), list[str]()
+    for part in np.split(np.arange(9), cuts):
+        _, gate = operating.take(t_us[part], np.zeros(part.size), closed[part])
+        found += gate.tolist()
+        reasons.append(operating.reason)
+    assert found == expected
+    assert reasons[-1] == "closed closed a gate less than 0.01 s ago"
+    if len(cuts) == 7:
+        assert reasons[:4] == ["", "closed = 1", reasons[-1], reasons[-1]]
+
+
 # Angles: first; 2 rad/s; -2 rad/s; 0.4 rad/s; no later than the one before; no number; 3 rad/s over two intervals.
 @pytest.mark.parametrize(
     ("model", "t_ms", "y", "expected"),

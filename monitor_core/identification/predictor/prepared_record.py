@@ -55,15 +55,17 @@ def series(
 ) -> PreparedRecord:
     """Prepare a record, with its torque ``late`` samples later.  Times are rounded to microseconds, as in the monitor.
 
-    Parameters follow ``signals``, level by level; ``torques`` are inputs at each sample.  Errors count where the axis
-    is as fast as ``min_speed``.
+    Parameters follow ``signals``, level by level; ``torques`` are inputs at each sample.  Errors count where the gates
+    are open and the axis is as fast as ``min_speed``.
 
     Raises:
-        ValueError: it lacks a signal, or nothing of it was measured, or all of it is slower; intervals too different
-            for a shift.
+        ValueError: it lacks a signal, or nothing of it was measured with open gates, or all of it is slower; intervals
+            too different for a shift.
     """
     if not record.measured.any():
         raise ValueError(f"{record.name or 'record'}: no output was measured")
+    if not record.judged.any():
+        raise ValueError(f"{record.name or 'record'}: the gates of the axis are closed throughout")
     if missing := [name for name in (*signals, *torques) if name not in record.signals]:
         raise ValueError(f"{record.name or 'record'}: no signal {missing[0]!r}")
     values, level = _levels([record.signals[name] for name in signals], len(record))
@@ -73,12 +75,12 @@ def series(
     pairs = np.stack(np.divmod(keys, len(values)), axis=1)
     y = np.where(record.measured, record.y, 0.0)
     measured = record.measured.astype(np.int64)
-    counts = measured
+    counts = record.judged.astype(np.int64)
     if min_speed > 0:
         fast = MeasuredSpeed(record.quantity).take(t_us, record.y).speed >= min_speed
         if not fast.any():
             raise ValueError(f"{record.name or 'record'}: the axis is nowhere as fast as {min_speed:g} rad/s")
-        counts = measured * fast
+        counts = counts * fast
     if late and np.ptp(intervals) > _REGULAR * np.median(intervals):
         raise ValueError(f"{record.name or 'record'}: a delay of more than one interval needs equal intervals")
     u = record.u[np.clip(np.arange(len(record)) - late, 0, len(record) - 1)]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -38,6 +38,8 @@ class Record:
         valid: (N,) whether y was measured; None: wherever it is finite.  See ``measured``.
         signals: (N,) each, further measured signals by name (reference, temperature, angles of other axes); NaN
             where they were not measured.
+        gate: (N,) whether the gates of the axis are open, as in the monitor; None: always.  Where they are closed the
+            prediction goes on, but its errors do not count, and the torque need not be explained.
 
     Raises:
         ValueError: arrays of different length, fewer than two samples, times that do not increase, torque that is
@@ -51,6 +53,7 @@ class Record:
     name: str = ""
     valid: Bools | None = None
     signals: Mapping[str, Floats] = field(default_factory=dict)
+    gate: Bools | None = None
 
     def __post_init__(self) -> None:
         if self.quantity not in UNITS:
@@ -58,7 +61,9 @@ class Record:
         t, u, y = (np.array(values, dtype=np.float64) for values in (self.t, self.u, self.y))
         signals = {name: np.array(values, dtype=np.float64) for name, values in self.signals.items()}
         valid = np.ones(t.shape, np.bool_) if self.valid is None else np.array(self.valid, dtype=np.bool_)
-        self._check_shapes({"t": t, "u": u, "y": y, "valid": valid, **signals})
+        gate = None if self.gate is None else np.array(self.gate, dtype=np.bool_)
+        gated = {} if gate is None else {"gate": gate}
+        self._check_shapes({"t": t, "u": u, "y": y, "valid": valid, **signals, **gated})
         self._check_times(t)
         if not np.isfinite(u).all():
             k = _first(~np.isfinite(u))
@@ -66,7 +71,7 @@ class Record:
         if valid.shape == y.shape:
             valid &= np.isfinite(y)
             y[~valid] = np.nan
-        for name, values in {"t": t, "u": u, "y": y, "valid": valid, "signals": signals}.items():
+        for name, values in {"t": t, "u": u, "y": y, "valid": valid, "signals": signals, "gate": gate}.items():
             object.__setattr__(self, name, values)
 
     @classmethod
@@ -83,7 +88,7 @@ class Record:
         t: Floats = np.multiply(samples.t_us - samples.t_us[:1] + round(1e6 * start_s), 1e-6)
         columns = () if samples.signals is None else samples.signals.T
         named = dict(zip(signals, columns, strict=True))
-        return cls(t, samples.u, samples.y, quantity, samples.name, None, named)
+        return cls(t, samples.u, samples.y, quantity, samples.name, None, named, samples.gate)
 
     def __len__(self) -> int:
         """Number of samples N."""
@@ -94,6 +99,11 @@ class Record:
         """(N,) whether y was measured there: ``valid``, which is never None once the record is made."""
         assert self.valid is not None
         return self.valid
+
+    @property
+    def judged(self) -> Bools:
+        """(N,) whether y was measured while the gates were open."""
+        return self.measured if self.gate is None else self.measured & self.gate
 
     @property
     def intervals(self) -> Floats:
@@ -140,7 +150,8 @@ class Record:
         """
         signals = {name: values[samples] for name, values in self.signals.items()}
         t, u, y = (values[samples] for values in (self.t, self.u, self.y))
-        return Record(t, u, y, self.quantity, self.name, self.measured[samples], signals)
+        gate = None if self.gate is None else self.gate[samples]
+        return Record(t, u, y, self.quantity, self.name, self.measured[samples], signals, gate)
 
     def without(self, samples: slice | Bools | Ints) -> Record:
         """The record with y at these samples marked as not measured, as for an outlier or a fault of the sensor."""
@@ -204,6 +215,21 @@ def pieces(record: Record) -> list[Record]:
         for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
         if end - start >= _FEWEST
     ]
+
+
+def open_pieces(record: Record) -> list[Record]:
+    """The pieces of a record between its gaps in which the gates are open all the time."""
+    return [part for piece in pieces(record) for part in _open_parts(piece)]
+
+
+def _open_parts(record: Record) -> Iterator[Record]:
+    if record.gate is None:
+        yield record
+        return
+    edges = np.flatnonzero(np.diff(record.gate.astype(np.int8), prepend=0, append=0))
+    for start, end in edges.reshape(-1, 2).tolist():
+        if end - start >= _FEWEST:
+            yield record.select(slice(start, end))
 
 
 _ENOUGH = 40_000

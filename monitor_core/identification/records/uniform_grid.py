@@ -75,7 +75,7 @@ def _on_grid(record: Record, h: float) -> Regular:
     place = np.concatenate([[0], np.cumsum(steps_rounded)])
     u, y, known = np.zeros(place[-1] + 1), np.zeros(place[-1] + 1), np.zeros(place[-1] + 1, np.bool_)
     u[place], y[place] = record.u, np.where(record.measured, record.y, 0.0)
-    known[place] = record.measured
+    known[place] = record.judged
     return Regular(h, u, y, known)
 
 
@@ -116,7 +116,8 @@ def resample(record: Record, interval_s: float) -> Record:
     y, valid = _filtered(record, record.y, t, parts)
     signals = {name: _filtered(record, values, t, parts) for name, values in record.signals.items()}
     named = {name: np.where(fine, values, np.nan) for name, (values, fine) in signals.items()}
-    return Record(t, mean_torque(record, t), y, record.quantity, record.name, valid, named)
+    gate = None if record.gate is None else record.gate[np.searchsorted(record.t, t + 1e-12, side="right") - 1]
+    return Record(t, mean_torque(record, t), y, record.quantity, record.name, valid, named, gate)
 
 
 def mean_torque(record: Record, t: Floats) -> Floats:

@@ -30,7 +30,9 @@ _WINDOW = 24
 _FEWEST = 200
 """Least number of equations."""
 _LESS = 0.3
-"""A shift must reduce the unexplained torque to this share.  So a delay below 0.65 samples is not corrected."""
+"""A shift must reduce the unexplained torque to this share, of that without it and of that with a shift twice as large,
+which is as wrong the other way.  So a delay below 0.65 samples is not corrected.  A force that no motion explains, such
+as that of a gun or a gripper that closes, is explained less badly the farther it is shifted, and is no delay."""
 
 
 def samples_late(records: Sequence[Record]) -> int:
@@ -39,11 +41,17 @@ def samples_late(records: Sequence[Record]) -> int:
     if not scale > 0:
         return 0
     least = least_speed(parts) or 0.0
-    left = [_unexplained([_earlier(part, k) for part in parts], scale, least) for k in range(_MOST + 1)]
+
+    def unexplained(samples: int) -> float:
+        return _unexplained([_earlier(part, samples) for part in parts], scale, least)
+
+    left = [unexplained(k) for k in range(2 * _MOST + 1)]
     best = next((k for k, rest in enumerate(left) if rest <= _AS_GOOD * min(left)), 0)
-    while best < _MOST and left[best + 1] < left[best]:
+    while best < 2 * _MOST and left[best + 1] < left[best]:
         best += 1
-    return best if left[best] < _LESS * left[0] < np.inf else 0
+    if not left[best] < _LESS * left[0] < np.inf:
+        return 0
+    return min(best, _MOST) if left[best] < _LESS * unexplained(2 * best) else 0
 
 
 def _earlier(part: GridPart, samples: int) -> GridPart:

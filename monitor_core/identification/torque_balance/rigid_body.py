@@ -12,6 +12,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.torque_windows import (
+    SIGNAL,
     USUAL,
     WINDOWS,
     GridPart,
@@ -188,7 +189,8 @@ def _fit(
 
 
 def resting_torque(rigid: Rigid, part: GridPart) -> Floats:
-    """Torque that keeps the mass at rest at the angle of each sample (N,): offset and weight, without friction."""
+    """Torque that keeps the mass at rest at the angle of each sample (N,): offset, weight, links; no friction."""
     terms = (term for term in rigid.torques if term == "offset" or term.startswith("angle"))
     still = np.zeros(len(part.y))
-    return sum((rigid.torques[term] * term_values(term, still, part.angle, 1.0) for term in terms), start=still)
+    links = rigid.torques["signal"] * part.signals[SIGNAL] if "signal" in rigid.torques else still
+    return sum((rigid.torques[term] * term_values(term, still, part.angle, 1.0) for term in terms), start=links)

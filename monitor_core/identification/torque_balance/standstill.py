@@ -15,13 +15,16 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
-from monitor_core.identification.records.measured_record import Record, pieces
+from monitor_core.identification.records.measured_record import Record, open_pieces
 from monitor_core.identification.torque_balance.rigid_body import resting_torque, rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import (
     AROUND,
     ONE_WAY,
     POSE,
+    SIGNAL,
+    USUAL,
     GridPart,
+    TorqueTerm,
     least_speed,
     moves_one_way,
     rms_speed,
@@ -86,6 +89,8 @@ class _Rest(NamedTuple):
 def find_standstill(records: Sequence[Record]) -> Standstill | None:
     """The records with the resting torque at standstill, or where a brake holds the axis.
 
+    ``records``: of links that load the axis they have the torque as the signal SIGNAL.
+
     None: the axis rarely stands, and never held by a brake; or the resting torque is not known.
     """
     parts = windowed_parts(records)
@@ -129,13 +134,15 @@ def _mean_speed(part: GridPart) -> Floats:
 
 def _rest(record: Record, slowest: float, one_way: bool) -> _Rest | None:
     """Where the axis stands, and with what torque; None: no rigid mass explains the record."""
-    terms = ONE_WAY if one_way else POSE
+    terms: tuple[TorqueTerm, ...] = ONE_WAY if one_way else POSE
+    if SIGNAL in record.signals:
+        terms = (*(ONE_WAY if one_way else USUAL), "signal")
     fit = rigid_fits([record], [terms], speed_scales([record])[1], moving=True, min_speed=slowest)[0]
     if fit is None or fit.explained < _EXPLAINED:
         return None
     N = len(record)
     torque, stands, braked = np.zeros(N), np.zeros(N, np.bool_), np.zeros(N, np.bool_)
-    for piece in pieces(record):
+    for piece in open_pieces(record):
         for part in windowed_parts([piece]):
             at, own = np.searchsorted(record.t, piece.t), resting_torque(fit, part)
             torque[at] = own

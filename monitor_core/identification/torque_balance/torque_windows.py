@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.structure import Output
-from monitor_core.identification.records.measured_record import Record, pieces
+from monitor_core.identification.records.measured_record import Record, open_pieces
 from monitor_core.identification.records.uniform_grid import mean_torque
 
 TorqueTerm = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"]
@@ -69,8 +69,8 @@ def rms_speed(records: Sequence[Record]) -> float:
 
 
 def windowed_parts(records: Sequence[Record]) -> list[GridPart]:
-    """The pieces of records between gaps, each on a regular grid."""
-    found = [piece for record in records for piece in pieces(record)]
+    """The pieces of records between gaps and closed gates, each on a regular grid."""
+    found = [piece for record in records for piece in open_pieces(record)]
     return [_part(piece) for piece in found if np.count_nonzero(piece.measured) > 1]
 
 

@@ -7,12 +7,15 @@ in windows (torque_windows.py).  ``arm_links`` chooses the sums of angles s_i, `
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import (
+    SIGNAL,
     USUAL,
     WINDOWS,
     GridPart,
@@ -97,6 +100,10 @@ class WeightBalance:
         first, last = (self._solved(columns, half)[0] for half in self.halves)
         return float(first), float(last)
 
+    def slopes(self, columns: Sequence[Floats]) -> Floats:
+        """The torque per unit of each further column, by all equations."""
+        return self._solved(columns, slice(None))[self.rows.shape[1] :]
+
     def _solved(self, columns: Sequence[Floats], part: slice) -> Floats:
         """Values of the usual terms and of further columns, by this part of the equations."""
         rows = np.column_stack([self.rows, *columns])
@@ -108,6 +115,25 @@ class WeightBalance:
         """Sum of squares that further columns leave of the torque, in the judged windows with values of the fitted."""
         missed = residual_torque(np.column_stack([self.rows, *columns]), self.torque, fitted, judged)
         return float(missed @ missed)
+
+
+def with_torque_of_links(records: Sequence[Record], terms: Sequence[str]) -> list[Record]:
+    """The records with the torque that is proportional to these signals as the further signal SIGNAL.
+
+    As they are, if there are no such signals, or too few windows.
+    """
+    parts, window = slow_parts(records, terms) if terms else ([], 0)
+    if not parts:
+        return list(records)
+    balance = WeightBalance(parts, window, speed_scales(records)[1])
+    slopes = balance.slopes([balance.column(part.signals[term] for part in parts) for term in terms])
+    return [
+        replace(
+            record,
+            signals={**record.signals, SIGNAL: sum(s * record.signals[t] for s, t in zip(slopes, terms, strict=True))},
+        )
+        for record in records
+    ]
 
 
 def slow_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list[GridPart], int]:

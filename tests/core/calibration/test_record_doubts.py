@@ -9,7 +9,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import RecordDeviations, deviations
+from monitor_core.calibration.healthy_records import RecordDeviations, deviations, time_with_standstill
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.record_doubts import (
     CalibrationError,
@@ -246,3 +246,17 @@ def test_a_longer_memory_determines_it(seed: int) -> None:
     with_dg = replace(supervised.MODEL, monitored=("kT", "fm", "dg"), scales={}, bounds={})
     assert "raise memory_s" in checked(with_dg, options, slow)
     assert checked(with_dg, replace(options, memory_s=2.0), slow) == ""
+
+
+def test_the_time_to_find_a_change_contains_the_time_without_tests() -> None:
+    """As far as a quarter of the longest record is longer."""
+
+    def found(count: int, seeding: int, gated: int) -> RecordDeviations:
+        values = np.zeros((count, 1))
+        return RecordDeviations("a", np.arange(count), values, values, values > 0, seeding, gated, ())
+
+    assert time_with_standstill(50.0, [found(20_000, 5_000, 0)], 0.1) == 50.0
+    assert time_with_standstill(50.0, [found(20_000, 5_000, 10_000)], 0.1) == 150.0
+    assert time_with_standstill(50.0, [found(20_000, 5_000, 0), found(10_000, 0, 10_000)], 0.1) == 83.0
+    assert time_with_standstill(50.0, [found(20_000, 0, 19_900)], 0.1) == 500.0
+    assert time_with_standstill(50.0, [found(1_000, 0, 999)], 0.1) == 50.0

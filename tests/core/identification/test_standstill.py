@@ -9,9 +9,11 @@ from monitor_core.excitation import multisine
 from monitor_core.identification import IdentificationOptions, Problem, identify
 from monitor_core.identification.assessment.verdict import Effect, FitQuality
 from monitor_core.identification.greybox import fit
+from monitor_core.identification.parameter_selection import ScheduledTerm
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.standstill import find_standstill
+from monitor_core.identification.weight.weight_balance import with_torque_of_links
 from tests.core.chains import one_mass
 from tests.core.identification.record_cases import H, healthy, picks
 from tests.shares import soaked
@@ -70,6 +72,31 @@ def test_at_rest_it_is_the_torque_of_the_weight(seed: int) -> None:
     assert np.abs(record.u[rests] - weight[rests]).mean() > 0.4  # what friction held
     moving = np.abs(np.gradient(record.y, H)) > 3 * found.speed
     assert not (rests & moving).any()
+
+
+def test_at_rest_it_is_the_torque_of_links_that_load_the_axis(seed: int) -> None:
+    """Other axes move them, so its own angle does not show their weight: without them it is not known to stand."""
+    record = picks(seed)
+    rng, t = np.random.default_rng(seed + 1), record.t
+    swings = {name: np.cos(2 * np.pi * rng.uniform(0.02, 0.05) * t + rng.uniform(0, 6)) for name in ("cos", "sin")}
+    weight = 6.0 * swings["cos"] - 4.0 * swings["sin"]
+    record = replace(record, u=record.u + weight, signals=swings)
+    assert find_standstill([record]) is None
+    assert with_torque_of_links([record], ()) == [record]
+    (linked,) = with_torque_of_links([record], ("cos", "sin"))
+    found = find_standstill([linked])
+    assert found is not None
+    assert 0.3 < found.share < 0.7
+    rests = found.records[0].u != record.u
+    assert np.abs(found.records[0].u[rests] - weight[rests]).max() < 0.1
+    # What is identified with these terms stands, too.
+    start = {"J": 3e-3, "fm": 3e-3, "fc": 0.3, "tau0": 0.0, "kT": 1.0}
+    problem = Problem(one_mass("angle"), start, NAMES, speed_scale=0.5, varying={"tau0": ("cos", "sin")})
+    terms = tuple(ScheduledTerm("tau0", name, 0.0, -1.0, 1.0) for name in swings)
+    options = IdentificationOptions("values", speed_scales=speed_scales([record]), scheduled=terms)
+    identified = identify(problem, [record], options=options)
+    assert identified.standstill is not None
+    assert identified.estimate.values["J"] == pytest.approx(TRUE["J"], rel=0.1)
 
 
 def test_an_axis_that_seldom_stands_keeps_its_torque(seed: int) -> None:

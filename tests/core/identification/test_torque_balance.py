@@ -173,6 +173,25 @@ def test_a_late_torque_is_found(late: int, weight: float, seed: int) -> None:
     assert samples_late([turned]) == late
 
 
+@pytest.mark.parametrize("late", [11, 17])
+def test_a_torque_that_is_later_than_can_be_corrected_is_found(late: int, seed: int) -> None:
+    assert samples_late([sent_late(np.random.default_rng(seed), late * H_S, 0.0)]) == 10
+
+
+def test_a_force_at_the_begin_of_motions_is_no_late_torque(seed: int) -> None:
+    """As a gun has when it opens: earlier, it would act while the axis stands, wherever that is."""
+    rng = np.random.default_rng(seed)
+    moves, stands = 300, 200
+    way = np.concatenate([10 * (1 - np.cos(np.pi * np.arange(moves) / moves)), np.full(stands, 20.0)])
+    cycles = N // (2 * (moves + stands))
+    angle = np.tile(np.concatenate([way, 20 - way]), cycles)
+    w = np.gradient(angle, H_S)
+    force = np.tile(np.concatenate([np.full(10, 5.0), np.zeros(moves + stands - 10)]), 2 * cycles)
+    u = 0.001 * np.gradient(w, H_S) + 0.01 * w + 0.1 * np.tanh(w / 0.5) - force
+    u += 0.01 * rng.standard_normal(N)
+    assert samples_late([Record(TIMES, u, angle + 1e-4 * rng.standard_normal(N), "angle", "x")]) == 0
+
+
 def test_what_stands_or_is_noise_shows_no_delay(seed: int) -> None:
     rng = np.random.default_rng(seed)
     assert samples_late([Record(TIMES, rng.standard_normal(N), np.zeros(N), "angle", "x")]) == 0

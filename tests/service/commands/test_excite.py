@@ -65,6 +65,20 @@ def test_a_current_is_not_called_a_torque(torque: str, columns_of_it: dict[str, 
     assert torque_columns(load(path).axes[0]) == columns_of_it
 
 
+def test_an_angle_is_also_in_the_unit_of_the_records(tmp_path: Path) -> None:
+    """A controller of a linear axis takes mm."""
+    path = tmp_path / "demo.toml"
+    text = DEMO.read_text(encoding="utf-8").replace('messages = "', f'messages = "{DEMO.parent}/')
+    angle = 'angle = { message = "Axis1State"'
+    assert angle in text
+    path.write_text(text.replace(angle, f"{angle}, factor = 0.25"), encoding="utf-8")
+    shown(*excite(tmp_path, "--as", "angle", "--config", path))
+    c = columns(tmp_path / "e.csv")
+    assert c["angle_as_recorded"] == pytest.approx(c["angle_rad"] / 0.25)
+    assert c["angle_reference_as_recorded"] == pytest.approx(c["angle_reference_rad"] / 0.25)
+    assert np.ptp(c["angle_reference_rad"]) > 0.1
+
+
 def test_the_table(tmp_path: Path) -> None:
     text = shown(*excite(tmp_path))
     assert re.search(r"demo\.axis1: 1400 samples, 7 s: 2 s to warm up, 2 periods of 2 s", text)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from service.can.message_files import read_messages
+from service.ingest.column_roles import roles
 from service.ingest.signal_roles import axes_in
 
 
@@ -49,3 +52,14 @@ def test_a_current_in_any_unit_is_the_torque(unit: str, factor: float | None, tm
     path.write_text(HEAD + drive(0x181, "Drive1", what="Current", unit=unit), encoding="utf-8")
     found = axes_in(read_messages(path).messages)
     assert [(axis.torque.current, axis.torque.factor) for axis in found] == [(True, factor)] * (factor is not None)
+
+
+def test_what_is_changed_every_few_minutes_may_be_carried() -> None:
+    """The first minutes need not show it."""
+    t: Floats = 0.008 * np.arange(60_000, dtype=np.float64)
+    angle = np.sin(0.7 * t) + 0.3 * np.sin(1.9 * t)
+    torque = np.gradient(np.gradient(angle, 0.008), 0.008) + np.tanh(np.gradient(angle, 0.008) / 0.05)
+    part: Floats = np.floor(t / 112.0) % 2
+    found = roles({"t": t, "Tilt torque": torque, "Tilt angle": angle, "Part": part, "Spare": np.zeros(t.size)})
+    assert found.switches == ("Part",)
+    assert found.unused == ("Spare",)

@@ -89,6 +89,7 @@ LATE = "the torque frame is 0.5 ms late: the torque acts that much after its sam
 EARLY = "the torque frame is 1.2 ms early: the torque acts that much before its sample"
 USUAL = "the torque frame is {} than usual: the torque acts {} its sample"
 MOVES = "the inertia that the axis moves is {} than at its commissioning: another payload, and no fault of its drive"
+MOTOR = "; if it carries the same as then, kT is {}"
 CARRIES = "the load on the axis is {} than at its commissioning: another payload, and no fault of its drive"
 
 
@@ -104,8 +105,9 @@ CARRIES = "the load on the axis is {} than at its commissioning: another payload
         (("load", 0.306, 1.0, "1"), CARRIES.format("31 % larger")),
         (("load", -0.14, 1.0, "1"), CARRIES.format("14 % smaller")),
         (("load", float("-inf"), 1.0, "1"), CARRIES.format("smaller")),
-        (("inertia", 0.306, 1.0, "1"), MOVES.format("31 % larger")),
-        (("inertia", float("-inf"), 1.0, "1"), MOVES.format("smaller")),
+        (("inertia", 0.25, 1.0, "1"), MOVES.format("25 % larger") + MOTOR.format("20 % smaller")),
+        (("inertia", -0.2, 1.0, "1"), MOVES.format("20 % smaller") + MOTOR.format("25 % larger")),
+        (("inertia", float("-inf"), 1.0, "1"), MOVES.format("smaller") + MOTOR.format("larger")),
         (("fm", 0.018, 0.06, "N m s/rad"), "fm is 0.018 N m s/rad (30 %) above its nominal value"),
         (
             ("fm", 0.018, 0.06, "N m s/rad", 0.002),

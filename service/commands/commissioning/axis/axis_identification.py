@@ -17,7 +17,7 @@ from service.commands.commissioning.axis.identification_retries import (
     retry,
     watched_in,
 )
-from service.commands.commissioning.axis.link_load import link_load, motors_without_ratio
+from service.commands.commissioning.axis.link_load import link_load, motors_without_ratio, pressing_gate
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion
 from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
@@ -110,12 +110,13 @@ class _Attempts:
         task = prepare(config, axis, order.records, [], request)
         provenance = order.provenance._replace(drawing=drawing_of(axis.config))
         load = cache(partial(link_load, text, axis.id, order.records, order.folder))
+        pressing = partial(pressing_gate, text, axis.id, order.records, order.folder)
         turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
         is_guess = order.shorten and not self._drives  # the first drive may be one
         for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
             report = part.run(provenance, within("identify", progress))
             is_last = bool(self._schedule and report.rejection)
-            again = None if is_last else retry(report, text, axis, self._drives, load, turn)
+            again = None if is_last else retry(report, text, axis, self._drives, load, turn, pressing)
             if report.rejection and again:  # the complete records would not help
                 break
         return _Attempt(text, axis, task, report, self.outcome), again

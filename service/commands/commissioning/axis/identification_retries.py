@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
 from monitor_core.drive import Term, split_name
-from monitor_core.identification import Effect, FitQuality, TurningWeight
+from monitor_core.identification import ContactForce, Effect, FitQuality, TurningWeight
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.link_load import LinkLoad
 from service.config import AxisConfig, NamedAxis
@@ -63,13 +63,16 @@ def retry(
     tried: Collection[str],
     links: Callable[[], LinkLoad | None],
     turn: Callable[[], TurningWeight | None],
+    pressing: Callable[[], tuple[ContactForce, tuple[Correction, ...]] | None],
 ) -> Retry | None:
     """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
-    The load of links is also considered if one mass without it is only a fair fit, or if it explains much more.
+    The load of links is also considered if one mass without it is only a fair fit, or if it explains much more.  Parts
+    with a force that no motion explains are left out, if that explains much more than loads do.
 
     ``text``: the configuration of that identification; ``tried``: drives that were tried; ``links``: finds on what the
-    load of links depends, ``turn`` how far a weight turns with the motion; None: the torque does not show it.
+    load of links depends, ``turn`` how far a weight turns with the motion, ``pressing`` when a force acts that no
+    motion explains; None: the torque does not show it.
     """
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
@@ -77,6 +80,9 @@ def retry(
     one_mass, fair = used == _ONE_MASS.name, report.result.verdict.quality is FitQuality.FAIR
     replaceable = unfit and used.removesuffix(_WEIGHT) in _LIBRARY
     weight = links() if (replaceable or one_mass) and not tried else None
+    force = pressing() if (unfit or fair) and not tried else None
+    if force and (weight is None or force[0].explains_much_more(weight.explained)):
+        return Retry(corrected(text, axis.id, force[1]), force[1])
     if weight and (unfit or fair or weight.explains_much_more):
         return _with_links(text, axis, weight)
     if unfit:

@@ -14,14 +14,25 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import Term
-from monitor_core.identification import ArmSignals, LinkWeights, MotionSignals, Record, gear_ratios, link_weights
+from monitor_core.identification import (
+    ArmSignals,
+    ContactForce,
+    LinkWeights,
+    MotionSignals,
+    Record,
+    contact_force,
+    gear_ratios,
+    link_weights,
+)
 from service.commands.commissioning.signals.checked_axis import configured
 from service.config import Config, NamedAxis, gear_ratio
-from service.config.commissioned import SIGNAL, Correction, corrected
+from service.config.commissioned import GATE, SIGNAL, Correction, corrected
 from service.config.unit_names import unit_in
 from service.ingest.loaded_records import load
 
 _MUCH_LESS = 0.5
+_SETTLE_S = 0.1
+"""Time after a signal says that an axis does not press any more until it moves freely [s]."""
 _MOST_TURN = 4 * np.pi
 """Largest range of the angle of an arm's axis [rad]; a larger one is that of a motor before its gearbox."""
 
@@ -76,6 +87,32 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     return LinkLoad(tuple(changes), found.terms, found.explained, found.before)
 
 
+def pressing_gate(
+    text: str, axis_id: str, records: Sequence[str], folder: Path
+) -> tuple[ContactForce, tuple[Correction, ...]] | None:
+    """The force that acts while a signal of the axis has one of its two values, and the gate that leaves it out.
+
+    None: no signal tells of such a force.  Arguments and errors as of ``link_load``.
+    """
+    candidates = _candidates(*configured(text, axis_id, folder))
+    if not candidates.loads:
+        return None
+    recorded = _recorded(candidates, text, axis_id, records, folder)
+    found = contact_force(recorded.records, recorded.loads)
+    if found is None:
+        return None
+    key = "below" if found.free < found.pressing else "above"
+    reason = (
+        f"while {found.signal} is {found.pressing:g}, a force acts that no motion of the axis explains; without that"
+        f" part one mass explains {100 * found.explained:.0f} % of the torque"
+    )
+    settling = "then the force has gone, and the prediction has forgotten it"
+    return found, (
+        Correction((GATE, found.signal, key), (found.free + found.pressing) / 2, reason),
+        Correction((GATE, found.signal, "settle_s"), _SETTLE_S, settling),
+    )
+
+
 # --- The signals that the load may depend on --------------------------------------------------------------------------
 
 
@@ -88,7 +125,7 @@ class _LoadSignals(NamedTuple):
     derivatives: Mapping[str, tuple[tuple[Correction, ...], ...]]
     """Speed and acceleration of these; empty where they are not known"""
     loads: tuple[str, ...]
-    """Names of its signals that are not the motion of an axis"""
+    """Names of its signals that are not the motion of an axis, and no gates: a gate leaves out what they tell"""
     of_arm: frozenset[str]
     """Names of the angles that are those of the arm in any case, not those of motors"""
 
@@ -116,7 +153,8 @@ class _LoadSignals(NamedTuple):
 def _candidates(config: Config, axis: NamedAxis) -> _LoadSignals:
     """The angles of the arm only if the axis itself is one of them, and not the only one, unless it may bear a load."""
     others = list(_arm(config, axis))
-    loads = tuple(signal.name for signal in axis.config.signal if signal.axis is None)
+    gates = {gate.signal for gate in axis.config.gate}
+    loads = tuple(s.name for s in axis.config.signal if s.axis is None and s.name not in gates)
     if axis.id not in {other.id for other in others} or (len(others) < 2 and not loads):
         others = []
     angles = {other.config.name: _signal(axis, other) for other in others}

@@ -11,7 +11,7 @@ from monitor_core.drive import OF_ANGLE
 from monitor_core.identification import Obstacle, Record
 from service.commands.commissioning.axis.axis_order import REFUSALS, Order
 from service.commands.commissioning.signals.checked_axis import configured, fastest
-from service.commands.excite import MotionRequest, planned, torque_columns
+from service.commands.excite import MotionRequest, angle_columns, planned, torque_columns
 from service.commands.output_files import replace_text
 from service.config.commissioned import Found, commissioned, corrected, motion_file
 from service.reports.commissioning_report import Outcome, own_config
@@ -85,6 +85,6 @@ def with_motion(order: Order, text: str, outcome: Outcome, motion: SuggestedMoti
         experiment = planned(axis, motion.request, np.random.default_rng(_PHASES))
     except REFUSALS as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))
-    replace_text(path, as_csv(experiment, torque_columns(axis)))
+    replace_text(path, as_csv(experiment, torque_columns(axis), angle_columns(axis)))
     seconds = experiment.task.schedule.samples * experiment.task.plant.interval_s
     return replace(outcome, motion=file, motion_s=seconds)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from monitor_core.identification import Effect, FitQuality, Obstacle, Rejection, TurningWeight, Watched
+from monitor_core.identification import ContactForce, Effect, FitQuality, Obstacle, Rejection, TurningWeight, Watched
 from service.commands.commissioning.axis import axis_identification, axis_processes
 from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
 from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
@@ -90,9 +90,10 @@ def next_try(
     before: Sequence[str] = (),
     links: Callable[[], LinkLoad | None] = lambda: None,
     turn: Callable[[], TurningWeight | None] = lambda: None,
+    pressing: Callable[[], tuple[ContactForce, tuple[Correction, ...]] | None] = lambda: None,
 ) -> Retry | None:
     """What is tried after this identification with the configuration of this text."""
-    return retry(found, text, configured(text, NAME, folder)[1], before, links, turn)
+    return retry(found, text, configured(text, NAME, folder)[1], before, links, turn, pressing)
 
 
 def retried(folder: Path, found: Any, text: str = TEXT, **given: Any) -> tuple[Retry, AxisConfig]:
@@ -231,6 +232,30 @@ def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     assert axis.model.monitor == ("kT", "fc", "fm")
     other = next_try(tmp_path, found, two, ["one-mass"], lambda: load)
     assert other is None or not other.schedule
+
+
+def test_what_presses_is_left_out_unless_a_load_explains_it_as_well(tmp_path: Path) -> None:
+    signal = 'signal = [{ name = "closed", column = "c" }]\n'
+    text = MASS.replace("angle =", f"{signal}angle =", 1)
+    force = ContactForce("closed", 0.0, 1.0, 0.9)
+    gate = Correction(("gate", "closed", "below"), 0.5, "it presses")
+
+    def tried(found: Any, load: LinkLoad | None = None, before: Sequence[str] = ()) -> Retry | None:
+        return next_try(tmp_path, found, text, before, links=lambda: load, pressing=lambda: (force, (gate,)))
+
+    poor = report(rejection="poor")
+    for load in (None, LinkLoad((), ("closed",), 0.8, 0.2)):
+        again = tried(poor, load)
+        assert again is not None
+        assert again.words == "gate.closed.below = 0.5"
+        (given,) = configured(again.text, NAME, tmp_path)[1].config.gate
+        assert (given.signal, given.below) == ("closed", 0.5)
+    again = tried(poor, LinkLoad((), ("closed",), 0.88, 0.2))
+    assert again is not None
+    assert again.words == "tau0: closed"
+    assert tried(report(KT, FM)) is None
+    second = tried(poor, before=["one-mass"])
+    assert second is None or "gate" not in second.words
 
 
 def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:

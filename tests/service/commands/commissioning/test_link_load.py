@@ -13,10 +13,12 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning.axis import axis_identification
-from service.commands.commissioning.axis.link_load import LinkLoad, link_load, motors_without_ratio
+from service.commands.commissioning.axis.link_load import LinkLoad, link_load, motors_without_ratio, pressing_gate
+from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
 from service.config.commissioned import corrected
+from service.ingest.loaded_records import load as load_record
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
@@ -252,6 +254,48 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     }
     assert load_of(corrected(SCARA, "arm.2", found.signals), "arm.2", record) == found
     assert link_load(SCARA, "arm.inner", [str(record)], tmp_path) is None
+
+
+GUN = """
+[[robot]]
+name = "arm"
+[[robot.axis]]
+name = "gun"
+sample_interval_s = 0.01
+time = { column = "t" }
+torque = { column = "u1" }
+angle = { column = "y1" }
+signal = [{ name = "GUN", column = "y2" }]
+model = { drive = "one-mass", monitor = ["kT"], nominal = { kT = 1 } }
+"""
+
+
+@pytest.mark.parametrize(("pressing", "key"), [(1, "below"), (0, "above")])
+def test_a_gate_leaves_out_what_presses(pressing: int, key: str, tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    t, q, w, a = Swing.drawn(rng, 180.0, 2.0, 1.0)
+    presses = q[0] < -0.2
+    u = 0.5 * a[0] + 0.5 * w[0] + np.tanh(w[0] / 0.05) + np.where(presses, 12 * (q[0] + 0.2), 0)
+    q[1] = np.where(presses, pressing, 1 - pressing)
+    Swing(t, q, w, a).write(tmp_path / "a.csv", np.array([u, u]) + rng.normal(0, 0.1, q.shape))
+    records = [str(tmp_path / "a.csv")]
+    found = pressing_gate(GUN, "arm.gun", records, tmp_path)
+    assert found is not None
+    force, (gate, settling) = found
+    assert gate.change == f"gate.GUN.{key} = 0.5"
+    assert settling.change == "gate.GUN.settle_s = 0.1"
+    assert gate.reason.startswith(f"while GUN is {pressing}, a force acts that no motion of the axis explains")
+    text = corrected(GUN, "arm.gun", [gate, settling])
+    (axis,) = configured(text, "arm.gun", tmp_path)[0].axes
+    record = load_record(records[0], configured(text, "arm.gun", tmp_path)[0], "arm.gun").record
+    assert record.gate is not None
+    recently = np.convolve(presses, np.ones(11))[: t.size] > 0  # it has pressed within 0.1 s
+    assert record.gate.tolist() == (~recently).tolist()
+    assert axis.config.gate[0].signal == "GUN"
+    # What it leaves out is no load any more, and is not looked for again.
+    assert pressing_gate(text, "arm.gun", records, tmp_path) is None
+    assert link_load(text, "arm.gun", records, tmp_path) is None
+    assert force.explained > 0.85
 
 
 BASE = arm_of("base", "lift")

@@ -60,6 +60,12 @@ function delayed(size: number, nominal: number): string {
   return `der Frame des Moments kommt ${ms(size)} ${way}: das Moment wirkt ${acts} ${nominal + size > 0 ? "nach" : "vor"} seinem Messwert`;
 }
 
+/** Eine relative Änderung, "19 % kleiner"; nur die Richtung, wenn ihre Größe nicht bekannt ist. */
+function relative(size: number): string {
+  const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
+  return `${by}${size < 0 ? "kleiner" : "größer"}`;
+}
+
 function fact(alarm: Alarm, unit: string): string {
   const nominal = alarm.nominal ?? 0;
   const size = alarm.size ?? (alarm.direction === "down" ? -Infinity : Infinity);
@@ -67,12 +73,11 @@ function fact(alarm: Alarm, unit: string): string {
   if (sensor) return sensor(size, unit);
   if (alarm.parameter === "delay") return delayed(size, nominal);
   if (alarm.parameter === "load") {
-    const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
-    return `die Last an der Achse ist ${by}${size < 0 ? "kleiner" : "größer"} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
+    return `die Last an der Achse ist ${relative(size)} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
   }
   if (alarm.parameter === "inertia") {
-    const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
-    return `die Trägheit, die die Achse bewegt, ist ${by}${size < 0 ? "kleiner" : "größer"} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
+    const motor = Number.isFinite(size) && size > -1 ? -size / (1 + size) : -size;
+    return `die Trägheit, die die Achse bewegt, ist ${relative(size)} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs; trägt sie dasselbe wie damals, ist kT ${relative(motor)}`;
   }
   const side = size < 0 ? "unter" : "über";
   if (!Number.isFinite(size)) return `${alarm.parameter} liegt ${side} dem Nennwert, um wie viel, ist nicht bekannt`;
@@ -204,6 +209,7 @@ const SENTENCES: Record<string, string> = {
   "not known": "{name} ist nicht bekannt",
   brake: "von der Bremse gehalten: steht, und der Motor trägt das Gewicht nicht",
   slow: "langsamer als {speed} rad/s",
+  "gate settles": "{name} hat vor weniger als {time} s eine Bedingung verletzt",
   bounds: "{name} würde seine Grenzen verlassen",
   beyond: "{found}, außerhalb von {low} bis {high}",
   heat: "Wärme = {heat}, Reibung bekannt von {low} bis {high}",
