@@ -18,7 +18,7 @@ from monitor_core.monitoring import (
 )
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from monitor_core.wording import joined, sentence
+from monitor_core.wording import Sentence, joined, sentence
 from service.config import NamedAxis, conditions_of
 from service.config.drive_sources import model_of_axis
 from service.ingest.unwrap import AMBIGUOUS, MotionPoint, turns_of
@@ -133,9 +133,19 @@ class AxisPipeline:
     def gated_by(self) -> str:
         """The operating condition that kept the last sample from being used; empty: it was used."""
         reason = "" if self.operating is None else self.operating.reason
-        if reason or self._calibrated is None:
+        if self._calibrated is None:
             return reason
-        return joined(self.outside_calibration) if self._outside == "wait" else self._calibrated.new_poses
+        wait = self._outside == "wait"
+        return lasting_gate(reason, joined(self.outside_calibration) if wait else self._calibrated.new_poses)
+
+
+def lasting_gate(reason: str, outside: str) -> str:
+    """What keeps the samples from being used: ``reason`` that held for the last one, or that it was ``outside``.
+
+    An axis stands again and again, in new poses, too: these would keep the next samples from being used.
+    """
+    stands = isinstance(reason, Sentence) and reason.kind == "slow"
+    return (outside or reason) if stands else (reason or outside)
 
 
 def _motion(monitor: AxisMonitor) -> MotionPoint | None:

@@ -10,7 +10,9 @@ robot's base changes several times as the arm stretches.  For j = k = another ax
 i = j the coupling to the acceleration of axis k.  Each term has one value, m, to be fitted.  No derivative is measured
 for that: the equations are integrated by parts (torque_windows.py).
 
-Weights are candidates, too: where links move fast, only these torques together show them.
+Weights are candidates, too: where links move fast, only these torques together show them.  The axes of a wrist are at
+right angles to each other, so the weight on them is a product of cosines and sines of single angles, each of which is a
+sum of up to eight cosines and sines of sums.  So with many axes these products are candidates as they are.
 
 A load that is carried for a part of the time, as by a gripper, adds the same energies times its measured mass m(t), or
 times a signal that is 0 or 1.  It changes where the arm stands, so the same equations hold:
@@ -37,6 +39,10 @@ from monitor_core.identification.weight.weight_balance import MIN_INCREASE, MOST
 _MOST_SUMS = 16
 _MOST_OF_ANGLE = 2
 """An inertia has the squares and products of two cosines of sums, and so at most twice each angle."""
+_MOST_FACTORS = 4
+"""Cosines and sines in the product of a weight: of the inclination of a link, and of three axes of a wrist"""
+_MOST_PARALLEL = 3
+"""Parallel axes after the first one of an arm: shoulder, elbow, and the first axis of some wrists"""
 _MAX_REMAINING = 0.95
 """A further sum must reduce the squared errors to at most this share, .."""
 _BY_CHANCE = 6.0
@@ -64,23 +70,25 @@ class Energy(NamedTuple):
     Without ``axes``: the weight f(s), which is the derivative of a potential energy; without angles it follows no pose,
     as that on a linear axis.
     ``load``: the name of the signal of a carried load by which it is multiplied; "": none.
+    ``factors``: of a weight, further functions of sums of other angles by which it is multiplied.
     """
 
     axes: tuple[str, ...]
     function: str
     angles: AngleSum
     load: str = ""
+    factors: tuple[tuple[str, AngleSum], ...] = ()
 
     def torque(self, own: str, signals: Mapping[str, MotionSignals]) -> Term:
         """Its torque on the axis with the angle ``own``, in terms of signals, but for a factor."""
         load = (_signal(self.load),) if self.load else ()
         if not self.axes and not self.angles:
             return Term.product(*load)
-        f = Factor(self.function, tuple((int(np.sign(n)), a) for n, a in self.angles for _ in range(abs(n))))
+        f = _factor(self.function, self.angles)
         slope = Factor("sin" if self.function == "cos" else "cos", f.addends)
         sign = -1 if self.function == "cos" else 1
         if not self.axes:
-            return Term.product(*load, f)
+            return Term.product(*load, f, *(_factor(function, angles) for function, angles in self.factors))
         j, k = self.axes
         if own not in self.axes:
             number = -sign * float(np.sign(self.times(own)))
@@ -97,11 +105,24 @@ class Energy(NamedTuple):
     def function_values(self, part: GridPart) -> tuple[Floats, Floats]:
         """f and its derivative by s (N,)."""
         s = sum((n * part.signals[angle] for n, angle in self.angles), np.zeros(len(part.u)))
-        return (np.cos(s), -np.sin(s)) if self.function == "cos" else (np.sin(s), np.cos(s))
+        f, slope = (np.cos(s), -np.sin(s)) if self.function == "cos" else (np.sin(s), np.cos(s))
+        for function, angles in self.factors:
+            more, _ = Energy((), function, angles).function_values(part)
+            f, slope = more * f, more * slope
+        return f, slope
+
+    @property
+    def followed(self) -> tuple[str, ...]:
+        """The angles that it follows, those of its factors too."""
+        return tuple(angle for s in (self.angles, *(s for _, s in self.factors)) for _, angle in s)
 
     def times(self, angle: str) -> int:
         """How often an angle is in the sum."""
         return next((n for n, name in self.angles if name == angle), 0)
+
+
+def _factor(function: str, angles: AngleSum) -> Factor:
+    return Factor(function, tuple((int(np.sign(n)), a) for n, a in angles for _ in range(abs(n))))
 
 
 def _signal(name: str) -> Factor:
@@ -159,7 +180,7 @@ def link_energies(balance: EnergyBalance) -> LinkEnergies:
         balance.share_explained(balance.error(chosen)),
         balance.share_explained(before),
         tuple(needless),
-        _undetermined(balance, sums, left, {angle for energy in found for _, angle in energy.angles}),
+        _undetermined(balance, sums, left, {angle for energy in found for angle in energy.followed}),
     )
 
 
@@ -167,13 +188,13 @@ def _undetermined(balance: EnergyBalance, sums: Sequence[int], left: float, used
     """The angles that are not used, but are in a sum that explains about as much as a chosen one.
 
     ``left``: the error with the chosen ``sums``.  They are exchanged for weights and inertias only: a coupling alone is
-    in no arm.
+    in no arm.  Products have the same angles as the sums.
     """
     found = dict[str, None]()
     for place, energies in enumerate(balance.same_sum):
         energy = balance.energies[energies[0]]
         new = [angle for _, angle in energy.angles if angle not in used and angle not in found]
-        if not new or len(set(energy.axes)) > 1:
+        if not new or energy.factors or len(set(energy.axes)) > 1:
             continue
         exchanged = min(
             (balance.sums_error([place, *(s for s in sums if s != other)]) for other in sums), default=np.inf
@@ -219,9 +240,9 @@ class EnergyBalance(WeightBalance):
         self._usual = self.rows.shape[1] + self.given
         halves = ((rows[half], self.torque[half]) for half in self.halves)
         self._normal = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
-        by_sum = dict[tuple[tuple[str, ...], AngleSum, str], list[int]]()
+        by_sum = dict[Energy, list[int]]()
         for index, energy in enumerate(self.energies):
-            by_sum.setdefault((energy.axes, energy.angles, energy.load), []).append(index)
+            by_sum.setdefault(energy._replace(function=""), []).append(index)
         self.same_sum = list(by_sum.values())
         """Of each sum, the indices of its energies of the same joints: with cosine and with sine"""
         independent = max(len(self.torque) / WINDOWS, 1.0)
@@ -302,6 +323,9 @@ def _of_arm(own: str, angles: Sequence[str], beside: Sequence[str]) -> Iterator[
     for s in _sums(angles, 1 + MOST_OTHERS, 1):
         if own in {angle for _, angle in s}:
             yield from (Energy((), f, s) for f in ("cos", "sin"))
+    many = len(angles) > 1 + MOST_OTHERS
+    if many:
+        yield from _weight_products(own, angles[1:])
     for place, axis in enumerate(angles):
         # What an axis turns depends on the angles beyond it, and loads only the axes that change it.
         for s in _sums(angles[place + 1 :], 2):
@@ -314,10 +338,41 @@ def _of_arm(own: str, angles: Sequence[str], beside: Sequence[str]) -> Iterator[
         # the ground, so the nearer one matters, too.
         beyond = angles[min(place, angles.index(own)) :]
         both = tuple(angle for angle in angles if angle in (own, axis))
-        for s in (*_sums(beyond, 1, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)):
+        sums = [*_sums(beyond, 1, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)]
+        if many and angles[0] in both:
+            # The base turns what is beyond a link as that is inclined, by two or three parallel axes.
+            sums += [s for end in range(3, _MOST_PARALLEL + 2) for s in _inclinations(angles[1:end])]
+        for s in sums:
             yield from (Energy((own, axis), f, s) for f in ("cos", "sin"))
     # A spindle that turns and lifts has one load for two motors.
     yield from (Energy((own, axis), "cos", ()) for axis in beside)
+
+
+def _weight_products(own: str, angles: Sequence[str]) -> Iterator[Energy]:
+    """Weights on the axis ``own`` that are products of cosines and sines: of a link's inclination, of angles beyond.
+
+    ``angles``: those beyond the first axis of the arm, which is vertical as a rule: no weight follows its angle.
+    """
+    found = dict.fromkeys(
+        sums
+        for parallel in range(1, _MOST_PARALLEL + 1)
+        for link in _inclinations(angles[:parallel])
+        for count in range(1, _MOST_FACTORS)
+        for beyond in combinations([((1, angle),) for angle in angles[parallel:]], count)
+        for sums in ((link, *beyond), beyond)
+        if len(sums) > 1 and any(own == angle for s in sums for _, angle in s)
+    )
+    for sums in found:
+        first, *others = sorted(sums, key=lambda s: own not in {angle for _, angle in s})
+        for functions in product(("cos", "sin"), repeat=len(others)):
+            factors = tuple(zip(functions, others, strict=True))
+            yield from (Energy((), f, first, factors=factors) for f in ("cos", "sin"))
+
+
+def _inclinations(angles: Sequence[str]) -> Iterator[AngleSum]:
+    """The inclination of the last of links with parallel axes, whose angles may be counted in either sense."""
+    for signs in product((1, -1), repeat=len(angles) - 1):
+        yield tuple(zip((1, *signs), angles, strict=True))
 
 
 def _sums(angles: Sequence[str], most: int, most_times: int = _MOST_OF_ANGLE) -> Iterator[AngleSum]:

@@ -199,6 +199,42 @@ def test_two_motors_that_move_one_load_are_coupled_by_it(angles: tuple[str, ...]
     assert alone is None or alone.explained < 0.85
 
 
+def six_axes(
+    rng: Generator, seconds: float
+) -> tuple[tuple[str, ...], dict[str, MotionSignals], Floats, Floats, Floats]:
+    """Angles of an arm of six axes and their signals; positions, speeds and accelerations."""
+    names = tuple(f"q{k}" for k in range(1, 7))
+    signals = {q: MotionSignals(f"{q}-speed", f"{q}-acceleration") for q in names}
+    return names, signals, *motion(rng, seconds, len(names))
+
+
+def test_the_weight_on_a_wrist_is_a_product(rng: Generator) -> None:
+    """The weight beside the last axis, by the inclination of the forearm and the angles of three axes across."""
+    names, signals, q, v, a = six_axes(rng, 400.0)
+    forearm = q[1] + q[2]
+    across = -np.sin(forearm) * np.sin(q[4]) + np.cos(forearm) * np.cos(q[3]) * np.cos(q[4])
+    weight = 6 * (np.cos(forearm) * np.sin(q[3]) * np.cos(q[5]) + across * np.sin(q[5]))
+    last = replace(record(rng, 5, a[5] + weight, q, v), signals=dict(zip(names, q, strict=True)))
+    found = link_weights([last], ArmSignals("q6", names, moving=signals))
+    assert found is not None
+    assert set(found.terms) == {
+        "cos(q6) * cos(q2 + q3) * sin(q4)",
+        "sin(q6) * cos(q2 + q3) * cos(q4) * cos(q5)",
+        "sin(q6) * sin(q2 + q3) * sin(q5)",
+    }
+    assert found.explained > 0.95 > found.before
+
+
+def test_the_base_turns_the_wrist_as_the_forearm_is_inclined(rng: Generator) -> None:
+    names, signals, q, v, a = six_axes(rng, 400.0)
+    forearm = q[1] + q[2]
+    coupling = np.sin(forearm) * a[0] + np.cos(forearm) * (v[1] + v[2]) * v[0]
+    roll = replace(record(rng, 3, a[3] + 3 * coupling, q, v), signals=dict(zip(names, q, strict=True)))
+    found = link_weights([roll], ArmSignals("q4", names, moving=signals))
+    assert found is not None
+    assert found.terms == (str(Energy(("q4", "q1"), "sin", ((1, "q2"), (1, "q3"))).torque("q4", signals)),)
+
+
 @pytest.mark.parametrize("own", [0, 1])
 def test_a_constant_inertia_follows_nothing(own: int, rng: Generator) -> None:
     q, v, a = motion(rng, 300.0)

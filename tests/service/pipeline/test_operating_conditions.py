@@ -9,11 +9,13 @@ import pytest
 
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
+from monitor_core.wording import sentence
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config, load
 from service.ingest.records import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.axis_pipeline import lasting_gate
 from service.simulation.robot import SimulatedFault
 from tests.service.ingest.plant import rows_of
 from tests.service.pipeline.robots import START_US, cut, live, replayed, with_axes
@@ -206,3 +208,11 @@ def test_an_axis_without_conditions_waits_while_its_brake_holds_it(tmp_path: Pat
     later = SampleBlock(t_us + 2_000_000, np.ones(400), np.full(400, 0.3))
     monitors.update({"hoist.lift": later})
     assert monitors.axes["hoist.lift"].gated_by == ""
+
+
+def test_an_axis_that_stands_in_new_poses_is_kept_from_tests_by_these() -> None:
+    slow, poses = sentence("slow", "slower than {speed} rad/s", speed="0.04"), "90 % of the way is in new poses"
+    assert lasting_gate(slow, poses) == lasting_gate("", poses) == poses
+    assert lasting_gate(slow, "") == slow
+    assert lasting_gate("mode = 1", poses) == "mode = 1"
+    assert lasting_gate("", "") == ""

@@ -16,6 +16,7 @@ from service.commands.commissioning.axis.identification_retries import (
     memory_change,
     retry,
     watched_in,
+    without_unsettled,
 )
 from service.commands.commissioning.axis.link_load import link_load, motors_without_ratio, pressing_gate
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion
@@ -51,6 +52,9 @@ def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) 
     return with_motion(order, found.text, outcome, motion)
 
 
+_MOST_LEFT_OUT = 2
+"""Terms of the load of links that are left out, one after the other, if the fit does not converge: each takes a fit"""
+
 # --- The attempts -----------------------------------------------------------------------------------------------------
 
 
@@ -82,6 +86,7 @@ class _Attempts:
         """Changes that --yes would apply, in words"""
         self._schedule: tuple[str, ...] = ()
         self._drives: list[str] = []
+        self._left_out = 0
         self._without_links: _Attempt | None = None
         """A usable fit without the load of links, which stands if the one with it is not usable"""
 
@@ -91,7 +96,7 @@ class _Attempts:
             found, again = self._attempt(progress)
             self._drives.append(found.axis.config.model.drive)
             self.lacks = lacks_of(found.report, self.lacks)
-            if self._without_links is not None and not found.is_usable:
+            if self._without_links is not None and not found.is_usable and not (again and again.left_out):
                 return self._without_links
             if again is not None and again.changes and not self._order.shorten:
                 self.taken = self.taken or f"; --yes applies {again.words}"
@@ -115,16 +120,22 @@ class _Attempts:
         is_guess = order.shorten and not self._drives  # the first drive may be one
         for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
             report = part.run(provenance, within("identify", progress))
-            is_last = bool(self._schedule and report.rejection)
-            again = None if is_last else retry(report, text, axis, self._drives, load, turn, pressing)
+            if self._schedule and report.rejection:
+                again = without_unsettled(report, text) if self._left_out < _MOST_LEFT_OUT else None
+            else:
+                again = retry(report, text, axis, self._drives, load, turn, pressing)
             if report.rejection and again:  # the complete records would not help
                 break
         return _Attempt(text, axis, task, report, self.outcome), again
 
     def _apply(self, again: Retry) -> None:
-        self._text, self._schedule = again.text, self._schedule or again.schedule
+        self._text, self._schedule = again.text, again.schedule or self._schedule
         notes = self.outcome.notes
-        if again.schedule:
+        if again.left_out:
+            self._left_out += 1
+            notes = (*notes, f"The fit does not converge with {again.left_out}, so this term is left out.")
+        elif again.schedule:
+            self.lacks = ""  # the schedules have it
             notes = (*notes, f"The torque shows {again.shown}. {', '.join(again.schedule)}.")
         self.outcome = replace(self.outcome, notes=notes, corrections=(*self.outcome.corrections, *again.changes))
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
 from monitor_core.drive import Term, split_name
-from monitor_core.identification import ContactForce, Effect, FitQuality, TurningWeight
+from monitor_core.identification import ContactForce, Effect, FitQuality, Rejection, TurningWeight
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.link_load import LinkLoad
 from service.config import AxisConfig, NamedAxis
@@ -44,6 +44,8 @@ class Retry(NamedTuple):
     """Schedules by signals, as in `identify --schedule`"""
     shown: str = ""
     """Reason for these schedules: what the torque shows"""
+    left_out: str = ""
+    """Term that the schedules no longer have, as the fit does not converge with it"""
 
     @property
     def words(self) -> str:
@@ -88,6 +90,23 @@ def retry(
     if unfit:
         return _with_other_drive(report, text, axis, tried, turn)
     return followers_monitored(report, text, axis)
+
+
+def without_unsettled(report: IdentificationReport, text: str) -> Retry | None:
+    """Repeat it without one term of the torque offset, if only such terms keep the fit from converging.
+
+    Terms that are nearly alike in the poses of the records, as an acceleration and its product with a cosine, explain
+    the torque together, and none of them settles.  The one that would still move most is left out.
+
+    ``text``: the configuration of that identification.  None: something else would move.
+    """
+    result = report.result
+    terms = {term.slope: term.term for term in result.options.scheduled if term.parameter == OFFSET}
+    moving = result.estimate.moving
+    if result.rejection is not Rejection.NOT_CONVERGED or len(terms) < 2 or not moving or not terms.keys() >= {*moving}:
+        return None
+    left_out = terms.pop(moving[0])
+    return Retry(text, (), (f"{OFFSET}: {', '.join(terms.values())}",), left_out=left_out)
 
 
 def followers_monitored(report: IdentificationReport, text: str, axis: NamedAxis) -> Retry | None:

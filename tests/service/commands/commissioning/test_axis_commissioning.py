@@ -14,6 +14,7 @@ import pytest
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import ContactForce, Effect, FitQuality, Obstacle, Rejection, TurningWeight, Watched
+from monitor_core.identification.parameter_selection import ScheduledTerm
 from service.commands.commissioning.axis import axis_identification, axis_processes
 from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
 from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
@@ -24,6 +25,7 @@ from service.commands.commissioning.axis.identification_retries import (
     memories_of,
     memory_change,
     retry,
+    without_unsettled,
 )
 from service.commands.commissioning.axis.link_load import LinkLoad
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
@@ -65,7 +67,7 @@ def report(
 ) -> Any:
     """What is looked at of an identification."""
     scheduled = [SimpleNamespace(parameter=name) for name in follows]
-    estimate = SimpleNamespace(drive=SimpleNamespace(constant_torques=lambda: ("tau0",)))
+    estimate = SimpleNamespace(drive=SimpleNamespace(constant_torques=lambda: ("tau0",)), moving=())
     result = SimpleNamespace(
         watched=watched,
         options=SimpleNamespace(scheduled=scheduled),
@@ -75,6 +77,7 @@ def report(
         slow_left_out=0.0,
         not_following=(),
         warm_up=None,
+        rejection=Rejection.POOR if rejection else None,
     )
     return SimpleNamespace(rejection=rejection, result=result, outlook="", warnings=(), is_poor=bool(missing))
 
@@ -283,6 +286,63 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
         again = next_try(tmp_path, report(rejection="poor"), MASS, links=links)
         assert again is not None
         assert again.shown == shown
+
+
+def unsettled(*moving: str) -> Any:
+    """A fit with four terms of the torque offset that has not converged, as these parameters would still move."""
+    found = report(KT, rejection="the fit has not converged")
+    found.result.rejection, found.result.estimate.moving = Rejection.NOT_CONVERGED, moving
+    terms = ("cos(a2)", "a2-acceleration", "a2-acceleration * cos(a2)", "a2-acceleration * sin(a2)")
+    found.result.options.scheduled = [ScheduledTerm("tau0", term, 0.0, -1.0, 1.0) for term in terms]
+    return found
+
+
+def test_the_term_that_moves_most_is_left_out_where_only_terms_do_not_settle() -> None:
+    again = without_unsettled(unsettled("tau0 per a2-acceleration", "tau0 per cos(a2)"), MASS)
+    assert again is not None
+    assert again.schedule == ("tau0: cos(a2), a2-acceleration * cos(a2), a2-acceleration * sin(a2)",)
+    assert (again.text, again.left_out) == (MASS, "a2-acceleration")
+    assert without_unsettled(unsettled("tau0 per a2-acceleration", "J"), MASS) is None, "the drive itself moves"
+    assert without_unsettled(unsettled(), MASS) is None
+    assert without_unsettled(report(KT, rejection="poor"), MASS) is None
+
+
+@pytest.mark.parametrize("settles", [True, False])
+def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
+    settles: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice at most; what the first drive lacked is no advice then, as these terms have it."""
+    load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("cos(a2)",), 0.9, 0.3)
+    poor = report(rejection="poor", missing=(Effect.FOREIGN,))
+    reports = [poor, *[unsettled("tau0 per a2-acceleration")] * 3]
+    if settles:
+        reports[-1] = report(KT)
+    schedules = list[tuple[str, ...]]()
+    task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=lambda *_: reports.pop(0))
+    task.with_most_moving_parts = lambda: task
+
+    def prepare(*given: Any) -> Any:
+        schedules.append(given[-1].schedule)
+        return task
+
+    monkeypatch.setattr(axis_identification, "prepare", prepare)
+    monkeypatch.setattr(axis_identification, "link_load", lambda *_: load)
+    monkeypatch.setattr(axis_identification, "motors_without_ratio", lambda *_: ())
+    monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
+    monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
+    monkeypatch.setattr(identification_html, "as_html", lambda _: "")
+    monkeypatch.setattr(axis_identification, "verdict_line", lambda _: "")
+    monkeypatch.setattr(axis_identification, "as_toml", lambda _: "")
+    (tmp_path / "a.csv").touch()
+    order = Order(
+        TWO, NAME, (str(tmp_path / "a.csv"),), tmp_path, CalibrationOptions(600.0), Provenance.now(), shorten=True
+    )
+    outcome = axis_identification.identified(order, Outcome(NAME, ""), lambda *_: None)
+    assert not reports
+    assert [len(schedule) for schedule in schedules] == [0, 1, 1, 1]
+    assert "a2-acceleration, " not in schedules[-1][0]
+    assert sum(note.endswith("so this term is left out.") for note in outcome.notes) == 2
+    assert outcome.refusal == ("" if settles else "not identified: the fit has not converged")
 
 
 @pytest.mark.parametrize("with_links", [report(KT), report(KT, rejection="poor"), report(NO_FM)])
