@@ -34,11 +34,11 @@ class ContactForce(NamedTuple):
 
     signal: str
     free: float
-    """value of the signal while the axis moves freely"""
+    """Value of the signal while the axis moves freely"""
     pressing: float
-    """value while that force acts"""
+    """Value while that force acts"""
     explained: float
-    """share of the torque that one mass explains there"""
+    """Share of the torque that one mass explains there"""
 
     def explains_much_more(self, explained: float) -> bool:
         """Whether much less remains than where this share of the torque is explained."""

@@ -11,6 +11,7 @@ from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order, within
 from service.commands.commissioning.axis.identification_retries import (
     Retry,
+    Searches,
     followers_monitored,
     memories_of,
     memory_change,
@@ -30,6 +31,9 @@ from service.reports.commissioning_report import Outcome
 from service.reports.identification_files import as_toml
 from service.reports.identification_report import IdentificationReport, verdict_line
 from service.reports.outlook_words import missing_words
+
+_MOST_LEFT_OUT = 2
+"""Terms of the load of links that are left out, one after the other, if the fit does not converge: each takes a fit"""
 
 
 def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
@@ -51,9 +55,6 @@ def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) 
     progress("identify", "planning a motion", 0.0)
     return with_motion(order, found.text, outcome, motion)
 
-
-_MOST_LEFT_OUT = 2
-"""Terms of the load of links that are left out, one after the other, if the fit does not converge: each takes a fit"""
 
 # --- The attempts -----------------------------------------------------------------------------------------------------
 
@@ -114,16 +115,18 @@ class _Attempts:
         request = Request(schedule=self._schedule, memories_s=memories_of(axis.config))
         task = prepare(config, axis, order.records, [], request)
         provenance = order.provenance._replace(drawing=drawing_of(axis.config))
-        load = cache(partial(link_load, text, axis.id, order.records, order.folder))
-        pressing = partial(pressing_gate, text, axis.id, order.records, order.folder)
-        turn = partial(turning_weight, max((item.record for item in task.estimation), key=len))
+        source = text, axis.id, order.records, order.folder
+        longest = max((item.record for item in task.estimation), key=len)
+        searches = Searches(
+            cache(partial(link_load, *source)), partial(turning_weight, longest), partial(pressing_gate, *source)
+        )
         is_guess = order.shorten and not self._drives  # the first drive may be one
         for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
             report = part.run(provenance, within("identify", progress))
             if self._schedule and report.rejection:
                 again = without_unsettled(report, text) if self._left_out < _MOST_LEFT_OUT else None
             else:
-                again = retry(report, text, axis, self._drives, load, turn, pressing)
+                again = retry(report, text, axis, self._drives, searches)
             if report.rejection and again:  # the complete records would not help
                 break
         return _Attempt(text, axis, task, report, self.outcome), again

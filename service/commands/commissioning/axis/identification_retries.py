@@ -53,6 +53,17 @@ class Retry(NamedTuple):
         return ", ".join((*(change.change for change in self.changes), *self.schedule))
 
 
+class Searches(NamedTuple):
+    """Searches in the records of an axis, which take a while; the result None: the torque does not show it."""
+
+    links: Callable[[], LinkLoad | None]
+    """Finds on what the load of links depends"""
+    turn: Callable[[], TurningWeight | None]
+    """Finds how far a weight turns with the motion"""
+    pressing: Callable[[], tuple[ContactForce, tuple[Correction, ...]] | None]
+    """Finds when a force acts that no motion explains, and the gate that leaves it out"""
+
+
 def watched_in(report: IdentificationReport) -> tuple[str, ...]:
     """The parameters that can be monitored."""
     return tuple(w.name for w in report.result.watched if w.obstacle is None)
@@ -63,32 +74,28 @@ def retry(
     text: str,
     axis: NamedAxis,
     tried: Collection[str],
-    links: Callable[[], LinkLoad | None],
-    turn: Callable[[], TurningWeight | None],
-    pressing: Callable[[], tuple[ContactForce, tuple[Correction, ...]] | None],
+    searches: Searches,
 ) -> Retry | None:
     """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
     The load of links is also considered if one mass without it is only a fair fit, or if it explains much more.  Parts
     with a force that no motion explains are left out, if that explains much more than loads do.
 
-    ``text``: the configuration of that identification; ``tried``: drives that were tried; ``links``: finds on what the
-    load of links depends, ``turn`` how far a weight turns with the motion, ``pressing`` when a force acts that no
-    motion explains; None: the torque does not show it.
+    ``text``: the configuration of that identification; ``tried``: drives that were tried.
     """
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
     used = axis.config.model.drive
     one_mass, fair = used == _ONE_MASS.name, report.result.verdict.quality is FitQuality.FAIR
     replaceable = unfit and used.removesuffix(_WEIGHT) in _LIBRARY
-    weight = links() if (replaceable or one_mass) and not tried else None
-    force = pressing() if (unfit or fair) and not tried else None
+    weight = searches.links() if (replaceable or one_mass) and not tried else None
+    force = searches.pressing() if (unfit or fair) and not tried else None
     if force and (weight is None or force[0].explains_much_more(weight.explained)):
         return Retry(corrected(text, axis.id, force[1]), force[1])
     if weight and (unfit or fair or weight.explains_much_more):
         return _with_links(text, axis, weight)
     if unfit:
-        return _with_other_drive(report, text, axis, tried, turn)
+        return _with_other_drive(report, text, axis, tried, searches.turn)
     return followers_monitored(report, text, axis)
 
 

@@ -1,6 +1,7 @@
-"""What commissioning tries if the links of an arm or a measured load act on an axis.
+"""What commissioning tries if the links of an arm, a measured load or a contact force act on an axis.
 
-A torque offset then follows the angles of axes, their speeds and accelerations, and the signals of that axis.
+A torque offset then follows the angles of axes, their speeds and accelerations, and the signals of that axis; a gate
+leaves out the time in which the axis presses.
 """
 
 import math

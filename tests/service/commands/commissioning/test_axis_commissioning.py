@@ -21,6 +21,7 @@ from service.commands.commissioning.axis.axis_identification import lacks_of, no
 from service.commands.commissioning.axis.axis_order import Order
 from service.commands.commissioning.axis.identification_retries import (
     Retry,
+    Searches,
     followers_monitored,
     memories_of,
     memory_change,
@@ -96,7 +97,7 @@ def next_try(
     pressing: Callable[[], tuple[ContactForce, tuple[Correction, ...]] | None] = lambda: None,
 ) -> Retry | None:
     """What is tried after this identification with the configuration of this text."""
-    return retry(found, text, configured(text, NAME, folder)[1], before, links, turn, pressing)
+    return retry(found, text, configured(text, NAME, folder)[1], before, Searches(links, turn, pressing))
 
 
 def retried(folder: Path, found: Any, text: str = TEXT, **given: Any) -> tuple[Retry, AxisConfig]:
