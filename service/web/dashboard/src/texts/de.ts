@@ -34,10 +34,10 @@ const NOT_TESTED: Record<NonNullable<Parameter["not_tested_reason"]>, [string, s
     "die Betriebsbedingungen schließen die Messwerte aus",
     "Messwerte, bei denen jedes Tor offen und jedes Signal bekannt und in seinem Bereich ist",
   ],
-  "warm-up state": ["wie warm die Achse nach Start oder Pause ist, ist noch nicht bekannt; ihre Reibung zeigt es", "Messwerte, bis ihre Reibung oder die Zeit es zeigt; oder `start = \"cold\"` in [robot.axis.thermal], wenn sie am Anfang kalt ist"],
+  "warm-up state": ["wie warm die Achse nach Start oder Pause ist, ist noch nicht bekannt; ihre Reibung zeigt es", "Messwerte, bis ihre Reibung oder die Zeit es zeigt; oder `start = \"cold\"` in [robot.axis.thermal], wenn sie kalt beginnt"],
   unidentifiable: [
     "die Aufnahme für die Nennwerte bestimmt sie nicht",
-    "Nennwerte aus einer Aufnahme mit mehreren Geschwindigkeiten und Beschleunigungen, oder `axiswatch identify --fix` mit einem von ihnen, der dann auf seinem Wert in der Konfiguration bleibt",
+    "Nennwerte aus einer Aufnahme mit mehreren Geschwindigkeiten und Beschleunigungen, oder `axiswatch identify --fix` mit einem von ihnen, der dann unverändert bleibt",
   ],
   seeding: ["die Bewegung reicht noch nicht für den Anfang der Schätzung", "mehr Bewegung, oder ein kürzeres memory_s"],
   "not observed": ["die Bewegung enthält fast keine Information darüber", MOTION],
@@ -60,11 +60,11 @@ function delayed(size: number, nominal: number): string {
   return `der Frame des Moments kommt ${ms(size)} ${way}: das Moment wirkt ${acts} ${nominal + size > 0 ? "nach" : "vor"} seinem Messwert`;
 }
 
-/** Eine relative Änderung, "19 % kleiner"; nur die Richtung, wenn ihre Größe nicht bekannt ist. */
-function relative(size: number): string {
-  const by = Number.isFinite(size) ? `${digits(Math.abs(100 * size))} % ` : "";
-  return `${by}${size < 0 ? "kleiner" : "größer"}`;
-}
+/** Eine relative Änderung, "um 19 % kleiner"; nur die Richtung, wenn ihre Größe nicht bekannt ist. */
+const relative = (size: number): string => (Number.isFinite(size) ? share : greater)(size);
+
+/** Was eine andere Trägheit bedeutet, wenn die Achse nichts anderes trägt. */
+const otherwise = (size: number): string => `; sonst ist kT ${relative(size > -1 && size < Infinity ? -size / (1 + size) : -size)}`;
 
 function fact(alarm: Alarm, unit: string): string {
   const nominal = alarm.nominal ?? 0;
@@ -72,12 +72,10 @@ function fact(alarm: Alarm, unit: string): string {
   const sensor = SENSORS[alarm.parameter];
   if (sensor) return sensor(size, unit);
   if (alarm.parameter === "delay") return delayed(size, nominal);
-  if (alarm.parameter === "load") {
-    return `die Last an der Achse ist ${relative(size)} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs`;
-  }
-  if (alarm.parameter === "inertia") {
-    const motor = Number.isFinite(size) && size > -1 ? -size / (1 + size) : -size;
-    return `die Trägheit, die die Achse bewegt, ist ${relative(size)} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs; trägt sie dasselbe wie damals, ist kT ${relative(motor)}`;
+  const inertia = alarm.parameter === "inertia";
+  if (inertia || alarm.parameter === "load") {
+    const what = inertia ? "Trägheit, die die Achse bewegt," : "Last an der Achse";
+    return `die ${what} ist ${relative(size)} als bei der Inbetriebnahme: eine andere Nutzlast, kein Fehler des Antriebs${inertia ? otherwise(size) : ""}`;
   }
   const side = size < 0 ? "unter" : "über";
   if (!Number.isFinite(size)) return `${alarm.parameter} liegt ${side} dem Nennwert, um wie viel, ist nicht bekannt`;
@@ -209,7 +207,7 @@ const SENTENCES: Record<string, string> = {
   "not known": "{name} ist nicht bekannt",
   brake: "von der Bremse gehalten: steht, und der Motor trägt das Gewicht nicht",
   slow: "langsamer als {speed} rad/s",
-  "gate settles": "{name} hat vor weniger als {time} s eine Bedingung verletzt",
+  "gate settles": "{name} war vor weniger als {time} s anders",
   bounds: "{name} würde seine Grenzen verlassen",
   beyond: "{found}, außerhalb von {low} bis {high}",
   heat: "Wärme = {heat}, Reibung bekannt von {low} bis {high}",
@@ -328,7 +326,7 @@ const SENTENCES: Record<string, string> = {
   proposal: "{reason} → {change}",
   "samples apart": "Die Messwerte liegen {found} s auseinander, nicht {configured} s",
   bunches: "Frames kommen in Bündeln an: ihre Empfangszeit ist nicht die der Messwerte; besser wird die Uhr der Steuerung angepasst",
-  scatter: "Mit gleichmäßigen Zeiten ist die Bewegung glatter als mit den Empfangszeiten, die streuen: die Uhr der Steuerung wird angepasst",
+  scatter: "Mit gleichmäßigen Zeiten ist die Bewegung glatter als mit den Empfangszeiten: die Uhr der Steuerung wird angepasst",
   "torque too late": "das Moment kommt {samples} Werte oder mehr später als die Bewegung, die es bewirkt hat, und höchstens {most}"
     + " lassen sich berichtigen: dort verschieben, wo es aufgenommen wird, oder ohne das Filter aufnehmen",
   "late torque": "das Moment kommt {seconds} s später als die Bewegung, die es bewirkt hat, wie ein gefilterter Strom",
@@ -352,11 +350,11 @@ const SENTENCES: Record<string, string> = {
   "too fast": "Der Motor drehte sich mit {speed} Umdrehungen je Minute, was keiner tut: der Winkel ist wohl in Grad",
   "values beyond": "{lost} Werte liegen jenseits von {torque} N m oder {motion}, was kein Motor erreicht: torque.factor und {key}.factor setzen, bei Inkrementen 2 pi / Inkremente je Umdrehung des Motors (Datenblatt des Gebers)",
   place: "{signal} ({quantity})",
-  "signal constant": "{name} ist stets {value}: die Achse stand, oder das Signal hängt; die Achse bewegen, und prüfen, ob es ihr Signal ist",
-  "times restart": "Die Zeiten von {record} beginnen von neuem, so dass {lost} von {rows} Zeilen nicht nach denen darüber liegen: die Datei dort teilen oder, wenn keine Zeile fehlt, time.column aus der Konfiguration nehmen",
+  "signal constant": "{name} ist stets {value}: die Achse stand, oder das Signal hängt; sie bewegen, und prüfen, ob es ihr Signal ist",
+  "times restart": "Die Zeiten von {record} beginnen von neuem, {lost} von {rows} Zeilen liegen vor denen darüber: die Datei dort teilen oder, wenn keine Zeile fehlt, time.column aus der Konfiguration nehmen",
   "signal stuck": "{name} hängt {seconds} s lang, während die Achse sich bewegt: Sensor oder Verbindung gestört",
   "signal held": "{name} ändert sich nur bei jedem {count}. Messwert: die Steuerung soll jeden Wert einmal senden, alle {interval} s, und sample_interval_s das sein",
-  "torque counted": "Das Moment ist ganzzahlig, wie in Promille des Nennmoments (CiA 402, Objekt 6077h): torque.factor auf Nennmoment (Typenschild) / 1000 [N m] setzen; bis dahin gilt diese Einheit, Alarme in Prozent bleiben gleich",
+  "torque counted": "Das Moment ist ganzzahlig, wie in Promille des Nennmoments (CiA 402, Objekt 6077h): torque.factor auf Nennmoment (Typenschild) / 1000 [N m] setzen; Alarme in Prozent bleiben gleich",
   "motion counted": "Ganzzahlig, wie Inkremente, ist {quantity}: {key}.factor auf 2 pi / Inkremente je Umdrehung des Motors (Datenblatt des Gebers) [rad] setzen",
   "speed beyond": "Kein Motor dreht sich mit {speed} rad/s: speed.factor auf 0.10472 setzen bei Umdrehungen je Minute, auf 0.0174533 bei Grad je Sekunde",
   "inertia off": "Als eine Masse zeigt der Antrieb das {times}-fache der Nennträgheit: Einheiten, Getriebe und [robot.axis.model.nominal] prüfen; ist {quantity} der Wert des Arms, ist {key}.factor das Getriebe, Motor durch Arm",
@@ -637,7 +635,7 @@ export const de: Texts = {
   axisAlarms: "Alarme dieser Achse",
   trend: "Langzeittrend",
   trendPlot: (name) => `${name}: Mittelwerte der Langzeitgeschichte, Trend und Vorhersageband`,
-  trendLegend: "Mittelwerte; gestrichelt: Trend mit Band von ± 2 Standardabweichungen von Niveau und Steigung; Balken: Grenze, wann sie erreicht wird (90 %)",
+  trendLegend: "Mittelwerte; gestrichelt: Trend mit Band von ± 2 Standardabweichungen; Balken: Grenze, wann sie erreicht wird (90 %)",
   noTrend: "Noch zu wenig Geschichte für einen Trend.",
 
   drive: {
@@ -692,7 +690,7 @@ export const de: Texts = {
       restore: "Die Nennwerte dieser Epoche werden als neue Epoche wieder gültig.",
     },
     from: "Werte aus",
-    fromFiles: "Die Werte dieser Dateien, aus einer neuen Inbetriebnahme dieser Achse, gelten sofort. Passen sie nicht zur Achse, werden sie abgelehnt.",
+    fromFiles: "Die Werte dieser Dateien, aus einer neuen Inbetriebnahme, gelten sofort, wenn sie zur Achse passen.",
     thresholds: "thresholds.toml (kann fehlen)",
     confirm: {
       baseline: "Die Achse wurde repariert oder geändert und geprüft: Sie ist in Ordnung.",
