@@ -35,6 +35,7 @@ class RecordDeviations:
 
 
 _MOST_OF_RECORD = 0.25
+"""Largest share of the longest record that changes may take to be found, if most of it is standstill"""
 
 
 def deviations(
