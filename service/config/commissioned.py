@@ -98,14 +98,14 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
             table = _table(table, name)
         value = correction.value
         table[key] = value if isinstance(value, str | int) else float(f"{value:.10g}")
-    return tomlkit.dumps(document)
+    return _written(document, text)
 
 
 def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     """The text of a configuration in which an axis ("robot.axis") monitors these parameters."""
     document = _parsed(text)
     _monitor(*_axis(document, axis_id), names)
-    return tomlkit.dumps(document)
+    return _written(document, text)
 
 
 def with_drive(text: str, axis_id: str, drive: str, monitor: Sequence[str], values: Mapping[str, float]) -> str:
@@ -121,11 +121,11 @@ def with_drive(text: str, axis_id: str, drive: str, monitor: Sequence[str], valu
     _monitor(robot, axis, monitor)
     model = _table(axis, "model")
     model["drive"] = drive
-    model["nominal"] = {name: model.get("nominal", {}).get(name, value) for name, value in values.items()}
+    model["nominal"] = _inline({name: model.get("nominal", {}).get(name, value) for name, value in values.items()})
     for table in ("scales", "bounds", "limits"):
         for name in [name for name in model.get(table, {}) if name not in values]:
             del model[table][name]
-    return tomlkit.dumps(document)
+    return _written(document, text)
 
 
 def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] = ()) -> str:
@@ -149,7 +149,7 @@ def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] =
     for number, robot in reversed(list(enumerate(document["robot"]))):
         if not robot["axis"]:
             del document["robot"][number]
-    return "".join(f"# {line}\n" for line in heading) + tomlkit.dumps(document)
+    return "".join(f"# {line}\n" for line in heading) + _written(document, text)
 
 
 def _parsed(text: str) -> TOMLDocument:
@@ -166,6 +166,25 @@ def _parsed(text: str) -> TOMLDocument:
         if DEFAULTS in robot and _has_dotted(robot[DEFAULTS]):
             robot[DEFAULTS] = _undotted(robot[DEFAULTS])
     return document
+
+
+def _written(document: TOMLDocument, before: str) -> str:
+    """The text of a document that was made from ``before``.
+
+    Inline tables of axes and defaults that were changed are spaced evenly: tomlkit leaves gaps in them.
+    """
+    kept = {table.as_string() for _, _, table in _inline_tables(tomlkit.parse(before))}
+    for parent, key, table in list(_inline_tables(document)):
+        if table.as_string() not in kept:
+            parent[key] = _joined(table, {})
+    return tomlkit.dumps(document)
+
+
+def _inline_tables(document: TOMLDocument) -> Iterator[tuple[Any, str, InlineTable]]:
+    """Where each inline table of an axis or of the defaults is, its key, and the table."""
+    for robot in document["robot"]:
+        for parent in (robot.get(DEFAULTS, {}), *robot["axis"]):
+            yield from ((parent, key, table) for key, table in parent.items() if isinstance(table, InlineTable))
 
 
 def _has_dotted(table: Any) -> bool:
@@ -374,6 +393,9 @@ def connected(text: str, other: str, heading: str) -> str:
 def _joined(own: Any, more: Mapping[str, Any]) -> Any:
     """An inline table with the entries of both, and the comment of the first."""
     table = tomlkit.inline_table()
-    table.update({**own.unwrap(), **more})
+    for key, item in own.items():
+        evenly = _joined(item, {}) if isinstance(item, InlineTable) else item
+        table.append(key, more.get(key, evenly))
+    table.update({key: value for key, value in more.items() if key not in own})
     table.trivia.comment_ws, table.trivia.comment = own.trivia.comment_ws, own.trivia.comment
     return table

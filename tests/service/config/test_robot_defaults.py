@@ -177,3 +177,24 @@ def test_a_bus_is_added_to_either(config: dict[str, Any]) -> None:
     )
     short, long = (meaning(tomllib.loads(connected(tables, text_of(c), "x"))) for c in (config, robot()))
     assert short == long
+
+
+def test_changed_tables_are_evenly_spaced_and_others_stay_as_they_were() -> None:
+    text = """[[robot]]
+name = "cell"
+[robot.defaults]
+model = { drive = "one-mass", monitor = ["kT", "fc"], nominal = { kT = 1 } }
+[[robot.axis]]
+name = "axis1"
+torque = { column = "u" }  # sure
+model = { nominal = { kT = 1 }, scales = { kT = 0.1, fc = 1 }, friction_speed_scale = 1 }  # of the data sheet
+"""
+    changed = with_drive(text, "cell.axis1", "three-mass", ("kT", "1/Ja"), {"kT": 1.0, "r": 0.1})
+    changed = commissioned(changed, {"cell.axis1": Found("n.toml", "t.toml", ("kT", "1/Ja"))})
+    lines = changed.splitlines()
+    assert 'model = {drive = "one-mass", monitor = ["kT", "fc"]}' in lines
+    assert 'torque = { column = "u" }  # sure' in lines
+    (model,) = [line for line in lines if "n.toml" in line]
+    assert model.endswith("}  # of the data sheet")
+    assert "  " not in model.removesuffix("  # of the data sheet")
+    assert all(part.startswith(" ") for part in model.split(",")[1:])
