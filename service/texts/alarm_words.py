@@ -69,7 +69,8 @@ def episode_words(e: Alarm, nominal: float, unit: str, same_payload: Sequence[st
 
 def _episode_words(e: Alarm, nominal: float, unit: str) -> str:
     if e.stage == "changed":
-        return f"something has changed, at first sight {e.parameter}; cause and size are not known yet"
+        known = "are not known yet" if e.ended_us is None else "did not become known"
+        return f"something has changed, at first sight {e.parameter}; cause and size {known}"
     size = e.size
     if size is None:
         size = -math.inf if e.direction == "down" else math.inf

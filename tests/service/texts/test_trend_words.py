@@ -76,6 +76,13 @@ def test_an_alarm_about_a_limit() -> None:
     assert words == f"fm reaches 0.09 N m s/rad in 12 to 20 days; {now}"
 
 
+def test_a_change_that_ended_before_it_was_named_is_not_waited_for() -> None:
+    seen = Alarm("fc", "down", NOW_US, NOW_US, NOW_US, None, None, None, 1, "changed")
+    start = "something has changed, at first sight fc; cause and size "
+    assert episode_words(seen, 0.1, "N m") == f"{start}are not known yet"
+    assert episode_words(seen.ended(NOW_US + 1), 0.1, "N m") == f"{start}did not become known"
+
+
 def test_an_alarm_of_axes_that_show_the_same_payload() -> None:
     found = Alarm("kT", "down", NOW_US, NOW_US, NOW_US, None, -0.2, 0.01, 1, "named", (Cause("kT", 0.99, ("load",)),))
     alone = "kT is 0.2 (20 %, 18 to 22) below its nominal value; another payload would look the same"

@@ -153,7 +153,7 @@ function course(p: Body<"LongTermHistory">, unit: string): string {
 function sentence(alarm: Alarm, unit: string): string | null {
   const outside = alarm.inside_calibration === false ? "; außerhalb der Bedingungen der Kalibrierung ausgelöst" : "";
   if (alarm.stage === "changed") {
-    return `etwas hat sich geändert, auf den ersten Blick ${nameOf(alarm.parameter)}; Ursache und Größe sind noch nicht bekannt${outside}`;
+    return `etwas hat sich geändert, auf den ersten Blick ${nameOf(alarm.parameter)}; Ursache und Größe ${alarm.ended ? "wurden" : "sind noch"} nicht bekannt${outside}`;
   }
   const words = fact(alarm, unit);
   if (alarm.reaches.length > 0) {

@@ -154,7 +154,7 @@ export const en = {
   causes: "Possible causes",
   probability: "Probability",
   alike: (names: string) => `would look the same: ${names}`,
-  stageChanged: "Something has changed; the cause is not known yet. It is named when enough motion has been seen.",
+  stageChanged: "Something has changed. The cause is named when enough motion has been seen.",
   doubt: {
     several: "No single parameter explains it.",
     model: "The model no longer holds, as with a sensor fault.",
