@@ -38,7 +38,7 @@ def with_best_scale(found: Estimate, scales: Sequence[float], fit: Callable[[Pro
     tried = [found, *(other for scale in scales if (other := _with_scale(found, scale, fit)))]
     least = min(e.cost for e in tried)
     best = best_of([e for e in tried if e.cost <= _ALIKE * least])
-    refined = _refined(best, sorted(e.problem.speed_scale for e in tried), fit)
+    refined = _refined(best, sorted(tried, key=lambda e: e.problem.speed_scale), fit)
     if refined is None:
         return best
     # Twice the gain in log likelihood, with the innovation variance of the refined fit.
@@ -54,11 +54,18 @@ def _with_scale(found: Estimate, scale: float, fit: Callable[[Problem], Estimate
     return replace(other, started_from=found.started_from)
 
 
-def _refined(best: Estimate, tried: Sequence[float], fit: Callable[[Problem], Estimate]) -> Estimate | None:
-    """The fit of least cost between the neighbours of the best scale, by Brent's search; None: no fit."""
-    k = tried.index(best.problem.speed_scale)
-    low = tried[k - 1] if k > 0 else tried[k] / _BEYOND
-    high = tried[k + 1] if k + 1 < len(tried) else tried[k] * _BEYOND
+def _refined(best: Estimate, tried: Sequence[Estimate], fit: Callable[[Problem], Estimate]) -> Estimate | None:
+    """The fit of least cost in the valley of the best scale, by Brent's search; None: no fit.
+
+    The bottom of the valley lies between the neighbours of a candidate, but this need not be the best one: among costs
+    that are almost equal the simulation has decided.
+    """
+    k = next(i for i, e in enumerate(tried) if e is best)
+    while (lower := min(range(max(k - 1, 0), min(k + 2, len(tried))), key=lambda i: tried[i].cost)) != k:
+        k = lower
+    scales = [e.problem.speed_scale for e in tried]
+    low = scales[k - 1] if k > 0 else scales[k] / _BEYOND
+    high = scales[k + 1] if k + 1 < len(scales) else scales[k] * _BEYOND
     fits: list[Estimate] = []
 
     def cost(log_scale: float) -> float:

@@ -50,6 +50,18 @@ def test_a_scale_that_predicts_far_worse_is_not_taken_for_its_simulation(found: 
     assert with_best_scale(first, (1.0, 10.0, 100.0), fitted).problem.speed_scale == pytest.approx(BEST, rel=0.15)
 
 
+def test_the_search_goes_down_to_the_bottom_of_the_valley(found: Estimate) -> None:
+    """A candidate that simulates a little better, though it predicts worse than its neighbour, does not confine it."""
+
+    def fitted(problem: Problem) -> Estimate:
+        other = at(found, problem.speed_scale)
+        flat = replace(other, cost=other.cost / (1 + 0.99 * math.log(problem.speed_scale / BEST) ** 2))
+        return replace(flat, simulate=lambda: (98.0 if problem.speed_scale == 0.5 else 96.0,))
+
+    first = fitted(replace(found.problem, speed_scale=0.2))
+    assert with_best_scale(first, (0.5, 1.25, 2.0, 12.0), fitted).problem.speed_scale == pytest.approx(BEST, rel=0.1)
+
+
 @pytest.mark.parametrize("failing", [(0.0, 0.0), (2.01, 2.2), (3.2, 4.9), (2.01, 2.7), (2.01, 4.9)])
 def test_failed_fits_are_passed_over(found: Estimate, failing: tuple[float, float]) -> None:
     low, high = failing
