@@ -101,6 +101,14 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
     return tomlkit.dumps(document)
 
 
+def uncoupled(text: str, axis_id: str) -> str:
+    """The text of a configuration in which the motion of an axis ("robot.axis") is that of the arm, as it is sent."""
+    document = _parsed(text)
+    _, axis = _axis(document, axis_id)
+    axis.pop(COUPLING, None)
+    return tomlkit.dumps(document)
+
+
 def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
     """The text of a configuration in which an axis ("robot.axis") monitors these parameters."""
     document = _parsed(text)

@@ -66,6 +66,11 @@ class AxisInput:
         return (self.torque, self.motion, *([self.counter] if self.counter else []))
 
     @property
+    def quantities(self) -> tuple[AxisQuantity, ...]:
+        """All quantities that its samples are made of: also its auxiliary signals and the coupled motion of others."""
+        return (*self.sampled, *(signal.quantity for signal in (*self.held, *self.coupled)))
+
+    @property
     def dropped(self) -> Mapping[str, int]:
         """Number of dropped values by reason (monitor_core.sampling.DROP_REASONS)."""
         counts = self._stream.pairing.counts

@@ -10,8 +10,13 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration import CalibrationOptions
 from monitor_core.drive import Term
+from service.commands.commissioning.axis.axis_order import Order
 from service.commands.commissioning.axis.link_load import link_load
+from service.commands.commissioning.axis.missing_motion import SuggestedMotion, within_arm
+from service.commands.excite import MotionRequest
+from service.reports.formats import Provenance
 from tests.service.command_line import axiswatch
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -28,7 +33,11 @@ name = "cell"
 [robot.defaults]
 sample_interval_s = 0.005
 time = { column = "t" }
-model = { drive = "one-mass", monitor = ["fm", "fc"], nominal = { kT = 1, J = 0.05, fm = 0.5, fc = 0.2, tau0 = 0 }, friction_speed_scale = 0.05 }
+[robot.defaults.model]
+drive = "one-mass"
+monitor = ["fm", "fc"]
+nominal = { kT = 1, J = 0.05, fm = 0.5, fc = 0.2, tau0 = 0 }
+friction_speed_scale = 0.05
 [[robot.axis]]
 name = "bend"
 torque = { column = "bend_torque" }
@@ -128,3 +137,16 @@ def test_the_weight_follows_the_arm(tmp_path: Path, seed: int) -> None:
     robot(tmp_path, "").write_text(text.replace(COUPLING, ""), encoding="utf-8")
     alone = link_load(text.replace(COUPLING, ""), "cell.turn", [str(record)], tmp_path)
     assert alone is None or alone.explained < found.explained - 0.05
+
+
+def test_a_planned_motion_stays_within_that_of_the_arm(tmp_path: Path, seed: int) -> None:
+    """The motor moves farther, and faster, as the other axis moves it, too."""
+    record = written(tmp_path, seed)
+    text = robot(tmp_path, COUPLING).read_text(encoding="utf-8")
+    order = Order(text, "cell.turn", (str(record),), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    far = SuggestedMotion(("fm",), MotionRequest(torque=2.0, speed=99.0, angle=99.0))
+    request = within_arm(far, order, text).request
+    turn = motion(H_S * np.arange(COUNT, dtype=float), 2 * seed + 1)
+    assert request.torque == 2.0
+    assert request.angle == pytest.approx(np.ptp(turn.angle) / 2, rel=0.01)
+    assert request.speed == pytest.approx(np.quantile(abs(turn.speed), 0.99), rel=0.02)

@@ -156,7 +156,8 @@ def _candidates(config: Config, axis: NamedAxis) -> _LoadSignals:
     """The angles of the arm only if the axis itself is one of them, and not the only one, unless it may bear a load."""
     others = list(_arm(config, axis))
     gates = {gate.signal for gate in axis.config.gate}
-    loads = tuple(s.name for s in axis.config.signal if s.axis is None and s.name not in gates)
+    known = gates.union(axis.config.coupling)
+    loads = tuple(s.name for s in axis.config.signal if s.axis is None and s.name not in known)
     if axis.id not in {other.id for other in others} or (len(others) < 2 and not loads and not axis.config.coupling):
         others = []
     angles = {other.config.name: _signal(axis, other) for other in others}
