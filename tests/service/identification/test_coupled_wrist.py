@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -12,10 +13,13 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.drive import Term
+from monitor_core.identification import Effect, FitQuality
 from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.identification_retries import Searches, retry
 from service.commands.commissioning.axis.link_load import link_load
 from service.commands.commissioning.axis.missing_motion import SuggestedMotion, within_arm
 from service.commands.excite import MotionRequest
+from service.config import load
 from service.reports.formats import Provenance
 from tests.service.command_line import axiswatch
 
@@ -150,3 +154,14 @@ def test_a_planned_motion_stays_within_that_of_the_arm(tmp_path: Path, seed: int
     assert request.torque == 2.0
     assert request.angle == pytest.approx(np.ptp(turn.angle) / 2, rel=0.01)
     assert request.speed == pytest.approx(np.quantile(abs(turn.speed), 0.99), rel=0.02)
+
+
+@pytest.mark.parametrize(("coupling", "drive"), [("", "one-mass-weight"), (COUPLING, "three-mass")])
+def test_no_drive_with_a_weight_is_tried(coupling: str, drive: str, tmp_path: Path) -> None:
+    verdict = SimpleNamespace(missing=(Effect.POSE,), quality=FitQuality.POOR)
+    report: Any = SimpleNamespace(rejection="no fit", result=SimpleNamespace(watched=(), verdict=verdict))
+    path = robot(tmp_path, coupling)
+    axis = next(axis for axis in load(path, {}).axes if axis.id == "cell.turn")
+    again = retry(report, path.read_text(encoding="utf-8"), axis, (), Searches(*3 * (lambda: None,)))
+    assert again is not None
+    assert [change.value for change in again.changes if change.key == ("model", "drive")] == [drive]
