@@ -17,7 +17,7 @@ from service.config.bus_messages import messages_of
 from service.config.certificates import expiries
 from service.config.drives import not_identified
 from service.config.remarks import remarks
-from service.config.schema import SignalConfig
+from service.config.schema import AxisConfig, SignalConfig
 from service.texts.instants import now_us
 
 LOCAL_HOST = "127.0.0.1"
@@ -84,10 +84,15 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
     return (
         axis.id,
         config.bus or "tables",
-        f"{_place(config.torque)}\n{_place(config.motion)} ({config.output})",
+        "\n".join((_place(config.torque), f"{_place(config.motion)} ({config.output})", *_added(config))),
         f"{1000 * config.sample_interval_s:g} ms",
         "\n".join((_drive(config.model), watched, *files, *in_words(config), detectors)),
     )
+
+
+def _added(config: AxisConfig) -> Iterator[str]:
+    """What coupling adds to the motion of the axis."""
+    yield from (f"{factor:+g} {name}" for name, factor in config.coupling.items())
 
 
 def _drive(model: ModelConfig) -> str:

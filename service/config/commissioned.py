@@ -14,7 +14,7 @@ from tomlkit.items import Array, InlineTable, Table
 
 from monitor_core.drive import split_name
 from service.config.base_table import SUFFIX
-from service.config.robot_defaults import DEFAULTS, completed
+from service.config.robot_defaults import COUPLING, DEFAULTS, completed
 from service.config.schema_links import LINK_FILES
 from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
 
@@ -99,6 +99,14 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
         value = correction.value
         table[key] = value if isinstance(value, str | int) else float(f"{value:.10g}")
     return _written(document, text)
+
+
+def uncoupled(text: str, axis_id: str) -> str:
+    """The text of a configuration in which the motion of an axis ("robot.axis") is that of the arm, as it is sent."""
+    document = _parsed(text)
+    _, axis = _axis(document, axis_id)
+    axis.pop(COUPLING, None)
+    return tomlkit.dumps(document)
 
 
 def monitoring(text: str, axis_id: str, names: Sequence[str]) -> str:
@@ -328,9 +336,22 @@ def _detach(robot: Any, left_out: Collection[str]) -> None:
         if quantity in axis
     }
     for axis in (*robot["axis"], defaults):
+        for other in [name for name in axis.get(COUPLING, ()) if name in left_out and name in motions]:
+            _couple_signal(robot, axis, other)
         for table in axis.get(SIGNAL, []):
             if (other := str(table.get("axis", ""))) in left_out and other in motions:
                 _place(table, motions[other])
+
+
+def _couple_signal(robot: Any, axis: Any, other: str) -> None:
+    """Name a signal that is the motion of another axis in the coupling of an axis, in place of that axis."""
+    shared = robot.get(DEFAULTS, {}).get(SIGNAL, ())
+    taken = {str(table["name"]) for table in axis.get(SIGNAL, shared)}
+    name = next(n for n in (other, *(f"{other}-motion{k or ''}" for k in range(len(taken) + 1))) if n not in taken)
+    _listed_table(robot, axis, SIGNAL, name)["axis"] = other
+    coupling = axis[COUPLING]
+    factor = coupling.pop(other)
+    coupling[name] = factor
 
 
 def _place(table: Any, motion: Mapping[str, Any]) -> None:

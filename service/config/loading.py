@@ -23,11 +23,12 @@ from service.config.axis_rules import AXIS_RULES, defaults_without_name
 from service.config.base_table import ReadingContext, TomlTable, Undecidable, hint
 from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
+from service.config.coupling_rules import coupling, defaults_without_coupling, weight_of_coupled
 from service.config.file_rules import FILE_RULES
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import NOT_UTF8, CheckFinding, ConfigErrors, ConfigProblem, dotted, line_of, shown
 from service.config.robot_defaults import origin
-from service.config.schema import AxisConfig, Config
+from service.config.schema import AxisConfig, Config, RobotConfig
 from service.config.schema_links import LINK_RULES, certificate_and_key, concealed
 from service.config.toml_lines import Keys, nearest, positions
 
@@ -259,6 +260,14 @@ T = TypeVar("T")
 Rule = Callable[[T], Iterator[CheckFinding]]
 
 
+ROBOT_RULES: tuple[Rule[RobotConfig], ...] = (
+    defaults_without_name,
+    defaults_without_coupling,
+    signals_of_axes,
+    coupling,
+)
+
+
 def crosscheck(config: Config) -> Iterator[CheckFinding]:
     """The findings of all cross-checks."""
     yield from _run(CONFIG_RULES, config, ())
@@ -268,14 +277,14 @@ def crosscheck(config: Config) -> Iterator[CheckFinding]:
     for i, bus in enumerate(config.bus):
         yield from _run(BUS_RULES, bus, ("bus", i))
     for i, robot in enumerate(config.robot):
-        yield from _run((defaults_without_name, signals_of_axes), robot, ("robot", i))
+        yield from _run(ROBOT_RULES, robot, ("robot", i))
         for k, axis in enumerate(robot.axis):
             yield from (found.inside(("robot", i, "axis", k)) for found in axis_findings(axis))
 
 
 def axis_findings(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The findings of all cross-checks of one axis."""
-    yield from _run((*AXIS_RULES, *FILE_RULES), axis, ())
+    yield from _run((*AXIS_RULES, *FILE_RULES, weight_of_coupled), axis, ())
     yield from _run(MODEL_RULES, axis, (), last=complete_model)
     yield from _run(CONDITION_RULES, axis, (), last=values_at_ends)
 

@@ -11,6 +11,10 @@ from service.config.canopen_axis import with_sources
 from service.config.toml_lines import Keys
 
 DEFAULTS = "defaults"
+COUPLING = "coupling"
+"""Key of the coupling of an axis"""
+_OWN = ("name", COUPLING)
+"""Keys that each axis has for itself"""
 
 
 def completed(config: Any) -> Any:
@@ -29,7 +33,7 @@ def _completed_robot(robot: Any, bus: str | None) -> Any:
     if not isinstance(robot, dict) or not isinstance(robot.get("axis"), list):
         return robot
     defaults = robot.get(DEFAULTS)
-    shared = {key: defaults[key] for key in defaults if key != "name"} if isinstance(defaults, dict) else {}
+    shared = {key: defaults[key] for key in defaults if key not in _OWN} if isinstance(defaults, dict) else {}
     return {**robot, "axis": [_with_derived(_merged(shared, axis), bus) for axis in robot["axis"]]}
 
 

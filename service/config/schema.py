@@ -339,6 +339,9 @@ class AxisConfig(TomlTable):
     """motor angle; factor and offset convert it to rad"""
     speed: SpeedConfig | None = None
     """motor speed; factor and offset convert it to rad/s"""
+    coupling: dict[NonEmptyText, NonZero] = Field(default_factory=dict)
+    """motor motion = its angle (or speed), which is that of the arm, + sum of factor * that of each axis named here; in
+    place of an axis, also the name of a signal"""
     time: TimeConfig = Field(default_factory=TimeConfig)
     """time of the samples"""
     signal: tuple[FurtherSignalConfig, ...] = ()
@@ -422,6 +425,22 @@ def sources_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[Furthe
         yield s.model_copy(update=place)
 
 
+def coupled_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[FurtherSignalConfig]:
+    """What is added to the motion of an axis to make that of its motor, with sources: factor * motion of another axis.
+
+    A name in ``coupling`` is that of an axis of the robot, else that of an auxiliary signal of the axis.
+    """
+    others = tuple(robot)
+    axes, signals = {other.name for other in others}, {s.name: s for s in sources_of(axis, others)}
+    for name, factor in axis.coupling.items():
+        if name in axes:
+            motion = FurtherSignalConfig(name=name, axis=name)
+            (source,) = sources_of(axis.model_copy(update={"signal": (motion,)}), others)
+        else:
+            source = signals[name]
+        yield source.model_copy(update={"factor": factor * source.factor, "offset": factor * source.offset})
+
+
 def angles_of(axis: AxisConfig, robot: Iterable[AxisConfig]) -> Iterator[str]:
     """Names of the auxiliary signals of an axis that are angles of axes of its robot."""
     outputs = {other.name: other.output for other in robot}
@@ -449,6 +468,8 @@ class NamedAxis(NamedTuple):
     """Its auxiliary signals with their sources"""
     angles: tuple[str, ...] = ()
     """Names of those that are angles of axes of its robot"""
+    coupled: tuple[FurtherSignalConfig, ...] = ()
+    """What is added to its motion to make that of its motor, with sources"""
     epoch: int = 1
     """Number of the epoch of its nominal values and thresholds"""
     configured: bool = True
@@ -488,6 +509,7 @@ class Config(TomlTable):
                 axis,
                 tuple(sources_of(axis, robot.axis)),
                 tuple(angles_of(axis, robot.axis)),
+                tuple(coupled_of(axis, robot.axis)),
             )
             for robot in self.robot
             for axis in robot.axis

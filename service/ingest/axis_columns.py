@@ -9,7 +9,7 @@ from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
-from service.config.schema import AxisConfig, FurtherSignalConfig, SignalConfig
+from service.config.schema import FurtherSignalConfig, NamedAxis, SignalConfig
 from service.ingest.csv_tables import CsvRows
 from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldColumns
@@ -50,10 +50,16 @@ class AxisColumns:
         RecordError: the configuration names no column for the torque, the motion or one of these signals.
     """
 
-    def __init__(self, axis_id: str, config: AxisConfig, further: Sequence[FurtherSignalConfig] = ()) -> None:
+    def __init__(self, axis: NamedAxis, further: Sequence[FurtherSignalConfig] = ()) -> None:
+        axis_id, config = axis.id, axis.config
         if config.torque.column is None or config.motion.column is None:
             missing = "torque" if config.torque.column is None else config.output
             raise RecordError(f"axis {axis_id}: {missing}.column is missing in the configuration")
+        for source in axis.coupled:
+            if source.column is None:
+                raise RecordError(
+                    f"axis {axis_id}: {source.name} has no column in the configuration, and coupling adds its motion"
+                )
         for source in further:
             if source.column is None:
                 raise RecordError(
@@ -62,16 +68,18 @@ class AxisColumns:
                 )
         self._id, self._config, self._further = axis_id, config, tuple(further)
         self._held = HeldColumns(further, config.sample_interval_s) if further else None
+        self._coupled = axis.coupled
         self._torque, self._motion = config.torque.column, config.motion.column
         self._time, self._time_unit_us = config.time.column, 1e6 * config.time.factor
         self._interval_us = config.sample_interval_s * 1e6
         self._last_us: int | None = None
-        self._day, self._late = TimeOfDay(), LateValues(config, further)
+        self._day, self._late = TimeOfDay(), LateValues(config, further, len(axis.coupled))
         self.dropped = dict.fromkeys(DROP_REASONS, 0)
 
     def wanted(self) -> dict[str, str]:
         """The needed columns, each with its purpose in words."""
         wanted = {str(s.column): f"signal {s.name}" for s in self._further}
+        wanted |= {str(s.column): f"coupling with {s.name}" for s in self._coupled}
         wanted |= {self._torque: "torque", self._motion: self._config.output}
         wanted |= {self._time: "time"} if self._time is not None else {}
         return {column: f"the {purpose} of axis {self._id}" for column, purpose in wanted.items()}
@@ -96,6 +104,10 @@ class AxisColumns:
         # A row without a sample may still hold an auxiliary signal, such as a temperature in a separate row.
         held_us = np.where(timed & looked_at, time_us, np.nan)
         signals = self._held.take(held_us, rows.columns)[index] if self._held else None
+        if self._coupled:
+            # The motion of all axes in a row is of one time; a value of another row would be a sample off.
+            coupled = np.stack([_si(s, rows.columns[str(s.column)])[index] for s in self._coupled], axis=1)
+            signals = coupled if signals is None else np.hstack([signals, coupled])
         block = self._late.paired(SampleBlock(t_us[later], torque[index], motion[index], signals=signals))
         self.dropped["unpaired"] = self._late.unpaired
         return block
@@ -132,6 +144,6 @@ class AxisColumns:
         return np.asarray(later, np.bool_)
 
 
-def _si(source: SignalConfig, values: Floats) -> Floats:
+def _si(source: SignalConfig | FurtherSignalConfig, values: Floats) -> Floats:
     factor, offset = source.scale
     return np.asarray(factor * values + offset, np.float64)

@@ -36,8 +36,10 @@ class AxisInput:
         self.motion = quantity_of(config.output, config.motion, decoder)
         self.held = [HeldSignal(source, decoder, config.sample_interval_s) for source in signals]
         """The auxiliary signals of the samples, in this order."""
+        self.coupled = [HeldSignal(s, decoder, config.sample_interval_s, coupled=True) for s in axis.coupled]
+        """What is added to the motion of the axis to make that of its motor."""
         self.counter: AxisQuantity | None = None
-        self._late = LateValues(config, signals)
+        self._late = LateValues(config, signals, len(self.coupled), 1 if self.coupled else 0)
         self.keys = {self.torque.key, self.motion.key}
         """Keys of the frames that carry values of this axis"""
         interval_s, kind, patience = config.sample_interval_s, sampling.RECEIPT, 1.0
@@ -62,6 +64,11 @@ class AxisInput:
     def sampled(self) -> tuple[AxisQuantity, ...]:
         """Torque, motion, and the counter if there is one."""
         return (self.torque, self.motion, *([self.counter] if self.counter else []))
+
+    @property
+    def quantities(self) -> tuple[AxisQuantity, ...]:
+        """All quantities that its samples are made of: also its auxiliary signals and the coupled motion of others."""
+        return (*self.sampled, *(signal.quantity for signal in (*self.held, *self.coupled)))
 
     @property
     def dropped(self) -> Mapping[str, int]:
@@ -116,7 +123,8 @@ class AxisInput:
 
     def _block(self, samples: NDArray[np.void], decoded: Mapping[FrameKey, Decoded]) -> SampleBlock | None:
         """The samples with the auxiliary signals at the frames that completed them."""
-        held = [held.take(decoded, samples["place"], samples["received_us"]) for held in self.held]
+        found = (*self.held, *self.coupled)
+        held = [signal.take(decoded, samples["place"], samples["received_us"]) for signal in found]
         if not len(samples):
             return None
         t_us, torque, motion = (samples[name].copy() for name in ("t_us", "torque", "motion"))

@@ -143,7 +143,7 @@ def _table_record(
     CSV without names all columns are checked, otherwise only those that are read.
     """
     table = open_table(path)
-    columns = AxisColumns(axis.id, axis.config, signals)
+    columns = AxisColumns(axis, signals)
     purposes = columns.wanted()
     check_columns(path, table, purposes)
     unnamed = () if table.has_names else table.names

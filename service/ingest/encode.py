@@ -9,6 +9,7 @@ from service.can.frames import FrameKey
 from service.can.messages import CodingError, Message, Signal
 from service.can.user_errors import IngestError
 from service.config.schema import Config
+from service.ingest.arm_motions import ArmMotions
 from service.ingest.axis_input import AxisInput
 from service.ingest.bus_samples import Ingest
 from service.ingest.quantities import AxisQuantity
@@ -31,6 +32,7 @@ class Encoded(NamedTuple):
 class FrameEncoder:
     """Encodes frames of one bus from torque, motion and auxiliary signals of its axes.
 
+    The motion is that of the motor; where axes are coupled, that of the arm is sent, as controllers do.
     Signals that no axis needs get their initial value, or the raw value 0.
 
     Raises:
@@ -41,6 +43,7 @@ class FrameEncoder:
         ingest = Ingest(config, bus)
         self._axes = ingest.axes
         self._messages = ingest.decoder.messages
+        self._arm = ArmMotions(axis for axis in config.axes if axis.id in self._axes)
         # An auxiliary signal that is the torque or motion of another axis is sent with that axis.
         own = {(q.key, q.signal) for axis in self._axes.values() for q in axis.sampled}
         self._further = {
@@ -59,7 +62,8 @@ class FrameEncoder:
         messages: dict[FrameKey, dict[Page, Raw]] = {}
         mine = {axis_id: of_axis for axis_id, of_axis in values.items() if axis_id in self._axes}
         raws = [self._auxiliary(axis_id, *of_axis[2:3]) for axis_id, of_axis in mine.items()]
-        raws += [self._raws(self._axes[axis_id], count, v[0], v[1]) for axis_id, v in mine.items()]
+        motions = self._arm.take({axis_id: v[1] for axis_id, v in mine.items()})
+        raws += [self._raws(self._axes[axis_id], count, v[0], motions[axis_id]) for axis_id, v in mine.items()]
         for quantity, raw in chain.from_iterable(raws):
             page = _page(self._messages[quantity.key], self._signal(quantity))
             messages.setdefault(quantity.key, {}).setdefault(page, {})[quantity.signal] = raw

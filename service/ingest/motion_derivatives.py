@@ -20,8 +20,11 @@ MAX_ERROR = 4.5
 scatter of the times."""
 _MAX_STRETCH = 0.5
 """If the values take more intervals than this longer than usual, a value was lost."""
+_BESIDE = 0.75
+"""Longest time, in intervals, between a sample and the motion of another axis that belongs to it: half an interval, and
+the scatter of the times.  Another value would be a sample off."""
 _KEPT = 8
-"""Number of derivatives among which the one nearest in time is chosen."""
+"""Number of values among which the one nearest in time is chosen."""
 
 
 def derivative_late(interval_s: float) -> int:
@@ -75,13 +78,38 @@ class MotionDerivative:
         found = np.concatenate([self._found, np.where(known, difference / self._unit, np.nan)])
         found_us = np.concatenate([self._found_us, t[self._half : self._half + N]])
         self._values, self._t_us, self._found, self._found_us = y[N:], t[N:], found[N:], found_us[N:]
-        latest = received[:, np.newaxis] + np.arange(_KEPT)
-        wanted_us = at_us - 1e6 * self._late * self._interval_s
-        off_us = np.abs(found_us[latest] - wanted_us[:, np.newaxis])
-        off_us[~np.isfinite(found[latest])] = np.inf
-        nearest, rows = off_us.argmin(axis=1), np.arange(len(received))
-        near = off_us[rows, nearest] <= 1e6 * MAX_ERROR * self._interval_s
-        return np.where(near, found[latest[rows, nearest]], np.nan)
+        wanted_us = np.asarray(at_us, np.float64) - 1e6 * self._late * self._interval_s
+        return _nearest(found, found_us, received, wanted_us, 1e6 * MAX_ERROR * self._interval_s)
+
+
+class MotionBeside:
+    """The motion of another axis at the time of the sample before: the value that is received nearest to that sample.
+
+    Of two axes whose values a controller sends together, either may be sent first.
+    """
+
+    def __init__(self, interval_s: float) -> None:
+        self._most_us = 1e6 * _BESIDE * interval_s
+        self._values, self._t_us, self._at_us = np.full(_KEPT, np.nan), np.full(_KEPT, np.nan), np.full(1, np.nan)
+
+    def take(self, values: Floats, t_us: Floats | Ints, received: Ints, at_us: Floats | Ints) -> Floats:
+        """The values at the sample before each of these (M,); NaN: unknown.  Arguments as of MotionDerivative."""
+        known, known_us = np.concatenate([self._values, values]), np.concatenate([self._t_us, t_us])
+        times_us: Floats = np.concatenate([self._at_us, np.asarray(at_us, np.float64)])
+        self._values, self._t_us, self._at_us = known[-_KEPT:], known_us[-_KEPT:], times_us[-1:]
+        return _nearest(known, known_us, received, times_us[:-1], self._most_us)
+
+
+def _nearest(found: Floats, found_us: Floats, received: Ints, wanted_us: Floats, most_us: float) -> Floats:
+    """Of the last values that were there, those nearest to these times (M,); NaN: none is within ``most_us``.
+
+    ``found``: ``_KEPT`` earlier values, then N new ones.  ``received``: number of the new ones that were there (M,).
+    """
+    latest = received[:, np.newaxis] + np.arange(_KEPT)
+    off_us = np.abs(found_us[latest] - wanted_us[:, np.newaxis])
+    off_us[~np.isfinite(off_us) | ~np.isfinite(found[latest])] = np.inf
+    nearest, rows = off_us.argmin(axis=1), np.arange(len(received))
+    return np.where(off_us[rows, nearest] <= most_us, found[latest[rows, nearest]], np.nan)
 
 
 def derivative_of(source: FurtherSignalConfig, interval_s: float) -> MotionDerivative | None:

@@ -14,7 +14,7 @@ from service.can.decode_plan import Column
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
 from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
-from service.ingest.motion_derivatives import derivative_of
+from service.ingest.motion_derivatives import MotionBeside, derivative_of
 
 
 class AxisQuantity(NamedTuple):
@@ -77,11 +77,16 @@ class _LastValue:
 
 
 class HeldSignal:
-    """An auxiliary signal on the bus; ``interval_s``: between the samples of the axis."""
+    """An auxiliary signal on the bus; ``interval_s``: between the samples of the axis.
 
-    def __init__(self, source: FurtherSignalConfig, decoder: Decoder, interval_s: float) -> None:
-        self.quantity = quantity_of(f"signal {source.name}", source, decoder)
-        self._held = _LastValue(source, interval_s)
+    If it is ``coupled`` motion of another axis, its values are those at the sample before.
+    """
+
+    def __init__(
+        self, source: FurtherSignalConfig, decoder: Decoder, interval_s: float, *, coupled: bool = False
+    ) -> None:
+        self.quantity = quantity_of(f"{'coupling' if coupled else 'signal'} {source.name}", source, decoder)
+        self._held = MotionBeside(interval_s) if coupled else _LastValue(source, interval_s)
 
     def take(self, decoded: Mapping[FrameKey, Decoded], places: Ints, t_us: Ints) -> Floats:
         """The values (N,) for samples completed by the frames at these places of a block; NaN: no value, or too old.

@@ -100,7 +100,7 @@ class TableRecord:
         self._table = open_table(path)
         axes = [a for a in config.axes if a.config.torque.column or a.config.motion.column]
         signals = carried_by(config)
-        self._axes = {axis.id: AxisColumns(axis.id, axis.config, signals[axis.id]) for axis in axes}
+        self._axes = {axis.id: AxisColumns(axis, signals[axis.id]) for axis in axes}
         if not self._axes:
             raise RecordError(
                 f"{path}: no axis has columns in the configuration: set torque.column and angle.column or speed.column"

@@ -10,6 +10,7 @@ import numpy as np
 
 from service.can.bus import Bus, send
 from service.config import Config, given_values
+from service.ingest.arm_motions import ArmMotions
 from service.ingest.encode import FrameEncoder
 from service.simulation.axis import ControlledAxis, SimulatedSample
 
@@ -204,11 +205,12 @@ def table_lines(
         faults: the faults and their times; empty: a healthy robot.
     """
     yield ",".join(columns_of(config)) + "\n"
+    arm = ArmMotions(config.axes)
     for moment in SimulatedRobot(config, seed, faults).moments():
         if moment.time_s >= seconds:
             return
         if moment.number % 1000 == 0:
             progress(moment.time_s / seconds)
-        readings = [moment.readings[axis.id] for axis in config.axes]
-        values = [f"{v:.7g}" for reading in readings for v in (reading.torque, reading.motion)]
+        motions = arm.take({axis_id: reading.motion for axis_id, reading in moment.readings.items()})
+        values = [f"{v:.7g}" for axis in config.axes for v in (moment.readings[axis.id].torque, motions[axis.id])]
         yield ",".join([f"{moment.time_s:.6f}", *values]) + "\n"

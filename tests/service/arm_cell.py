@@ -130,7 +130,7 @@ class Watcher:
     def __init__(self, config: Path, monitors: AxisMonitors | None = None) -> None:
         axes = configuration(config, without_bus=True).axes
         self._config, self._rows = config, 0
-        self._columns = {axis.id: AxisColumns(axis.id, axis.config, needed(axis)) for axis in axes}
+        self._columns = {axis.id: AxisColumns(axis, needed(axis)) for axis in axes}
         self.monitors = monitors or AxisMonitors(axes)
 
     def take(self, samples: ArmSamples) -> list[tuple[str, Alarm]]:

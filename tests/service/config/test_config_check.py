@@ -33,6 +33,16 @@ def test_a_right_configuration_is_summed_up(name: str, signals: tuple[str, ...])
         assert words in result.stdout
 
 
+def test_coupling_is_shown_below_the_motion_that_it_is_added_to(tmp_path: Path) -> None:
+    (tmp_path / "demo.dbc").symlink_to(CONFIG / "demo.dbc")
+    text = demo_text(2).replace('name = "axis2"\n', 'name = "axis2"\ncoupling = { axis1 = -0.25 }\n')
+    (tmp_path / "a.toml").write_text(text, encoding="utf-8")
+    result = check(tmp_path / "a.toml")
+    assert (result.exit_code, result.stderr) == (0, "")
+    before, _, after = result.stdout.partition("demo.axis2")
+    assert ("-0.25 axis1" in before, "-0.25 axis1" in after) == (False, True)
+
+
 def check(file: Path) -> Result:
     return axiswatch("check", "--config", file)
 

@@ -29,6 +29,8 @@ name = "q2"
 torque = { column = "u2" }
 angle = { column = "y2" }
 """
+FOUND = Found("nominal.toml", None, ["kT"])
+ONLY_Q2, BOTH = {"cell.q2": FOUND}, {"cell.q1": FOUND, "cell.q2": FOUND}
 FOLLOW = Correction(("signal", "q1", "axis"), "q1", "a weight")
 WAYS = {
     "none": ("", ""),
@@ -71,7 +73,25 @@ def test_the_motion_of_an_axis_that_is_left_out_is_read_where_it_is(tmp_path: Pa
         Correction(("signal", "q1", "offset"), 1.0, ""),
     ]
     text = corrected(text, "cell.q2", own)
-    written = commissioned(text, {"cell.q2": Found("nominal.toml", None, ["kT"])})
+    written = commissioned(text, ONLY_Q2)
     assert signals(written, "q2") == {"q1": {"column": "y1", "factor": -0.005, "offset": 1.0025}}
-    both = {axis: Found("nominal.toml", None, ["kT"]) for axis in ("cell.q1", "cell.q2")}
-    assert signals(commissioned(text, both), "q2") == {"q1": {"axis": "q1", "factor": 0.01, "offset": 1.0}}
+    assert signals(commissioned(text, BOTH), "q2") == {"q1": {"axis": "q1", "factor": 0.01, "offset": 1.0}}
+
+
+@pytest.mark.parametrize("with_signal", [False, True])
+def test_coupling_with_an_axis_that_is_left_out_becomes_that_with_a_signal(with_signal: bool, tmp_path: Path) -> None:
+    """Which adds the same motion; a signal that has the name of the axis may be something else."""
+    text = ROBOT.replace("SHARED", "").replace("OWN", "").replace('"q2"', '"q2"\ncoupling = { q1 = -0.25 }', 1)
+    if with_signal:
+        text = corrected(text, "cell.q2", [FOLLOW, Correction(("signal", "q1", "factor"), 0.01, "")])
+    assert "coupling = { q1 = -0.25 }" in commissioned(text, BOTH)
+    found = []
+    for written in (text, commissioned(text, ONLY_Q2)):
+        given = written.replace('nominal_file = "nominal.toml"', "nominal = { kT = 1 }")
+        (tmp_path / "robot.toml").write_text(given, encoding="utf-8")
+        found.append(load(tmp_path / "robot.toml", {}).axes[-1])
+    before, after = found
+    name = "q1-motion" if with_signal else "q1"
+    assert (before.config.coupling, after.config.coupling) == ({"q1": -0.25}, {name: -0.25})
+    (added,) = after.coupled
+    assert before.coupled[0].model_copy(update={"name": name, "axis": None}) == added

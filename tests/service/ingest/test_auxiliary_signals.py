@@ -277,7 +277,7 @@ def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) 
                 for k in range(0, rows, length)
             ]
         )
-        for taken, length in ((AxisColumns("r.two", config.axes[1].config, sources), n) for n in (rows, 7))
+        for taken, length in ((AxisColumns(config.axes[1], sources), n) for n in (rows, 7))
     )
     assert at_once.signals is not None
     np.testing.assert_array_equal(in_blocks.signals, at_once.signals)

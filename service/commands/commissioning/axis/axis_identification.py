@@ -20,7 +20,7 @@ from service.commands.commissioning.axis.identification_retries import (
     without_unsettled,
 )
 from service.commands.commissioning.axis.link_load import link_load, motors_without_ratio, pressing_gate
-from service.commands.commissioning.axis.missing_motion import motion_for, with_motion
+from service.commands.commissioning.axis.missing_motion import motion_for, with_motion, within_arm
 from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
 from service.commands.output_files import replace_text
@@ -53,6 +53,8 @@ def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) 
     if motion is None:
         return outcome
     progress("identify", "planning a motion", 0.0)
+    if found.axis.config.coupling:
+        motion = within_arm(motion, order, found.text)
     return with_motion(order, found.text, outcome, motion)
 
 

@@ -146,6 +146,9 @@ def _with_other_drive(
     three = config.model.drive == _ONE_MASS.name and config.sample_interval_s <= _FAST_S
     springs_first = three and missing[:1] == (Effect.FAST,)
     bears_weight = Effect.POSE in missing and config.output == "angle" and not springs_first
+    bears_weight = (
+        bears_weight and not config.coupling
+    )  # the angle in the drive is then that of the motor, not of the arm
     drive = _other_drive(config, bears_weight, tried)
     if drive is None:
         return None

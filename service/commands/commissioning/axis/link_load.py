@@ -71,7 +71,8 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     Raises:
         RecordError, DescriptionError, IngestError: a record cannot be read.
     """
-    candidates = _candidates(*configured(text, axis_id, folder))
+    config, axis = configured(text, axis_id, folder)
+    candidates = _candidates(config, axis)
     if not candidates.angles and not candidates.loads:
         return None
     recorded = _recorded(candidates, text, axis_id, records, folder)
@@ -79,7 +80,7 @@ def link_load(text: str, axis_id: str, records: Sequence[str], folder: Path) -> 
     if found is None:
         return None
     used = {signal for term in found.terms for signal in Term.read(term).signals}
-    if used == {recorded.own}:
+    if used == {recorded.own} and not axis.config.coupling:  # else no drive has it: the angle in it is the motor's
         return None
     changes = [
         _undetermined(change) if change.key[1] in found.undetermined and change.key[-1] == "axis" else change
@@ -155,8 +156,9 @@ def _candidates(config: Config, axis: NamedAxis) -> _LoadSignals:
     """The angles of the arm only if the axis itself is one of them, and not the only one, unless it may bear a load."""
     others = list(_arm(config, axis))
     gates = {gate.signal for gate in axis.config.gate}
-    loads = tuple(s.name for s in axis.config.signal if s.axis is None and s.name not in gates)
-    if axis.id not in {other.id for other in others} or (len(others) < 2 and not loads):
+    known = gates.union(axis.config.coupling)
+    loads = tuple(s.name for s in axis.config.signal if s.axis is None and s.name not in known)
+    if axis.id not in {other.id for other in others} or (len(others) < 2 and not loads and not axis.config.coupling):
         others = []
     angles = {other.config.name: _signal(axis, other) for other in others}
     given = {signal.name for signal in axis.config.signal}

@@ -13,7 +13,8 @@ from service.commands.commissioning.axis.axis_order import REFUSALS, Order
 from service.commands.commissioning.signals.checked_axis import configured, fastest
 from service.commands.excite import MotionRequest, angle_columns, planned, torque_columns
 from service.commands.output_files import replace_text
-from service.config.commissioned import Found, commissioned, corrected, motion_file
+from service.config.commissioned import Found, commissioned, corrected, motion_file, uncoupled
+from service.ingest.loaded_records import load
 from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv
 from service.reports.identification_report import IdentificationReport
@@ -42,8 +43,8 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Sugge
         return None
     request = MotionRequest(
         torque=_three_digits(max(float(abs(record.u).max()) for record in records)),
-        speed=_three_digits(fastest(records)),
-        angle=_three_digits(max(float(np.ptp(_angle(record))) / 2 for record in records)),
+        speed=_speed(records),
+        angle=_angle_limit(records),
         find=tuple(name for name in lost if shaped_for(name, result)),
     )
     if not set(OF_ANGLE).isdisjoint(result.estimate.drive.inputs):
@@ -52,6 +53,27 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Sugge
     if most_hz < request.band_hz[1]:
         request = request._replace(band_hz=(0.0, _three_digits(most_hz)))
     return SuggestedMotion(lost, request)
+
+
+def within_arm(motion: SuggestedMotion, order: Order, text: str) -> SuggestedMotion:
+    """The motion with the limits of the arm in the records, for an axis whose motor also moves with other axes.
+
+    While the axis is moved alone, the motor moves as the arm does.  ``text``: as of ``with_motion``.
+
+    Raises:
+        RecordError: a record cannot be read.
+    """
+    config, axis = configured(uncoupled(text, order.axis_id), order.axis_id, order.folder)
+    records = [load(name, config, axis.id).record for name in order.records]
+    return motion._replace(request=motion.request._replace(speed=_speed(records), angle=_angle_limit(records)))
+
+
+def _speed(records: Sequence[Record]) -> float:
+    return _three_digits(fastest(records))
+
+
+def _angle_limit(records: Sequence[Record]) -> float:
+    return _three_digits(max(float(np.ptp(_angle(record))) / 2 for record in records))
 
 
 def _three_digits(value: float) -> float:

@@ -109,7 +109,7 @@ def missing_messages(
 ) -> Iterator[Sentence]:
     """Messages that were never received; if there was no frame at all, the bus is named instead."""
     quantities: dict[tuple[FrameKey, str], list[str]] = {}
-    for quantity in (*inputs.sampled, *(held.quantity for held in inputs.held)):
+    for quantity in inputs.quantities:
         quantities.setdefault((quantity.key, quantity.message), []).append(quantity.name)
     for (key, message), names in quantities.items():
         if not traffic.get(key):

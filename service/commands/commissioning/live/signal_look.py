@@ -110,7 +110,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
 
 def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock:
     """The frames that carry signals of the axis."""
-    keys = {q.key for q in (*inputs.sampled, *(held.quantity for held in inputs.held))}
+    keys = {q.key for q in inputs.quantities}
     wanted = [number for number in np.unique(frames.ids) if any(known.carries(key, number) for key in keys)]
     return frames.select(np.isin(frames.ids, wanted))
 

@@ -61,6 +61,14 @@ def test_a_healthy_axis(tmp_path: Path, healthy: Robot) -> None:
         assert signal.low < signal.high
 
 
+def test_an_axis_whose_motor_also_moves_with_another_has_its_samples(tmp_path: Path, healthy: Robot) -> None:
+    config, sent = healthy
+    (robot,) = config.robot
+    coupled = (robot.axis[0], robot.axis[1].model_copy(update={"coupling": {"axis1": 0.1}}))
+    found = looked_at(tmp_path, with_axes(config, coupled), sent)
+    assert (found.problems, found.missing, found.moves) == ([], 0, True)
+
+
 def test_a_wrong_sign_is_proposed_to_be_turned(tmp_path: Path, healthy: Robot) -> None:
     """The configuration turns the torque; the bus does not."""
     config, sent = healthy

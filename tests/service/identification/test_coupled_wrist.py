@@ -1,0 +1,167 @@
+"""A wrist whose last motor also moves with the axis before it: its friction follows the motor, its weight the arm."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from monitor_core.calibration import CalibrationOptions
+from monitor_core.drive import Term
+from monitor_core.identification import Effect, FitQuality
+from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.identification_retries import Searches, retry
+from service.commands.commissioning.axis.link_load import link_load
+from service.commands.commissioning.axis.missing_motion import SuggestedMotion, within_arm
+from service.commands.excite import MotionRequest
+from service.config import load
+from service.reports.formats import Provenance
+from tests.service.command_line import axiswatch
+
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
+FACTOR = -0.6
+TRUE = {"J": 0.02, "fm": 0.3, "fc": 0.5}
+WEIGHT = 0.8
+"""Torque of the weight [N m]"""
+COUNT, H_S = 5000, 0.005
+COUPLING = f"coupling = {{ bend = {FACTOR} }}"
+ROBOT = """\
+[[robot]]
+name = "cell"
+[robot.defaults]
+sample_interval_s = 0.005
+time = { column = "t" }
+[robot.defaults.model]
+drive = "one-mass"
+monitor = ["fm", "fc"]
+nominal = { kT = 1, J = 0.05, fm = 0.5, fc = 0.2, tau0 = 0 }
+friction_speed_scale = 0.05
+[[robot.axis]]
+name = "bend"
+torque = { column = "bend_torque" }
+angle = { column = "bend" }
+[[robot.axis]]
+name = "turn"
+torque = { column = "turn_torque" }
+angle = { column = "turn" }
+COUPLING
+"""
+
+
+class Motion(NamedTuple):
+    """An angle (N,) and its derivatives by time."""
+
+    angle: Floats
+    speed: Floats
+    acceleration: Floats
+
+
+def motion(t: Floats, seed: int) -> Motion:
+    """A sum of sines without a common period."""
+    rng = np.random.default_rng(seed)
+    w: Floats = 2 * np.pi * rng.uniform(0.08, 0.9, 9)[:, np.newaxis]
+    size, phase = rng.uniform(0.15, 0.35, (9, 1)), rng.uniform(0, 2 * np.pi, (9, 1))
+    x = w * t + phase
+    return Motion(
+        np.sum(size * np.sin(x), axis=0),
+        np.sum(size * w * np.cos(x), axis=0),
+        np.sum(-size * w**2 * np.sin(x), axis=0),
+    )
+
+
+def written(folder: Path, seed: int, weight: float = 0.0) -> Path:
+    """A table with the angles of the arm."""
+    rng = np.random.default_rng(seed)
+    t: Floats = H_S * np.arange(COUNT, dtype=float)
+    angles = np.stack([motion(t, 2 * seed + axis).angle for axis in range(2)])
+    # A torque is held from one sample to the next.
+    bend, turn = (motion(t + H_S / 2, 2 * seed + axis) for axis in range(2))
+    speed = turn.speed + FACTOR * bend.speed
+    torque = TRUE["J"] * (turn.acceleration + FACTOR * bend.acceleration) + TRUE["fm"] * speed
+    torque += TRUE["fc"] * np.tanh(speed / 0.05) + weight * np.cos(turn.angle) + rng.normal(scale=0.01, size=COUNT)
+    bent, turned = angles + rng.normal(scale=2e-5, size=angles.shape)
+    table = np.column_stack([t, 0.0 * t, bent, torque, turned])
+    path = folder / "wrist.csv"
+    np.savetxt(path, table, fmt="%.9g", delimiter=",", header="t,bend_torque,bend,turn_torque,turn", comments="")
+    return path
+
+
+def robot(folder: Path, coupling: str) -> Path:
+    path = folder / "robot.toml"
+    path.write_text(ROBOT.replace("COUPLING", coupling), encoding="utf-8")
+    return path
+
+
+def identified(folder: Path, record: Path, coupling: str) -> dict[str, float]:
+    """The values that are found, over the true ones."""
+    config = robot(folder, coupling)
+    words = (
+        "--start",
+        "values",
+        "--config",
+        config,
+        "--axis",
+        "turn",
+        "--json",
+        "-",
+        "-o",
+        folder / "nominal.toml",
+        "--force",
+    )
+    done = axiswatch("identify", record, *words)
+    assert done.exit_code == 0, done.output
+    rows = {row["name"]: row["value"] for row in json.loads(done.stdout)["parameters"]}
+    return {name: rows[name] / value for name, value in TRUE.items()}
+
+
+def test_the_friction_is_that_of_the_motor(tmp_path: Path, seed: int) -> None:
+    record = written(tmp_path, seed)
+    right, wrong = identified(tmp_path, record, COUPLING), identified(tmp_path, record, "")
+    print(right, wrong)
+    assert right == pytest.approx(dict.fromkeys(TRUE, 1.0), abs=0.02)
+    assert max(abs(wrong["fm"] - 1), abs(wrong["fc"] - 1)) > 0.2
+
+
+def test_the_weight_follows_the_arm(tmp_path: Path, seed: int) -> None:
+    """Also where the axis alone bears it, as the angle in a drive with a weight would be that of the motor."""
+    record = written(tmp_path, seed, WEIGHT)
+    text = robot(tmp_path, COUPLING).read_text(encoding="utf-8")
+    found = link_load(text, "cell.turn", [str(record)], tmp_path)
+    assert found is not None
+    used = {signal for term in found.terms for signal in Term.read(term).signals}
+    assert used == {"turn"}
+    assert {change.key: change.value for change in found.signals}["signal", "turn", "axis"] == "turn"
+    assert found.explained > 0.95
+    robot(tmp_path, "").write_text(text.replace(COUPLING, ""), encoding="utf-8")
+    alone = link_load(text.replace(COUPLING, ""), "cell.turn", [str(record)], tmp_path)
+    assert alone is None or alone.explained < found.explained - 0.05
+
+
+def test_a_planned_motion_stays_within_that_of_the_arm(tmp_path: Path, seed: int) -> None:
+    """The motor moves farther, and faster, as the other axis moves it, too."""
+    record = written(tmp_path, seed)
+    text = robot(tmp_path, COUPLING).read_text(encoding="utf-8")
+    order = Order(text, "cell.turn", (str(record),), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    far = SuggestedMotion(("fm",), MotionRequest(torque=2.0, speed=99.0, angle=99.0))
+    request = within_arm(far, order, text).request
+    turn = motion(H_S * np.arange(COUNT, dtype=float), 2 * seed + 1)
+    assert request.torque == 2.0
+    assert request.angle == pytest.approx(np.ptp(turn.angle) / 2, rel=0.01)
+    assert request.speed == pytest.approx(np.quantile(abs(turn.speed), 0.99), rel=0.02)
+
+
+@pytest.mark.parametrize(("coupling", "drive"), [("", "one-mass-weight"), (COUPLING, "three-mass")])
+def test_no_drive_with_a_weight_is_tried(coupling: str, drive: str, tmp_path: Path) -> None:
+    verdict = SimpleNamespace(missing=(Effect.POSE,), quality=FitQuality.POOR)
+    report: Any = SimpleNamespace(rejection="no fit", result=SimpleNamespace(watched=(), verdict=verdict))
+    path = robot(tmp_path, coupling)
+    axis = next(axis for axis in load(path, {}).axes if axis.id == "cell.turn")
+    again = retry(report, path.read_text(encoding="utf-8"), axis, (), Searches(*3 * (lambda: None,)))
+    assert again is not None
+    assert [change.value for change in again.changes if change.key == ("model", "drive")] == [drive]
