@@ -145,10 +145,8 @@ def _with_other_drive(
         return None  # another drive has no other friction
     three = config.model.drive == _ONE_MASS.name and config.sample_interval_s <= _FAST_S
     springs_first = three and missing[:1] == (Effect.FAST,)
-    bears_weight = Effect.POSE in missing and config.output == "angle" and not springs_first
-    bears_weight = (
-        bears_weight and not config.coupling
-    )  # the angle in the drive is then that of the motor, not of the arm
+    arm = config.output == "angle" and not config.coupling  # else the angle in the drive is not that of the arm
+    bears_weight = Effect.POSE in missing and arm and not springs_first
     drive = _other_drive(config, bears_weight, tried)
     if drive is None:
         return None
