@@ -123,6 +123,7 @@ class IdentificationTask:
             tuple(item.source for item in self.validation),
             self.warnings,
             provenance,
+            tuple(sorted(self.axis.config.coupling.values())),
         )
 
 

@@ -16,6 +16,7 @@ from service.config.found_file import alike
 from service.config.model_rules import usable_drive, with_merged
 from service.config.nominal_file import NominalFile, structure_of
 from service.config.problems import CheckFinding
+from service.config.robot_defaults import COUPLING
 from service.config.schema import AxisConfig
 from service.config.thresholds_file import ThresholdsFile
 from service.config.toml_lines import Keys
@@ -38,6 +39,21 @@ def same_axis(axis: AxisConfig) -> Iterator[CheckFinding]:
     found_s, own_s = found.predictor.interval_s, axis.sample_interval_s
     if not math.isclose(found_s, own_s, rel_tol=_INTERVAL):
         yield CheckFinding(NOMINAL, f"found with samples every {found_s:g} s, but sample_interval_s = {own_s:g}")
+
+
+def same_motor(axis: AxisConfig) -> Iterator[CheckFinding]:
+    """The nominal file was identified with the motions of other axes that also turn the motor of this axis."""
+    found, given = _nominal(axis), sorted(axis.coupling.values())
+    if alike(found.drive.coupling, given):
+        return
+    factors = ", ".join(f"{factor:g}" for factor in found.drive.coupling)
+    if not given:
+        message = f"found with a coupling by {factors}, but this axis has none: give it, or identify the axis again"
+        yield CheckFinding(NOMINAL, message)
+    else:
+        other = f"with {factors}" if factors else "without it"
+        message = f"but the values in {found.path.name} were found {other}: identify the axis again, or remove"
+        yield CheckFinding((COUPLING,), message, NOMINAL)
 
 
 def same_drive(axis: AxisConfig) -> Iterator[CheckFinding]:
@@ -170,6 +186,7 @@ def _given(axis: AxisConfig, path: Keys) -> Any:
 
 FILE_RULES = (
     same_axis,
+    same_motor,
     same_drive,
     same_values,
     same_predictor,

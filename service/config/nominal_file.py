@@ -22,6 +22,8 @@ class DriveTable(FoundTable):
     output: Output
     torque_disturbance: bool
     friction_speed_scale: Positive
+    coupling: tuple[Real, ...] = ()
+    """Factors of the motions of other axes in that of the motor, in ascending order"""
 
 
 class PredictorTable(FoundTable):

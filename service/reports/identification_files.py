@@ -100,6 +100,8 @@ def _drive_table(report: IdentificationReport) -> str:
         ),
         "friction_speed_scale": Fact(e.problem.speed_scale, "rad/s: Coulomb friction is fc tanh(speed / this)"),
     }
+    if report.coupling:
+        entries["coupling"] = Fact(list(report.coupling), "factors of the motions of other axes in that of the motor")
     about = "What these are parameters of; the structure is a digest of A, B, C and the states."
     return toml_table("[drive]", entries, about)
 

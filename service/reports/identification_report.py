@@ -35,6 +35,8 @@ class IdentificationReport:
     record_warnings: tuple[str, ...]
     """Warnings about the records, in sentences"""
     provenance: Provenance
+    coupling: tuple[float, ...] = ()
+    """Factors of the motions of other axes in that of the motor, in ascending order"""
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -128,6 +128,27 @@ def test_the_friction_is_that_of_the_motor(tmp_path: Path, seed: int) -> None:
     assert max(abs(wrong["fm"] - 1), abs(wrong["fc"] - 1)) > 0.2
 
 
+@pytest.mark.parametrize(
+    ("found_with", "used_with", "words"),
+    [
+        (COUPLING, COUPLING, "no problems"),
+        (COUPLING, "", "found with a coupling by -0.6, but this axis has none: give it, or identify the axis again"),
+        (COUPLING, "coupling = { bend = -0.5 }", "were found with -0.6: identify the axis again, or remove"),
+        ("", COUPLING, "were found without it: identify the axis again, or remove"),
+    ],
+)
+def test_nominal_values_of_another_coupling_are_refused(
+    found_with: str, used_with: str, words: str, tmp_path: Path, seed: int
+) -> None:
+    identified(tmp_path, written(tmp_path, seed), found_with)
+    config = robot(tmp_path, used_with)
+    text = config.read_text().replace("nominal = { kT = 1, J = 0.05, fm = 0.5, fc = 0.2, tau0 = 0 }", "")
+    config.write_text(text.replace("friction_speed_scale = 0.05", "") + 'model = { nominal_file = "nominal.toml" }\n')
+    checked = axiswatch("check", "--config", config)
+    assert checked.exit_code == (0 if found_with == used_with else 2)
+    assert words in " ".join(checked.output.split())
+
+
 def test_the_weight_follows_the_arm(tmp_path: Path, seed: int) -> None:
     """Also where the axis alone bears it, as the angle in a drive with a weight would be that of the motor."""
     record = written(tmp_path, seed, WEIGHT)
