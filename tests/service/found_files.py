@@ -42,6 +42,7 @@ def nominal_text(axis: AxisConfig, changes: Mapping[str, Mapping[str, Any]] = {}
             "output": axis.output,
             "torque_disturbance": False,
             "friction_speed_scale": axis.model.friction_speed_scale,
+            "coupling": sorted(axis.coupling.values()),
         },
         "predictor": {
             "kind": "innovations",

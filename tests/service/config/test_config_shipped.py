@@ -47,7 +47,8 @@ def everything(tmp_path: Path) -> Config:
     (tmp_path / "a.toml").write_text(EVERYTHING, encoding="utf-8")
     axis = load(CONFIG / "reference.toml", {}).axes[0].config
     drawn = axis.model.model_copy(update={"drive_model": "ThreeMass"})
-    filed = axis.model_copy(update={"model": drawn})
+    coupling = tomllib.loads(EVERYTHING)["robot"][0]["axis"][0]["coupling"]
+    filed = axis.model_copy(update={"model": drawn, "coupling": coupling})
     (tmp_path / "nominal.toml").write_text(nominal_text(filed), encoding="utf-8")
     (tmp_path / "thresholds.toml").write_text(thresholds_text(axis), encoding="utf-8")
     return load(tmp_path / "a.toml", {})
