@@ -72,7 +72,8 @@ describe("an alarm in a sentence", () => {
     choose("de");
     const unit = "N\u202fm\u202fs/rad";
     expect(alarmSentence(fm)).toBe(`fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert`);
-    expect(alarmSentence(changed({ stage: "changed" }))).toContain("auf den ersten Blick fm");
+    expect(alarmSentence(changed({ stage: "changed", ended: null }))).toMatch(/auf den ersten Blick fm;.* sind noch nicht bekannt$/);
+    expect(alarmSentence(changed({ stage: "changed", ended: "2026-03-01T00:00:00Z" }))).toMatch(/Größe wurden nicht bekannt$/);
     expect(alarmSentence(changed({ size: null, direction: "down" }))).toContain("fm liegt unter dem Nennwert, um wie viel");
     expect(alarmSentence(changed({ causes: [{ parameter: "kT", probability: 0.6, alike: [] }, { parameter: "fm", probability: 0.4, alike: ["fc", "torque scale"] }] })))
       .toBe(`kT oder fm, 60:40; fm liegt 0,018 ${unit} (30 %, 27 bis 33) über dem Nennwert; gleich sähe aus: fc oder Maßstab des Moments`);
