@@ -11,7 +11,7 @@ import numpy as np
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
-from service.commands.commissioning.axis.link_load import link_load
+from service.commands.commissioning.axis.load_search import LoadSearch
 from service.commands.options import configuration
 from service.config.conditions import needed
 from service.ingest.axis_columns import AxisColumns
@@ -77,11 +77,11 @@ def link_terms(folder: Path, records: Sequence[Path]) -> dict[str, str]:
     text = configured(folder, "links.toml", bare, ("kT", "fm", "fc"), signals=False).read_text(encoding="utf-8")
     terms = dict[str, str]()
     for axis in AXES:
-        found = link_load(text, f"cell.{axis}", [str(record) for record in records], folder)
+        found = LoadSearch(text, f"cell.{axis}", [str(record) for record in records], folder).links
         if found is None:
             raise CommandRefusedError(f"the torque of the {axis} shows no load of links")
-        terms[axis] = ", ".join(found.terms)
-        print(f"{axis}: {terms[axis]}; they explain {found.explained:.1%} of the torque")
+        terms[axis] = ", ".join(found.weights.terms)
+        print(f"{axis}: {terms[axis]}; they explain {found.weights.explained:.1%} of the torque")
     return terms
 
 

@@ -17,14 +17,12 @@ import numpy as np
 
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fits, speed_scales
-from monitor_core.identification.torque_balance.torque_windows import SIGNAL, USUAL, TorqueTerm
+from monitor_core.identification.torque_balance.torque_windows import SIGNAL, USUAL, TorqueTerm, leaves_much_less
 
 _MIN_FREE = 0.2
 """Least share of the time in which the axis must move freely."""
 _MIN_EXPLAINED = 0.85
 """Least share of the torque that one mass explains in that time."""
-_MUCH_LESS = 0.5
-"""The squared errors that remain are at most this share of those with the signal as a constant force."""
 _MIN_SIGMAS = 5.0
 """The inertia of that mass exceeds so many of its standard deviations; while it presses, the apparent one does not."""
 
@@ -39,10 +37,6 @@ class ContactForce(NamedTuple):
     """Value while that force acts"""
     explained: float
     """Share of the torque that one mass explains there"""
-
-    def explains_much_more(self, explained: float) -> bool:
-        """Whether much less remains than where this share of the torque is explained."""
-        return (1 - self.explained) ** 2 < _MUCH_LESS * (1 - explained) ** 2
 
 
 def contact_force(records: Sequence[Record], signals: Sequence[str]) -> ContactForce | None:
@@ -65,7 +59,7 @@ def _forces(records: Sequence[Record], name: str) -> Iterator[ContactForce]:
     for k, (during, beside) in enumerate((parts, parts[::-1])):
         fit = _rigid(during, USUAL)
         force = ContactForce(name, float(values[k]), float(values[1 - k]), _explained(fit))
-        if fit is None or force.explained < _MIN_EXPLAINED or not force.explains_much_more(constant):
+        if fit is None or force.explained < _MIN_EXPLAINED or not leaves_much_less(force.explained, constant):
             continue
         pressing = _rigid(beside, USUAL)
         share = np.mean(np.concatenate([record.judged for record in during]))

@@ -43,6 +43,8 @@ _BACK = 0.005
 """An axis that moves backwards for less than this share of the time in motion counts as moving in one direction."""
 _MOSTLY = 0.9
 """Share of a window in which the axis must move."""
+_MUCH_LESS = 0.5
+"""At most this share of the squared errors is much less."""
 _DETERMINED = 1e-8
 """Singular values below this share of the largest belong to values that the equations do not determine."""
 
@@ -97,6 +99,11 @@ def residual_torque(rows: Floats, torque: Floats, fitted: slice = slice(None), j
     rows = of_unit_length(rows)
     found = np.linalg.lstsq(rows[fitted], torque[fitted], rcond=_DETERMINED)[0]
     return np.asarray(torque[judged] - rows[judged] @ found)
+
+
+def leaves_much_less(explained: float, other: float) -> bool:
+    """Whether an explanation of this share of the torque leaves much smaller squared errors than the other one."""
+    return (1 - explained) ** 2 < _MUCH_LESS * (1 - other) ** 2
 
 
 def of_unit_length(rows: Floats) -> Floats:

@@ -16,7 +16,7 @@ half, and vice versa.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import combinations, product
 from types import MappingProxyType
@@ -28,7 +28,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
-from monitor_core.identification.torque_balance.torque_windows import GridPart
+from monitor_core.identification.torque_balance.torque_windows import GridPart, leaves_much_less
 from monitor_core.identification.weight.link_energies import (
     AngleSum,
     EnergyBalance,
@@ -76,19 +76,31 @@ class ArmSignals(NamedTuple):
     The torque of kinetic energies is then looked for, too: of the own angle alone that of the inertia of a load, and of
     what is not in ``angles``, as the angle of the motor of a linear axis, that of a coupling which follows no pose.
     """
+    of_arm: Collection[str] = ()
+    """Angles that are those of the arm in any case, not those of motors before their gears"""
 
 
 class LinkWeights(NamedTuple):
     """The terms of the load on an axis, and how well they explain its torque."""
 
     terms: tuple[str, ...]
-    """"cos(axis2 + axis3)", "payload", .."""
+    """"cos(axis2 + axis3)", "axis2-acceleration", "payload", .."""
     explained: float
     """part of the torque that is explained in each half of the records, with values of the other half"""
     before: float
     """the same without these terms"""
     undetermined: tuple[str, ...] = ()
     """further angles that the load may follow as well: the records do not tell"""
+
+    @property
+    def explains_much_more(self) -> bool:
+        """Whether much less of the torque remains than without these terms."""
+        return leaves_much_less(self.explained, self.before)
+
+    @property
+    def signals(self) -> set[str]:
+        """Names of the signals in the terms."""
+        return {signal for term in self.terms for signal in Term.read(term).signals}
 
 
 def link_weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | None:

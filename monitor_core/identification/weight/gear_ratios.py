@@ -50,8 +50,10 @@ def gear_ratios(
         motors: those that are angles of motors, before gears of unknown ratio; the others are angles of the arm.
         accelerations: names of signals that are those of other axes, whose torque may hide the weight.
     """
+    if own not in motors:
+        return {}
     parts, window = slow_parts(records, (*angles, *accelerations))
-    if not parts or own not in motors:
+    if not parts:
         return {}
     trial = _RatioSearch(parts, window, angles, accelerations, speed_scales(records)[1])
     ratios, sums, left = _first(trial, own)

@@ -16,8 +16,9 @@ import pytest
 from scipy.stats import binom
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import Record, gear_ratios, link_weights, turning_weight
-from monitor_core.identification.weight.arm_links import ArmSignals, LinkWeights
+from monitor_core.identification import ArmSignals, LinkWeights, Record, turning_weight
+from monitor_core.identification.weight.arm_links import link_weights
+from monitor_core.identification.weight.gear_ratios import gear_ratios
 
 ANGLES = ("q1", "q2", "q3", "q4")
 RATE_HZ, SECONDS = 100, 60.0

@@ -12,11 +12,10 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
-from monitor_core.drive import Term
 from monitor_core.identification import Effect, FitQuality
 from service.commands.commissioning.axis.axis_order import Order
-from service.commands.commissioning.axis.identification_retries import Searches, retry
-from service.commands.commissioning.axis.link_load import link_load
+from service.commands.commissioning.axis.identification_retries import retry
+from service.commands.commissioning.axis.load_search import LoadSearch
 from service.commands.commissioning.axis.missing_motion import SuggestedMotion, within_arm
 from service.commands.excite import MotionRequest
 from service.config import load
@@ -153,15 +152,14 @@ def test_the_weight_follows_the_arm(tmp_path: Path, seed: int) -> None:
     """Also where the axis alone bears it, as the angle in a drive with a weight would be that of the motor."""
     record = written(tmp_path, seed, WEIGHT)
     text = robot(tmp_path, COUPLING).read_text(encoding="utf-8")
-    found = link_load(text, "cell.turn", [str(record)], tmp_path)
+    found = LoadSearch(text, "cell.turn", [str(record)], tmp_path).links
     assert found is not None
-    used = {signal for term in found.terms for signal in Term.read(term).signals}
-    assert used == {"turn"}
-    assert {change.key: change.value for change in found.signals}["signal", "turn", "axis"] == "turn"
-    assert found.explained > 0.95
+    assert found.weights.signals == {"turn"}
+    assert {change.key: change.value for change in found.changes}["signal", "turn", "axis"] == "turn"
+    assert found.weights.explained > 0.95
     robot(tmp_path, "").write_text(text.replace(COUPLING, ""), encoding="utf-8")
-    alone = link_load(text.replace(COUPLING, ""), "cell.turn", [str(record)], tmp_path)
-    assert alone is None or alone.explained < found.explained - 0.05
+    alone = LoadSearch(text.replace(COUPLING, ""), "cell.turn", [str(record)], tmp_path).links
+    assert alone is None or alone.weights.explained < found.weights.explained - 0.05
 
 
 def test_a_planned_motion_stays_within_that_of_the_arm(tmp_path: Path, seed: int) -> None:
@@ -183,6 +181,7 @@ def test_no_drive_with_a_weight_is_tried(coupling: str, drive: str, tmp_path: Pa
     report: Any = SimpleNamespace(rejection="no fit", result=SimpleNamespace(watched=(), verdict=verdict))
     path = robot(tmp_path, coupling)
     axis = next(axis for axis in load(path, {}).axes if axis.id == "cell.turn")
-    again = retry(report, path.read_text(encoding="utf-8"), axis, (), Searches(*3 * (lambda: None,)))
+    nothing: Any = SimpleNamespace(links=None, turn=None, pressing=None)
+    again = retry(report, path.read_text(encoding="utf-8"), axis, (), nothing)
     assert again is not None
     assert [change.value for change in again.changes if change.key == ("model", "drive")] == [drive]

@@ -2,16 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
-from monitor_core.identification import FitQuality, turning_weight
+from monitor_core.identification import FitQuality
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order, within
 from service.commands.commissioning.axis.identification_retries import (
     Retry,
-    Searches,
     followers_monitored,
     memories_of,
     memory_change,
@@ -19,7 +17,7 @@ from service.commands.commissioning.axis.identification_retries import (
     watched_in,
     without_unsettled,
 )
-from service.commands.commissioning.axis.link_load import link_load, motors_without_ratio, pressing_gate
+from service.commands.commissioning.axis.load_search import LoadSearch
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion, within_arm
 from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
@@ -44,8 +42,8 @@ def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) 
         found = attempts.run(progress)
         report, outcome = found.report, found.outcome
         if report.is_poor or report.result.verdict.quality is FitQuality.FAIR or _is_coupled(outcome, found.axis):
-            motors = motors_without_ratio(found.text, found.axis.id, order.records, order.folder)
-            outcome = replace(outcome, notes=(*outcome.notes, *_without_ratio(motors)))
+            words = _without_ratio(found.search.motors_without_ratio)
+            outcome = replace(outcome, notes=(*outcome.notes, *words))
     except REFUSALS as error:
         return replace(attempts.outcome, refusal=f"not identified: {error}")
     outcome = _with_values(order.folder, found.axis, report, outcome, attempts.taken, attempts.lacks)
@@ -69,6 +67,7 @@ class _Attempt(NamedTuple):
     task: IdentificationTask
     report: IdentificationReport
     outcome: Outcome
+    search: LoadSearch
 
     @property
     def is_usable(self) -> bool:
@@ -117,21 +116,17 @@ class _Attempts:
         request = Request(schedule=self._schedule, memories_s=memories_of(axis.config))
         task = prepare(config, axis, order.records, [], request)
         provenance = order.provenance._replace(drawing=drawing_of(axis.config))
-        source = text, axis.id, order.records, order.folder
-        longest = max((item.record for item in task.estimation), key=len)
-        searches = Searches(
-            cache(partial(link_load, *source)), partial(turning_weight, longest), partial(pressing_gate, *source)
-        )
+        search = LoadSearch(text, axis.id, order.records, order.folder, [item.record for item in task.estimation])
         is_guess = order.shorten and not self._drives  # the first drive may be one
         for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
             report = part.run(provenance, within("identify", progress))
             if self._schedule and report.rejection:
                 again = without_unsettled(report, text) if self._left_out < _MOST_LEFT_OUT else None
             else:
-                again = retry(report, text, axis, self._drives, searches)
+                again = retry(report, text, axis, self._drives, search)
             if report.rejection and again:  # the complete records would not help
                 break
-        return _Attempt(text, axis, task, report, self.outcome), again
+        return _Attempt(text, axis, task, report, self.outcome, search), again
 
     def _apply(self, again: Retry) -> None:
         self._text, self._schedule = again.text, again.schedule or self._schedule

@@ -1,12 +1,12 @@
 """What commissioning tries next if an axis was not identified, or cannot be monitored as it is."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from monitor_core.drive import Term, split_name
-from monitor_core.identification import ContactForce, Effect, FitQuality, Rejection, TurningWeight
+from monitor_core.identification import Effect, FitQuality, Rejection, TurningWeight, leaves_much_less
 from monitor_core.wording import listed
-from service.commands.commissioning.axis.link_load import LinkLoad
+from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.config import AxisConfig, NamedAxis
 from service.config.commissioned import Correction, corrected, monitoring, with_drive
 from service.reports.identification_report import IdentificationReport
@@ -53,17 +53,6 @@ class Retry(NamedTuple):
         return ", ".join((*(change.change for change in self.changes), *self.schedule))
 
 
-class Searches(NamedTuple):
-    """Searches in the records of an axis, which take a while; the result None: the torque does not show it."""
-
-    links: Callable[[], LinkLoad | None]
-    """Finds on what the load of links depends"""
-    turn: Callable[[], TurningWeight | None]
-    """Finds how far a weight turns with the motion"""
-    pressing: Callable[[], tuple[ContactForce, tuple[Correction, ...]] | None]
-    """Finds when a force acts that no motion explains, and the gate that leaves it out"""
-
-
 def watched_in(report: IdentificationReport) -> tuple[str, ...]:
     """The parameters that can be monitored."""
     return tuple(w.name for w in report.result.watched if w.obstacle is None)
@@ -74,7 +63,7 @@ def retry(
     text: str,
     axis: NamedAxis,
     tried: Collection[str],
-    searches: Searches,
+    search: LoadSearch,
 ) -> Retry | None:
     """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
@@ -88,14 +77,14 @@ def retry(
     used = axis.config.model.drive
     one_mass, fair = used == _ONE_MASS.name, report.result.verdict.quality is FitQuality.FAIR
     replaceable = unfit and used.removesuffix(_WEIGHT) in _LIBRARY
-    weight = searches.links() if (replaceable or one_mass) and not tried else None
-    force = searches.pressing() if (unfit or fair) and not tried else None
-    if force and (weight is None or force[0].explains_much_more(weight.explained)):
-        return Retry(corrected(text, axis.id, force[1]), force[1])
-    if weight and (unfit or fair or weight.explains_much_more):
-        return _with_links(text, axis, weight)
+    load = search.links if (replaceable or one_mass) and not tried else None
+    gate = search.pressing if (unfit or fair) and not tried else None
+    if gate and (load is None or leaves_much_less(gate.force.explained, load.weights.explained)):
+        return Retry(corrected(text, axis.id, gate.changes), gate.changes)
+    if load and (unfit or fair or load.weights.explains_much_more):
+        return _with_links(text, axis, load)
     if unfit:
-        return _with_other_drive(report, text, axis, tried, searches.turn)
+        return _with_other_drive(report, text, axis, tried, search)
     return followers_monitored(report, text, axis)
 
 
@@ -137,7 +126,7 @@ def _with_other_drive(
     text: str,
     axis: NamedAxis,
     tried: Collection[str],
-    turn: Callable[[], TurningWeight | None],
+    search: LoadSearch,
 ) -> Retry | None:
     """The drive that may explain what this one does not; see ``retry``."""
     config, missing = axis.config, report.result.verdict.missing
@@ -153,7 +142,7 @@ def _with_other_drive(
     why = report.rejection or "no parameter could be monitored"
     reason = f"as {config.model.drive} it was not identified: {why}"
     changes = [Correction(("model", "drive"), drive.name, reason)]
-    if bears_weight and "r" not in config.model.nominal and (ratio := _gear_ratio(turn())) is not None:
+    if bears_weight and "r" not in config.model.nominal and (ratio := _gear_ratio(search.turn)) is not None:
         reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet has the exact ratio"
         changes.append(Correction(("model", "nominal", "r"), ratio, reason))
         drive = drive._replace(values={**drive.values, "r": ratio})
@@ -165,14 +154,14 @@ def _gear_ratio(found: TurningWeight | None) -> float | None:
     return None if found is None or found.least < 1 < found.most else float(f"{found.ratio:.3g}")
 
 
-def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
+def _with_links(text: str, axis: NamedAxis, load: LinkLoad) -> Retry:
     """One mass with a torque offset that follows the pose of the arm."""
     text = with_drive(text, axis.id, *_ONE_MASS)
-    changes = list(weight.signals)
+    changes = list(load.changes)
     if axis.config.model.drive != _ONE_MASS.name:
         changes.insert(0, Correction(("model", "drive"), _ONE_MASS.name, "the torque shows a weight"))
-    motions = {change.key[1] for change in weight.signals if change.key[-1] in ("speed", "acceleration")}
-    terms = [Term.read(term) for term in weight.terms]
+    motions = {change.key[1] for change in load.changes if change.key[-1] in ("speed", "acceleration")}
+    terms = [Term.read(term) for term in load.weights.terms]
     loads = {signal.name for signal in axis.config.signal if signal.axis is None}
     weighs = any(term.turns and motions.isdisjoint(term.signals) for term in terms)
     moves = any(not motions.isdisjoint(term.signals) and loads.isdisjoint(term.signals) for term in terms)
@@ -180,9 +169,9 @@ def _with_links(text: str, axis: NamedAxis, weight: LinkLoad) -> Retry:
     parts += ["what it takes to move the links"] if moves else []
     parts += ["a load that comes and goes"] if any(not loads.isdisjoint(term.signals) for term in terms) else []
     return Retry(
-        corrected(text, axis.id, weight.signals),
+        corrected(text, axis.id, load.changes),
         tuple(changes),
-        (f"{OFFSET}: {', '.join(weight.terms)}",),
+        (f"{OFFSET}: {', '.join(load.weights.terms)}",),
         listed(parts),
     )
 

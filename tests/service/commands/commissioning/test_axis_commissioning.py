@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,7 +12,16 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration import CalibrationOptions
-from monitor_core.identification import ContactForce, Effect, FitQuality, Obstacle, Rejection, TurningWeight, Watched
+from monitor_core.identification import (
+    ContactForce,
+    Effect,
+    FitQuality,
+    LinkWeights,
+    Obstacle,
+    Rejection,
+    TurningWeight,
+    Watched,
+)
 from monitor_core.identification.parameter_selection import ScheduledTerm
 from service.commands.commissioning.axis import axis_identification, axis_processes
 from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
@@ -21,14 +29,13 @@ from service.commands.commissioning.axis.axis_identification import lacks_of, no
 from service.commands.commissioning.axis.axis_order import Order
 from service.commands.commissioning.axis.identification_retries import (
     Retry,
-    Searches,
     followers_monitored,
     memories_of,
     memory_change,
     retry,
     without_unsettled,
 )
-from service.commands.commissioning.axis.link_load import LinkLoad
+from service.commands.commissioning.axis.load_search import LinkLoad, PressingGate
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.commissioning.signals.signal_proposals import Review
@@ -87,17 +94,23 @@ KT, FM = Watched("kT", 0.1, None), Watched("fm", 0.2, None)
 NO_FM = Watched("fm", np.nan, Obstacle.NO_SIZE)
 
 
+def load_of(changes: tuple[Correction, ...], *terms: str, explained: float = 0.9, before: float = 0.3) -> LinkLoad:
+    """A load of links with these terms, which explain this share of the torque."""
+    return LinkLoad(LinkWeights(terms, explained, before), changes)
+
+
 def next_try(
     folder: Path,
     found: Any,
     text: str = TEXT,
     before: Sequence[str] = (),
-    links: Callable[[], LinkLoad | None] = lambda: None,
-    turn: Callable[[], TurningWeight | None] = lambda: None,
-    pressing: Callable[[], tuple[ContactForce, tuple[Correction, ...]] | None] = lambda: None,
+    links: LinkLoad | None = None,
+    turn: TurningWeight | None = None,
+    pressing: PressingGate | None = None,
 ) -> Retry | None:
     """What is tried after this identification with the configuration of this text."""
-    return retry(found, text, configured(text, NAME, folder)[1], before, Searches(links, turn, pressing))
+    search: Any = SimpleNamespace(links=links, turn=turn, pressing=pressing)
+    return retry(found, text, configured(text, NAME, folder)[1], before, search)
 
 
 def retried(folder: Path, found: Any, text: str = TEXT, **given: Any) -> tuple[Retry, AxisConfig]:
@@ -133,7 +146,7 @@ def test_a_drawn_drive_is_not_replaced(tmp_path: Path) -> None:
     furnish(tmp_path)
     for missing in ((), (Effect.POSE,)):
         found = report(rejection="poor", missing=missing)
-        assert next_try(tmp_path, found, text, links=lambda: LinkLoad((), ("cos(a1)",), 0.9, 0.8)) is None
+        assert next_try(tmp_path, found, text, links=load_of((), "cos(a1)")) is None
 
 
 def test_one_mass_that_is_not_identified_becomes_three_at_fast_samples(tmp_path: Path) -> None:
@@ -186,7 +199,7 @@ def test_a_weight_shows_the_gear_ratio_that_is_not_configured(
     text: str, turn: TurningWeight | None, ratio: float, tmp_path: Path
 ) -> None:
     """Of the angle of a motor; that of an arm turns with the weight."""
-    again, axis = retried(tmp_path, report(rejection="poor", missing=(Effect.POSE,)), text, turn=lambda: turn)
+    again, axis = retried(tmp_path, report(rejection="poor", missing=(Effect.POSE,)), text, turn=turn)
     assert axis.model.nominal["r"] == ratio
     assert ("model.nominal.r = 0.0102" in again.words) == (ratio == 0.0102)
 
@@ -210,7 +223,7 @@ def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
 def test_what_follows_is_monitored_where_a_better_fit_waits_for_consent(tmp_path: Path) -> None:
     """A proposal that nobody confirmed is not applied; the axis is calibrated without it."""
     found = report(KT, NO_FM, follows=("fm",), quality=FitQuality.FAIR)
-    proposed = next_try(tmp_path, found, MASS, links=lambda: LinkLoad((), ("cos(a1)",), 0.9, 0.3))
+    proposed = next_try(tmp_path, found, MASS, links=load_of((), "cos(a1)"))
     assert proposed is not None
     assert proposed.schedule
     again = followers_monitored(found, MASS, configured(MASS, NAME, tmp_path)[1])
@@ -226,15 +239,15 @@ def test_a_weight_follows_the_pose_without_being_monitored(tmp_path: Path) -> No
 def test_of_links_only_the_first_fit_is_tried_again(tmp_path: Path) -> None:
     """With the angles of both axes as signals, and one mass."""
     signals = tuple(Correction(("signal", name, "axis"), name, "a weight") for name in ("a1", "a2"))
-    load = LinkLoad(signals, ("cos(a1)", "cos(a1 + a2)"), 0.9, 0.3)
+    load = load_of(signals, "cos(a1)", "cos(a1 + a2)")
     two = TEXT + TEXT[TEXT.index("[[robot.axis]]") :].replace('"a1"', '"a2"')
     found = report(rejection="poor")
-    again, axis = retried(tmp_path, found, two, links=lambda: load)
+    again, axis = retried(tmp_path, found, two, links=load)
     assert again.schedule == ("tau0: cos(a1), cos(a1 + a2)",)
     assert again.words.startswith('model.drive = "one-mass", signal.a1.axis = "a1"')
     assert (axis.model.drive, [s.axis for s in axis.signal]) == ("one-mass", ["a1", "a2"])
     assert axis.model.monitor == ("kT", "fc", "fm")
-    other = next_try(tmp_path, found, two, ["one-mass"], lambda: load)
+    other = next_try(tmp_path, found, two, ["one-mass"], load)
     assert other is None or not other.schedule
 
 
@@ -245,16 +258,16 @@ def test_what_presses_is_left_out_unless_a_load_explains_it_as_well(tmp_path: Pa
     gate = Correction(("gate", "closed", "below"), 0.5, "it presses")
 
     def tried(found: Any, load: LinkLoad | None = None, before: Sequence[str] = ()) -> Retry | None:
-        return next_try(tmp_path, found, text, before, links=lambda: load, pressing=lambda: (force, (gate,)))
+        return next_try(tmp_path, found, text, before, links=load, pressing=PressingGate(force, (gate,)))
 
     poor = report(rejection="poor")
-    for load in (None, LinkLoad((), ("closed",), 0.8, 0.2)):
+    for load in (None, load_of((), "closed", explained=0.8)):
         again = tried(poor, load)
         assert again is not None
         assert again.words == "gate.closed.below = 0.5"
         (given,) = configured(again.text, NAME, tmp_path)[1].config.gate
         assert (given.signal, given.below) == ("closed", 0.5)
-    again = tried(poor, LinkLoad((), ("closed",), 0.88, 0.2))
+    again = tried(poor, load_of((), "closed", explained=0.88))
     assert again is not None
     assert again.words == "tau0: closed"
     assert tried(report(KT, FM)) is None
@@ -265,14 +278,13 @@ def test_what_presses_is_left_out_unless_a_load_explains_it_as_well(tmp_path: Pa
 def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:
     """A good fit needs none that explain little more, and a drive of several masses that was chosen is kept."""
     axis = Correction(("signal", "a2-acceleration", "axis"), "a2", "links")
-    load = LinkLoad((axis,), ("a2-acceleration",), 0.93, 0.92)
     for text, quality, explained, schedule in (
         (MASS, FitQuality.FAIR, 0.93, ("tau0: a2-acceleration",)),
         (MASS, FitQuality.GOOD, 0.93, ()),
         (MASS, FitQuality.GOOD, 0.95, ("tau0: a2-acceleration",)),
         (TEXT, FitQuality.FAIR, 0.95, ()),
     ):
-        links = partial(load._replace, explained=explained)
+        links = load_of((axis,), "a2-acceleration", explained=explained, before=0.92)
         found = next_try(tmp_path, report(KT, FM, quality=quality), text, links=links)
         assert (found.schedule if found else ()) == schedule
     signals = (Correction(("signal", "a2-acceleration", "acceleration"), True, "links"), axis)
@@ -283,7 +295,7 @@ def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> Non
             "the weight of links at these angles and what it takes to move the links",
         ),
     ):
-        links = partial(LinkLoad, signals, terms, 0.9, 0.3)
+        links = load_of(signals, *terms)
         again = next_try(tmp_path, report(rejection="poor"), MASS, links=links)
         assert again is not None
         assert again.shown == shown
@@ -317,7 +329,7 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
 
     A fair fit without these terms stands only after that.
     """
-    load = LinkLoad((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), ("cos(a2)",), 0.9, 0.3)
+    load = load_of((Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),), "cos(a2)")
     poor = report(rejection="poor", missing=(Effect.FOREIGN,))
     before = [report(KT, quality=FitQuality.FAIR)] * 2 if fair else [poor]  # a part of the records, and all of them
     reports = [*before, *[unsettled("tau0 per a2-acceleration")] * 3]
@@ -332,8 +344,8 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
         return task
 
     monkeypatch.setattr(axis_identification, "prepare", prepare)
-    monkeypatch.setattr(axis_identification, "link_load", lambda *_: load)
-    monkeypatch.setattr(axis_identification, "motors_without_ratio", lambda *_: ())
+    search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=())
+    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")
@@ -361,10 +373,10 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=lambda *_: reports.pop(0))
     task.with_most_moving_parts = lambda: task
     signals = (Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),)
-    load = LinkLoad(signals, ("a2-acceleration",), 0.9, 0.3)
+    load = load_of(signals, "a2-acceleration")
     monkeypatch.setattr(axis_identification, "prepare", lambda *_: task)
-    monkeypatch.setattr(axis_identification, "link_load", lambda *_: load)
-    monkeypatch.setattr(axis_identification, "motors_without_ratio", lambda *_: ("a1", "a2"))
+    search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=("a1", "a2"))
+    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     taken = list[Any]()
 

@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning.axis import axis_identification
-from service.commands.commissioning.axis.link_load import LinkLoad, link_load, motors_without_ratio, pressing_gate
+from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
@@ -126,7 +126,7 @@ def alarms(cell: Cell, record: Path) -> dict[str, list[tuple[str, str]]]:
 
 def load_of(text: str, axis_id: str, record: Path) -> LinkLoad:
     """What the load on an axis follows in a table, with the configuration of this text."""
-    found = link_load(text, axis_id, [str(record)], record.parent)
+    found = LoadSearch(text, axis_id, [str(record)], record.parent).links
     assert found is not None
     return found
 
@@ -155,16 +155,16 @@ def test_of_motors_the_gear_ratio_makes_the_angle_of_the_arm(names: str, cell: C
     text = MOTORS + "".join(AXIS.format(name=n, column=c) for n, c in zip((first, second), AXES, strict=True))
     found = load_of(text, f"arm.{second}", record)
     signals = [name if name.startswith("J") else f"axis{name}" for name in (first, second)]
-    assert f"cos({signals[0]} + {signals[1]})" in found.terms
-    changes = {c.key: c.value for c in found.signals}
+    assert f"cos({signals[0]} + {signals[1]})" in found.weights.terms
+    changes = {c.key: c.value for c in found.changes}
     for signal, name in zip(signals, (first, second), strict=True):
         assert changes["signal", signal, "axis"] == name
     # The speeds and accelerations that belong to these angles are those of the arm, too.
-    assert {c.key[1] for c in found.signals} == {name for name, key in ((c.key[1], c.key[2]) for c in found.signals)
+    assert {c.key[1] for c in found.changes} == {name for name, key in ((c.key[1], c.key[2]) for c in found.changes)
                                                  if key == "factor" and changes["signal", name, key] == R}  # fmt: skip
     # Hundreds of radians are no angle of an arm: without the ratios the weight tells about what they are.
     without = load_of(text.replace(", r = 0.01", ", r = 1"), f"arm.{second}", record)
-    ratios = [c.value for c in without.signals if c.key[2] == "factor"]
+    ratios = [c.value for c in without.changes if c.key[2] == "factor"]
     assert len(ratios) >= 2
     assert ratios == pytest.approx([R] * len(ratios), rel=1 / 3)
 
@@ -175,7 +175,7 @@ def test_motors_whose_gear_ratio_nobody_gives_are_named(cell: Cell, tmp_path: Pa
     text = MOTORS.replace("one-mass-weight", "one-mass").replace(", r = 0.01", "")
 
     def without_ratio(text: str) -> tuple[str, ...]:
-        return motors_without_ratio(text, "arm.elbow", [str(record)], tmp_path)
+        return LoadSearch(text, "arm.elbow", [str(record)], tmp_path).motors_without_ratio
 
     assert without_ratio(text + axes) == AXES
     # One mass has no gear, but the angle of its motor turns links.
@@ -244,16 +244,16 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     record = tmp_path / "a.csv"
     swing.write(record, u + rng.normal(0, 0.1, q.shape))
     found = load_of(SCARA, "arm.2", record)
-    assert found.terms == ("inner-acceleration", "inner-acceleration * cos(axis2)")
-    changes = {c.key: c.value for c in found.signals}
+    assert found.weights.terms == ("inner-acceleration", "inner-acceleration * cos(axis2)")
+    changes = {c.key: c.value for c in found.changes}
     name = ("signal", "inner-acceleration")
     assert changes == {
         (*name, "axis"): "inner",
         (*name, "acceleration"): True,
         ("signal", "axis2", "axis"): "2",
     }
-    assert load_of(corrected(SCARA, "arm.2", found.signals), "arm.2", record) == found
-    assert link_load(SCARA, "arm.inner", [str(record)], tmp_path) is None
+    assert load_of(corrected(SCARA, "arm.2", found.changes), "arm.2", record) == found
+    assert LoadSearch(SCARA, "arm.inner", [str(record)], tmp_path).links is None
 
 
 GUN = """
@@ -279,7 +279,7 @@ def test_a_gate_leaves_out_what_presses(pressing: int, key: str, tmp_path: Path,
     q[1] = np.where(presses, pressing, 1 - pressing)
     Swing(t, q, w, a).write(tmp_path / "a.csv", np.array([u, u]) + rng.normal(0, 0.1, q.shape))
     records = [str(tmp_path / "a.csv")]
-    found = pressing_gate(GUN, "arm.gun", records, tmp_path)
+    found = LoadSearch(GUN, "arm.gun", records, tmp_path).pressing
     assert found is not None
     force, (gate, settling) = found
     assert gate.change == f"gate.GUN.{key} = 0.5"
@@ -293,8 +293,9 @@ def test_a_gate_leaves_out_what_presses(pressing: int, key: str, tmp_path: Path,
     assert record.gate.tolist() == (~recently).tolist()
     assert axis.config.gate[0].signal == "GUN"
     # What it leaves out is no load any more, and is not looked for again.
-    assert pressing_gate(text, "arm.gun", records, tmp_path) is None
-    assert link_load(text, "arm.gun", records, tmp_path) is None
+    search = LoadSearch(text, "arm.gun", records, tmp_path)
+    assert search.pressing is None
+    assert search.links is None
     assert force.explained > 0.85
 
 
@@ -313,9 +314,9 @@ def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed:
     swing.write(tmp_path / "a.csv", u)
     found = load_of(BASE, "arm.base", tmp_path / "a.csv")
     rate = "base-acceleration * cos(lift + lift) - 2 * base-speed * lift-speed * sin(lift + lift)"
-    assert found.terms == (rate,)
-    assert found.explains_much_more
-    assert {c.key[1:]: c.value for c in found.signals} == {
+    assert found.weights.terms == (rate,)
+    assert found.weights.explains_much_more
+    assert {c.key[1:]: c.value for c in found.changes} == {
         ("base-acceleration", "axis"): "base",
         ("base-acceleration", "acceleration"): True,
         ("base-speed", "axis"): "base",
@@ -325,7 +326,7 @@ def test_the_inertia_of_a_base_follows_the_pose_of_the_arm(tmp_path: Path, seed:
         ("lift-speed", "speed"): True,
     }
     lifting = load_of(BASE, "arm.lift", tmp_path / "a.csv")
-    assert set(lifting.terms) == {"cos(lift)", "square(base-speed) * sin(lift + lift)"}
+    assert set(lifting.weights.terms) == {"cos(lift)", "square(base-speed) * sin(lift + lift)"}
 
 
 def test_an_angle_that_may_count_is_a_signal_without_a_term(tmp_path: Path, seed: int) -> None:
@@ -337,8 +338,8 @@ def test_an_angle_that_may_count_is_a_signal_without_a_term(tmp_path: Path, seed
     names = "t,u1,y1,u2,y2,u3,y3"
     np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header=names, comments="")
     found = load_of(arm_of("base", "lift", "elbow"), "arm.base", tmp_path / "a.csv")
-    used = {name for term in found.terms for name in ("lift", "elbow") if f"{name}-speed" in term}
-    reasons = {c.value: c.reason for c in found.signals if c.key[1] in ("lift", "elbow")}
+    used = {name for term in found.weights.terms for name in ("lift", "elbow") if f"{name}-speed" in term}
+    reasons = {c.value: c.reason for c in found.changes if c.key[1] in ("lift", "elbow")}
     assert reasons.keys() == {"lift", "elbow"}
     assert {axis for axis, reason in reasons.items() if "may follow" not in reason} == used
     assert len(used) == 1
@@ -388,7 +389,7 @@ def test_a_load_and_a_turntable_that_starts_again(axis: str, terms: set[str], tm
     names = "t,tilt_u,tilt_y,table_u,table_y,hoist_u,hoist_w,load"
     table = np.column_stack([*columns, load])
     np.savetxt(tmp_path / "a.csv", table, fmt="%.9g", delimiter=",", header=names, comments="")
-    assert set(load_of(POSITIONER, f"arm.{axis}", tmp_path / "a.csv").terms) == terms
+    assert set(load_of(POSITIONER, f"arm.{axis}", tmp_path / "a.csv").weights.terms) == terms
 
 
 GANTRY = arm_of("across", "lift").replace(
@@ -408,10 +409,10 @@ def test_what_a_gantry_grips_is_weight_and_inertia(tmp_path: Path, seed: int) ->
     columns = np.column_stack([swing.t, u[0], q[0], u[1], q[1], grip])
     np.savetxt(tmp_path / "a.csv", columns, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2,grip", comments="")
     found = load_of(GANTRY, "arm.lift", tmp_path / "a.csv")
-    assert set(found.terms) == {"DO3", "DO3 * lift-acceleration"}
-    assert found.explains_much_more
-    assert {c.key[1:]: c.value for c in found.signals} == {
+    assert set(found.weights.terms) == {"DO3", "DO3 * lift-acceleration"}
+    assert found.weights.explains_much_more
+    assert {c.key[1:]: c.value for c in found.changes} == {
         ("lift-acceleration", "axis"): "lift",
         ("lift-acceleration", "acceleration"): True,
     }
-    assert link_load(GANTRY, "arm.across", [str(tmp_path / "a.csv")], tmp_path) is None
+    assert LoadSearch(GANTRY, "arm.across", [str(tmp_path / "a.csv")], tmp_path).links is None

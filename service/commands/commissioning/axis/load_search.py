@@ -1,0 +1,294 @@
+"""What loads an axis beside its own mass: the links of an arm, a measured load, or a contact force.
+
+For links and loads a torque offset follows the angles of axes, their speeds and accelerations, and the signals of the
+axis; a gate leaves out the time in which the axis presses.  The core finds them (``arm_load``, ``contact_force``); this
+file reads the records with the signals that they may need, and makes changes of the configuration of what is found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from monitor_core.identification import (
+    ArmLoad,
+    ArmSignals,
+    ContactForce,
+    LinkWeights,
+    MotionSignals,
+    Record,
+    TurningWeight,
+    arm_load,
+    contact_force,
+    motor_angles,
+    recorded_signals,
+    turning_weight,
+)
+from service.commands.commissioning.signals.checked_axis import configured
+from service.config import Config, NamedAxis, gear_ratio
+from service.config.commissioned import GATE, SIGNAL, Correction, corrected
+from service.config.unit_names import unit_in
+from service.ingest.loaded_records import load
+
+_SETTLE_S = 0.1
+"""Time after a signal says that an axis does not press any more until it moves freely [s]."""
+
+
+class LinkLoad(NamedTuple):
+    """The load of links, and the changes that give the axis the signals which it follows.
+
+    These are angles, speeds and accelerations of axes; angles also where the records do not tell whether it follows
+    them.
+    """
+
+    weights: LinkWeights
+    changes: tuple[Correction, ...]
+
+
+class PressingGate(NamedTuple):
+    """A force that no motion explains, and the gate that leaves out the time in which it acts."""
+
+    force: ContactForce
+    changes: tuple[Correction, ...]
+
+
+class LoadSearch:
+    """What loads an axis, by its records.  Each search takes a while; it runs once, when its result is needed.
+
+    Args:
+        text: the configuration, valid in ``folder``.
+        axis_id: "robot.axis".
+        records: files, each with or without a range.
+        folder: where the configuration is valid.
+        identified: the records of its identification, as they were used there.
+
+    Raises:
+        RecordError, DescriptionError, IngestError: by a search, if a record cannot be read.
+    """
+
+    def __init__(
+        self, text: str, axis_id: str, records: Sequence[str], folder: Path, identified: Sequence[Record] = ()
+    ) -> None:
+        self._text, self._axis_id, self._files, self._folder = text, axis_id, records, folder
+        self._identified = identified
+
+    @cached_property
+    def links(self) -> LinkLoad | None:
+        """The angles, their derivatives, and the signals on which the load of links depends.
+
+        None: the torque shows no such load, or only a weight that depends on the angle of the axis itself.
+        """
+        candidates = self._candidates
+        if not candidates.motions and not candidates.loads:
+            return None
+        records, signals = self._recorded
+        found = arm_load(records, signals)
+        if found is None:
+            return None
+        if found.weights.signals == {signals.own} and not candidates.is_coupled:
+            return None  # a drive has that weight, but not of a coupled axis: the angle in it is the motor's
+        return LinkLoad(found.weights, tuple(_changes(candidates, found)))
+
+    @cached_property
+    def pressing(self) -> PressingGate | None:
+        """The force that acts while a signal has one of its two values; None: no signal tells of such a force."""
+        if not self._candidates.loads:
+            return None
+        records, signals = self._recorded
+        found = contact_force(records, signals.loads)
+        return None if found is None else PressingGate(found, _gate(found))
+
+    @cached_property
+    def turn(self) -> TurningWeight | None:
+        """How far a weight turns with the motion of the axis, in the longest record of its identification."""
+        return turning_weight(max(self._identified, key=len))
+
+    @cached_property
+    def motors_without_ratio(self) -> tuple[str, ...]:
+        """The axes of the same robot, by name, whose angles are those of motors with an unknown gear ratio.
+
+        Their angles turn by more than those of an arm do.  Linear axes are not among them, if their unit tells.  None,
+        if a ratio is configured for some axis of the robot: then the others are linear.
+        """
+        arm = {other.config.name: other for other in _arm(*self._configured)}
+        if any(gear_ratio(other.config) != 1.0 for other in arm.values()):
+            return ()
+        motors = motor_angles(*self._recorded)
+        names = (motion.axis for motion in self._candidates.motions if motion.name in motors)
+        return tuple(name for name in names if not _is_linear(arm[name]))
+
+    @cached_property
+    def _configured(self) -> tuple[Config, NamedAxis]:
+        return configured(self._text, self._axis_id, self._folder)
+
+    @cached_property
+    def _candidates(self) -> _LoadSignals:
+        return _candidates(*self._configured)
+
+    @cached_property
+    def _recorded(self) -> tuple[list[Record], ArmSignals]:
+        """The records, read with the angles and the accelerations of other axes, and the candidates that they have."""
+        signals = self._candidates.signals
+        read = {*signals.angles, *signals.accelerations}
+        searched = [c for motion in self._candidates.motions if motion.name in read for c in motion.changes]
+        config, _ = configured(corrected(self._text, self._axis_id, searched), self._axis_id, self._folder)
+        records = [load(file, config, self._axis_id).record for file in self._files]
+        return records, recorded_signals(records, signals)
+
+
+# --- The signals that the load may depend on --------------------------------------------------------------------------
+
+
+class _MotionSignal(NamedTuple):
+    """The motion of an axis of the arm as a signal, which the configuration has or would get."""
+
+    name: str
+    axis: str
+    kind: Literal["angle", "speed", "acceleration"]
+    changes: tuple[Correction, ...]
+    """Those of the configuration that add it"""
+
+
+class _LoadSignals(NamedTuple):
+    """Signals on which the load of an axis may depend."""
+
+    axis: str
+    motions: tuple[_MotionSignal, ...]
+    """Angles of all axes of its arm, own too, then speed and acceleration of each, where they are known; empty: it has
+    no arm"""
+    loads: tuple[str, ...]
+    """Names of its signals that are not the motion of an axis, and no gates: a gate leaves out what they tell"""
+    of_arm: frozenset[str]
+    """Names of the angles that are those of the arm in any case, not those of motors"""
+    is_coupled: bool
+    """Whether its motor also moves with other axes"""
+
+    @property
+    def signals(self) -> ArmSignals:
+        """Their names, by what they are."""
+        angles, speeds, accelerations = (
+            {motion.axis: motion.name for motion in self.motions if motion.kind == kind}
+            for kind in ("angle", "speed", "acceleration")
+        )
+        return ArmSignals(
+            angles.get(self.axis, ""),
+            list(angles.values()),
+            self.loads,
+            [name for axis, name in accelerations.items() if axis != self.axis],
+            {angles[axis]: MotionSignals(speeds[axis], accelerations[axis]) for axis in speeds},
+            self.of_arm,
+        )
+
+
+def _candidates(config: Config, axis: NamedAxis) -> _LoadSignals:
+    """The angles of the arm only if the axis itself is one of them, and not the only one, unless it may bear a load."""
+    arm, is_coupled = list(_arm(config, axis)), bool(axis.config.coupling)
+    known = {gate.signal for gate in axis.config.gate}.union(axis.config.coupling)
+    loads = tuple(s.name for s in axis.config.signal if s.axis is None and s.name not in known)
+    if axis.id not in {other.id for other in arm} or (len(arm) < 2 and not loads and not is_coupled):
+        arm = []
+    angles = [_angle(axis, other) for other in arm]
+    derivatives = [found for other in arm for found in _derivatives(axis, other)]
+    turning = {found.name for found, other in zip(angles, arm, strict=True) if _turns_on(other)}
+    of_arm = turning.union(signal.name for signal in axis.config.signal)
+    return _LoadSignals(axis.config.name, (*angles, *derivatives), loads, frozenset(of_arm), is_coupled)
+
+
+def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
+    """The axes of the same robot, including this one, whose angles may be signals of this axis."""
+    for other in config.axes:
+        angle = other.config.angle
+        known = angle is not None and (angle.wrap_period is None or _turns_on(other))
+        known = known and other.config.output == "angle"
+        if known and other.robot == axis.robot and other.config.bus == axis.config.bus:
+            yield other
+
+
+def _turns_on(axis: NamedAxis) -> bool:
+    """Whether the angle starts again after a turn of the axis, which does not change its cosine."""
+    ratio = gear_ratio(axis.config)
+    return axis.config.angle is not None and axis.config.angle.wraps_after_a_turn(ratio)
+
+
+def _is_linear(axis: NamedAxis) -> bool:
+    angle = axis.config.angle
+    unit = None if angle is None else unit_in(angle.column or angle.signal, "angle")
+    return unit is not None and unit.linear
+
+
+def _angle(axis: NamedAxis, other: NamedAxis) -> _MotionSignal:
+    """The angle of an arm's axis as a signal, with its name in the configuration, or that of the axis."""
+    names = {s.axis: s.name for s in axis.config.signal if not s.is_derivative}
+    own = other.config.name
+    name = _lettered(own)
+    name = names.get(own, f"{name}-angle" if name in names.values() else name)
+    reason = f"the torque shows the load of links, which follows the angle of {own}"
+    added = Correction((SIGNAL, name, "axis"), own, reason)
+    return _MotionSignal(name, own, "angle", (added, *(() if own in names else _geared(name, other))))
+
+
+def _derivatives(axis: NamedAxis, other: NamedAxis) -> Iterator[_MotionSignal]:
+    """Speed and acceleration of an axis with the same sample interval, as signals; none if its angle wraps."""
+    own, angle = other.config.name, other.config.angle
+    if angle is None or angle.wrap_period is not None or not other.config.is_sampled_as(axis.config):
+        return
+    kinds: tuple[Literal["speed", "acceleration"], ...] = ("speed", "acceleration")
+    for kind in kinds:
+        given = [s.name for s in axis.config.signal if s.axis == own and getattr(s, kind)]
+        name = next(iter(given), f"{_lettered(own)}-{kind}")
+        reason = f"the links couple the axis to the {'motion' if kind == 'speed' else kind} of {own}"
+        added = (Correction((SIGNAL, name, "axis"), own, reason), Correction((SIGNAL, name, kind), True, reason))
+        yield _MotionSignal(name, own, kind, (*added, *(() if given else _geared(name, other))))
+
+
+def _lettered(own: str) -> str:
+    """The name of an axis with a letter in it, as a number is no name of a signal."""
+    return own if any(c.isalpha() for c in own) else f"axis{own}"
+
+
+def _geared(name: str, other: NamedAxis) -> Iterator[Correction]:
+    """The given gear ratio of an axis as the factor of a signal; none if there is none."""
+    ratio = gear_ratio(other.config)
+    if ratio != 1.0:
+        reason = "the gear ratio: the motion of the arm, not of the motor"
+        yield Correction((SIGNAL, name, "factor"), ratio, reason)
+
+
+# --- Changes of the configuration -------------------------------------------------------------------------------------
+
+
+def _changes(candidates: _LoadSignals, found: ArmLoad) -> Iterator[Correction]:
+    """Those that add the signals of a load, with the gear ratios that were found.
+
+    Of an angle that the load may follow as well there is a signal without a term, so that it is part of the pose.
+    """
+    undetermined = found.weights.undetermined
+    used = [motion for motion in candidates.motions if motion.name in found.weights.signals.union(undetermined)]
+    for motion in used:
+        added, *others = motion.changes
+        if motion.name in undetermined:
+            reason = f"the load may follow the angle of {motion.axis}, too: these records do not show whether it does"
+            added = added._replace(reason=reason)
+        yield from (added, *others)
+    axes = {motion.name: motion.axis for motion in candidates.motions}
+    for name, ratio in found.ratios.items():
+        reason = f"the weight turns about as with a gear of 1/{1 / ratio:.3g}; the data sheet has the exact ratio"
+        for motion in used:
+            if motion.axis == axes[name]:
+                yield Correction((SIGNAL, motion.name, "factor"), float(f"{ratio:.3g}"), reason)
+
+
+def _gate(found: ContactForce) -> tuple[Correction, Correction]:
+    """The gate that is open while the axis does not press."""
+    key = "below" if found.free < found.pressing else "above"
+    reason = (
+        f"while {found.signal} is {found.pressing:g}, a force acts that no motion of the axis explains; without that"
+        f" part one mass explains {100 * found.explained:.0f} % of the torque"
+    )
+    settling = "then the force has gone, and the prediction has forgotten it"
+    return (
+        Correction((GATE, found.signal, key), (found.free + found.pressing) / 2, reason),
+        Correction((GATE, found.signal, "settle_s"), _SETTLE_S, settling),
+    )
