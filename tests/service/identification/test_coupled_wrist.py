@@ -168,7 +168,7 @@ def test_a_planned_motion_stays_within_that_of_the_arm(tmp_path: Path, seed: int
     text = robot(tmp_path, COUPLING).read_text(encoding="utf-8")
     order = Order(text, "cell.turn", (str(record),), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
     far = SuggestedMotion(("fm",), MotionRequest(torque=2.0, speed=99.0, angle=99.0))
-    request = within_arm(far, order, text).request
+    request = within_arm(far, order).request
     turn = motion(H_S * np.arange(COUNT, dtype=float), 2 * seed + 1)
     assert request.torque == 2.0
     assert request.angle == pytest.approx(np.ptp(turn.angle) / 2, rel=0.01)

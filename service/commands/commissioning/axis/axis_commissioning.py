@@ -15,7 +15,6 @@ from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_calibration import calibrated, tested
 from service.commands.commissioning.axis.axis_identification import identified
 from service.commands.commissioning.axis.axis_order import CommissioningProgress, Order
-from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.output_files import replace_text
 from service.config import AxisConfig
@@ -53,7 +52,7 @@ def commission_axis(
         outcome = calibrated(order, outcome, progress)
         if outcome.thresholds_file is not None:
             outcome = tested(order, outcome, progress)
-        _, axis = configured(order.text, name, order.folder)
+        _, axis = order.configured()
         outcome = replace(outcome, notes=(*outcome.notes, *unmonitored_words(axis.config, outcome.watched)))
     replace_text(kept, json.dumps({"digest": digest, "outcome": asdict(outcome)}, indent=1) + "\n")
     return outcome

@@ -19,7 +19,6 @@ from service.commands.commissioning.axis.identification_retries import (
 )
 from service.commands.commissioning.axis.load_search import LoadSearch
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion, within_arm
-from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import NamedAxis
@@ -46,23 +45,23 @@ def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) 
             outcome = replace(outcome, notes=(*outcome.notes, *words))
     except REFUSALS as error:
         return replace(attempts.outcome, refusal=f"not identified: {error}")
-    outcome = _with_values(order.folder, found.axis, report, outcome, attempts.taken, attempts.lacks)
+    outcome = _with_values(order.folder, found.axis, report, outcome, attempts.offer, attempts.lacks)
     motion = motion_for(report, [item.record for item in found.task.estimation])
     if motion is None:
         return outcome
     progress("identify", "planning a motion", 0.0)
     if found.axis.config.coupling:
-        motion = within_arm(motion, order, found.text)
-    return with_motion(order, found.text, outcome, motion)
+        motion = within_arm(motion, found.order)
+    return with_motion(found.order, outcome, motion)
 
 
 # --- The attempts -----------------------------------------------------------------------------------------------------
 
 
 class _Attempt(NamedTuple):
-    """An identification with a configuration, and the outcome before it."""
+    """An identification with a configuration, that of its order, and the outcome before it."""
 
-    text: str
+    order: Order
     axis: NamedAxis
     task: IdentificationTask
     report: IdentificationReport
@@ -79,16 +78,20 @@ class _Attempts:
     """Identifications of an axis, each with the configuration that the one before suggests."""
 
     def __init__(self, order: Order, outcome: Outcome) -> None:
-        self._order, self._text = order, order.text
+        self._order = order
+        """With the configuration of the next attempt"""
         self.outcome = outcome
         """The outcome so far: changes that were tried, and notes"""
         self.lacks = ""
         """See ``lacks_of``"""
-        self.taken = ""
-        """Changes that --yes would apply, in words"""
+        self.offer = ""
+        """What --yes would apply, as the end of a sentence"""
         self._schedule: tuple[str, ...] = ()
+        """The terms of the load of links"""
         self._drives: list[str] = []
+        """Those that were tried"""
         self._left_out = 0
+        """Number of terms that were left out"""
         self._without_links: _Attempt | None = None
         """A usable fit without the load of links, which stands if the one with it is not usable"""
 
@@ -100,9 +103,7 @@ class _Attempts:
             self.lacks = lacks_of(found.report, self.lacks)
             if self._without_links is not None and not found.is_usable and not (again and again.left_out):
                 return self._without_links
-            if again is not None and again.changes and not self._order.shorten:
-                self.taken = self.taken or f"; --yes applies {again.words}"
-                again = None if found.report.rejection else followers_monitored(found.report, self._text, found.axis)
+            again = self._agreed(found, again)
             if again is None:
                 return found
             if again.schedule and found.is_usable:
@@ -111,8 +112,8 @@ class _Attempts:
 
     def _attempt(self, progress: CommissioningProgress) -> tuple[_Attempt, Retry | None]:
         """Identify with the present configuration; also the changes that the result suggests."""
-        order, text = self._order, self._text
-        config, axis = configured(text, order.axis_id, order.folder)
+        order, text = self._order, self._order.text
+        config, axis = order.configured()
         request = Request(schedule=self._schedule, memories_s=memories_of(axis.config))
         task = prepare(config, axis, order.records, [], request)
         provenance = order.provenance._replace(drawing=drawing_of(axis.config))
@@ -126,10 +127,18 @@ class _Attempts:
                 again = retry(report, text, axis, self._drives, search)
             if report.rejection and again:  # the complete records would not help
                 break
-        return _Attempt(text, axis, task, report, self.outcome, search), again
+        return _Attempt(order, axis, task, report, self.outcome, search), again
+
+    def _agreed(self, found: _Attempt, again: Retry | None) -> Retry | None:
+        """What is tried next: without --yes nothing that changes more than which parameters are monitored."""
+        if again is None or not again.changes or self._order.shorten:
+            return again
+        self.offer = self.offer or f"; --yes applies {again.words}"
+        return None if found.report.rejection else followers_monitored(found.report, self._order.text, found.axis)
 
     def _apply(self, again: Retry) -> None:
-        self._text, self._schedule = again.text, again.schedule or self._schedule
+        self._order = self._order._replace(text=again.text)
+        self._schedule = again.schedule or self._schedule
         notes = self.outcome.notes
         if again.left_out:
             self._left_out += 1
@@ -165,14 +174,14 @@ def _without_ratio(motors: Sequence[str]) -> Iterator[str]:
 
 
 def _with_values(
-    folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, taken: str, lacks: str
+    folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, offer: str, lacks: str
 ) -> Outcome:
     """Outcome with the identified values, written into the folder.
 
-    ``taken``: remedies that --yes would apply; ``lacks``: see ``lacks_of``.
+    ``offer``: what --yes would apply, as the end of a sentence; ``lacks``: see ``lacks_of``.
     """
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
-    better = [f"A better fit can be tried{taken}."] if taken and not report.rejection and watched_in(report) else []
+    better = [f"A better fit can be tried{offer}."] if offer and not report.rejection and watched_in(report) else []
     replace_text(folder / page, identification_html.as_html(report))
     outcome = replace(
         outcome,
@@ -183,18 +192,18 @@ def _with_values(
         no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,
     )
     if report.rejection:
-        return replace(outcome, refusal=not_identified(report, taken, lacks))
+        return replace(outcome, refusal=not_identified(report, offer, lacks))
     replace_text(folder / values, as_toml(report))
     watched = watched_in(report)
     return replace(
         outcome,
         nominal_file=values,
         watched=watched,
-        refusal="" if watched else f"{outcome.outlook.removesuffix('.')}{taken}",
+        refusal="" if watched else f"{outcome.outlook.removesuffix('.')}{offer}",
         corrections=(*outcome.corrections, *memory_change(report, axis.config)),
     )
 
 
-def not_identified(report: IdentificationReport, taken: str, lacks: str) -> str:
-    """Reason why an axis has no nominal values; ``taken``, ``lacks``: remedies that --yes applies, missing effects."""
-    return f"not identified: {report.rejection}{taken}" + (f". {lacks.removesuffix('.')}" if lacks else "")
+def not_identified(report: IdentificationReport, offer: str, lacks: str) -> str:
+    """Reason why an axis has no nominal values; ``offer``, ``lacks``: as above."""
+    return f"not identified: {report.rejection}{offer}" + (f". {lacks.removesuffix('.')}" if lacks else "")

@@ -39,13 +39,16 @@ class Order(NamedTuple):
     shorten: bool
     """If the records do not support the false-alarm budget: use the longest one that they support"""
 
+    def configured(self) -> tuple[Config, NamedAxis]:
+        """The configuration and the axis."""
+        return configured(self.text, self.axis_id, self.folder)
+
 
 def as_found(order: Order, outcome: Outcome) -> tuple[Config, NamedAxis]:
     """The configuration with all that was found until now, and the axis."""
     assert outcome.found is not None
     changed = corrected(order.text, order.axis_id, outcome.corrections)
-    own = commissioned(changed, {order.axis_id: outcome.found})
-    return configured(own, order.axis_id, order.folder)
+    return order._replace(text=commissioned(changed, {order.axis_id: outcome.found})).configured()
 
 
 def within(phase: str, progress: CommissioningProgress) -> Callable[[str, float, float], None]:

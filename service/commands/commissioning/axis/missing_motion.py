@@ -10,7 +10,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import OF_ANGLE
 from monitor_core.identification import Obstacle, Record
 from service.commands.commissioning.axis.axis_order import REFUSALS, Order
-from service.commands.commissioning.signals.checked_axis import configured, fastest
+from service.commands.commissioning.signals.checked_axis import fastest
 from service.commands.excite import MotionRequest, angle_columns, planned, torque_columns
 from service.commands.output_files import replace_text
 from service.config.commissioned import Found, commissioned, corrected, motion_file, uncoupled
@@ -55,15 +55,15 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Sugge
     return SuggestedMotion(lost, request)
 
 
-def within_arm(motion: SuggestedMotion, order: Order, text: str) -> SuggestedMotion:
+def within_arm(motion: SuggestedMotion, order: Order) -> SuggestedMotion:
     """The motion with the limits of the arm in the records, for an axis whose motor also moves with other axes.
 
-    While the axis is moved alone, the motor moves as the arm does.  ``text``: as of ``with_motion``.
+    While the axis is moved alone, the motor moves as the arm does.
 
     Raises:
         RecordError: a record cannot be read.
     """
-    config, axis = configured(uncoupled(text, order.axis_id), order.axis_id, order.folder)
+    config, axis = order._replace(text=uncoupled(order.text, order.axis_id)).configured()
     records = [load(name, config, axis.id).record for name in order.records]
     return motion._replace(request=motion.request._replace(speed=_speed(records), angle=_angle_limit(records)))
 
@@ -88,14 +88,14 @@ def _angle(record: Record) -> Floats:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)]))
 
 
-def with_motion(order: Order, text: str, outcome: Outcome, motion: SuggestedMotion) -> Outcome:
+def with_motion(order: Order, outcome: Outcome, motion: SuggestedMotion) -> Outcome:
     """Add a file with a motion of the axis that shows what its records do not.
 
-    ``text``: the configuration with which its nominal values were identified.
+    ``order``: with the configuration with which its nominal values were identified.
     """
     name, file = order.axis_id, motion_file(order.axis_id)
     assert outcome.nominal_file is not None
-    changed = corrected(text, name, outcome.corrections)
+    changed = corrected(order.text, name, outcome.corrections)
     own = commissioned(changed, {name: outcome.found or Found(outcome.nominal_file, None, motion.lost)})
     if outcome.found is None:  # no part of what is commissioned, but a motion is planned with its values
         replace_text(order.folder / own_config(name), own)
@@ -103,7 +103,7 @@ def with_motion(order: Order, text: str, outcome: Outcome, motion: SuggestedMoti
     path = order.folder / file
     path.parent.mkdir(exist_ok=True)
     try:
-        _, axis = configured(own, name, order.folder)
+        _, axis = order._replace(text=own).configured()
         experiment = planned(axis, motion.request, np.random.default_rng(_PHASES))
     except REFUSALS as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))
