@@ -41,6 +41,7 @@ from monitor_core.identification.parameter_selection import (
 )
 from monitor_core.identification.problem import Disturbance, IdentificationError, PredictorKind, Problem
 from monitor_core.identification.record_checks.known_axis import KnownAxis, known_axis
+from monitor_core.identification.record_checks.matching_torques import matching_torques
 from monitor_core.identification.record_checks.motion_checks import (
     check_record,
     exchanged_share,
@@ -48,9 +49,11 @@ from monitor_core.identification.record_checks.motion_checks import (
     is_about_nominal,
     shown_inertia,
 )
+from monitor_core.identification.record_checks.receipt_times import is_smoother_evenly, received_interval
 from monitor_core.identification.record_checks.value_patterns import (
     Span,
     held_for,
+    moves,
     stuck_spans,
     whole_numbers,
     wrap_of,
@@ -61,6 +64,7 @@ from monitor_core.identification.records.measured_record import (
     Record,
     between,
     most_moving_parts,
+    top_speed,
 )
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.thermal.warm_up import FoundWarmUp

@@ -14,7 +14,9 @@ from tomlkit.items import Array, InlineTable, Table
 
 from monitor_core.drive import split_name
 from service.config.base_table import SUFFIX
+from service.config.loading import load_text
 from service.config.robot_defaults import COUPLING, DEFAULTS, completed
+from service.config.schema import Config, NamedAxis
 from service.config.schema_links import LINK_FILES
 from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
 
@@ -75,6 +77,16 @@ class Found(NamedTuple):
     nominal_file: str
     thresholds_file: str | None
     monitor: Sequence[str]
+
+
+def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, NamedAxis]:
+    """A configuration from this text, valid in a folder, and the named one of its axes, or the first.
+
+    Raises:
+        ConfigErrors: all problems of the text.
+    """
+    config = load_text(text, folder / f".{axis_id or 'robot'}.toml")
+    return config, next(axis for axis in config.axes if axis_id in (None, axis.id))
 
 
 def relocated(text: str, source: Path, target: Path) -> str:

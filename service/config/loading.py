@@ -55,7 +55,11 @@ def load(path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: boo
     Raises:
         ConfigErrors: all problems of the file, the overrides and the bus descriptions.
     """
-    text = _text(path)
+    return load_text(_text(path), path, environ, thresholds=thresholds)
+
+
+def load_text(text: str, path: Path, environ: Mapping[str, str] = os.environ, *, thresholds: bool = True) -> Config:
+    """The configuration that a file with this text would be; it need not exist.  All else as of ``load``."""
     values = _values(path, text)
     over = {key: _Override(name, value) for name, value in environ.items() if (key := _path(name))}
     _override(values, over)

@@ -1,14 +1,19 @@
-"""Patterns in the values of a signal: counts, an angle that wraps, held values, a stuck signal."""
+"""Patterns in the values of a signal: motion, counts, an angle that wraps, held values, a stuck signal."""
 
 from typing import Literal, NamedTuple
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from monitor_core.drive.structure import Output
 from monitor_core.identification.record_checks.stuck_signals import Runs, runs, stuck_runs
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import rigid_fit, speed_scales
 
+_MIN_RANGE_PER_STEP = 12.0
+"""Range of a moving signal over its usual step; for noise this ratio is six."""
+_OUTLIER_SHARE = 0.005
+"""Share of values at either end that may be outliers."""
 _WHOLE = 1e-6
 """Tolerance for a whole number, as a value that went through a table or a factor is rounded."""
 _MANY = 50
@@ -55,6 +60,19 @@ class Span(NamedTuple):
 
     start_s: float
     end_s: float
+
+
+def moves(values: Floats, quantity: Output) -> bool:
+    """Whether an angle or a speed (N,) shows a moving axis and not only noise or changes of the last digit."""
+    values = values[np.isfinite(values)]
+    steps = abs(np.diff(values))
+    if not steps.any():
+        return quantity == "speed" and bool(values.any())
+    usual = float(np.median(steps[steps > 0]))
+    low, middle, high = np.quantile(values, (_OUTLIER_SHARE, 0.5, 1 - _OUTLIER_SHARE))
+    return bool(
+        high - low > _MIN_RANGE_PER_STEP * usual or (quantity == "speed" and abs(middle) > _MIN_RANGE_PER_STEP * usual)
+    )
 
 
 def whole_numbers(values: Floats) -> bool:

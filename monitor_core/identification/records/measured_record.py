@@ -16,6 +16,10 @@ _LOST = 1.5
 GAP = 10.0
 """Length of a gap in typical intervals, during which the torque is not known; by default the daemon restarts its
 predictor after it."""
+_SPEED_STEP = 10
+"""Number of samples over which the speed of an angle is taken"""
+_RARELY = 0.99
+"""Share of the time in which a speed is not exceeded"""
 UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}
 
 
@@ -181,6 +185,17 @@ class Record:
 
 def _first(where: Bools) -> int:
     return int(np.argmax(where))
+
+
+def top_speed(records: Sequence[Record]) -> float:
+    """The speed of records that is rarely exceeded [rad/s]."""
+    speeds = []
+    for record in records:
+        t, y = record.t[record.measured], record.y[record.measured]
+        # Over several samples, so that noise of an angle does not count as speed.
+        step = min(_SPEED_STEP, len(t) - 1)
+        speeds.append(abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y))
+    return float(np.quantile(np.concatenate(speeds), _RARELY))
 
 
 # --- Parts of records: by time, at gaps, and where an axis moves most -------------------------------------------------

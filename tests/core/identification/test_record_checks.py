@@ -17,6 +17,9 @@ from monitor_core.identification import (
     check_record,
     has_wrong_sign,
     known_axis,
+    matching_torques,
+    moves,
+    received_interval,
     shown_inertia,
 )
 from monitor_core.identification.record_checks import motion_checks
@@ -377,3 +380,49 @@ def test_one_mass_is_explained_entirely(quantity: Output, seed: int) -> None:
     assert fit is not None
     assert fit.inertia == pytest.approx(J, rel=1e-3)
     assert fit.explained > 1 - 1e-6
+
+
+@pytest.mark.parametrize(
+    ("kind", "quantity", "right"),
+    [
+        ("noise", "angle", False),
+        ("last digit", "angle", False),
+        ("slow", "angle", True),
+        ("still", "angle", False),
+        ("constant", "speed", True),
+        ("noise", "speed", False),
+    ],
+)
+def test_whether_it_moves(kind: str, quantity: Output, right: bool, seed: int) -> None:
+    rng, t = np.random.default_rng(seed), np.arange(2000) * 0.005
+    values = {
+        "noise": rng.standard_normal(t.size),
+        "last digit": np.rint(0.5 + 0.2 * rng.standard_normal(t.size)),
+        "slow": np.rint(3 * t),
+        "still": np.full(t.size, 0.3),
+        "constant": 100 + rng.standard_normal(t.size),
+    }
+    assert moves(values[kind], quantity) == right
+
+
+def test_which_torque_drives_which_motion(seed: int) -> None:
+    """A record that is shorter is from another time, and keeps its own; a clock may begin later for some axes."""
+    rng = np.random.default_rng(seed)
+    first, second, third = (healthy(rng, "angle", samples=2000) for _ in range(3))
+    own, exchanged = [first, second, third], [with_u(first, second.u), with_u(second, first.u), third]
+    assert matching_torques(own, [0.0, 0.0, 0.0]) == [0, 1, 2]
+    assert matching_torques(exchanged, [0.0, 0.0, 0.0]) == [1, 0, 2]
+    assert matching_torques([exchanged[0], exchanged[1].select(slice(1880))], [0.0, 0.0]) == [0, 1]
+    later = replace(exchanged[1].select(slice(90, None)), t=exchanged[1].t[:-90])
+    assert matching_torques([exchanged[0], later], [5.0, 5.0 + 90 * H]) == [1, 0]
+
+
+def test_the_interval_of_frames_that_come_late(seed: int) -> None:
+    """Hardly any of which comes at once, and before which the controller was off."""
+    rng, interval_s = np.random.default_rng(seed), 0.004
+    cycle = np.arange(3000.0)
+    late = np.maximum.accumulate(cycle * interval_s + rng.exponential(0.002, cycle.size))
+    found, off = received_interval(np.concatenate([late[:500] - 60.0, late]), np.concatenate([cycle[:500], cycle]))
+    assert found == pytest.approx(interval_s, rel=1e-4)
+    assert off < 1e-4
+    assert received_interval(late[:90], cycle[:90]) == (0.0, np.inf)

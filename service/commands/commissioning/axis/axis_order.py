@@ -10,10 +10,9 @@ from monitor_core.identification import IdentificationError
 from monitor_core.modeling import ModelError
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
-from service.commands.commissioning.signals.checked_axis import configured
 from service.config import Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
-from service.config.commissioned import commissioned, corrected
+from service.config.commissioned import commissioned, configured, corrected
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
 

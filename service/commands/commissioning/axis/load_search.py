@@ -26,9 +26,8 @@ from monitor_core.identification import (
     recorded_signals,
     turning_weight,
 )
-from service.commands.commissioning.signals.checked_axis import configured
 from service.config import Config, NamedAxis, gear_ratio
-from service.config.commissioned import GATE, SIGNAL, Correction, corrected
+from service.config.commissioned import GATE, SIGNAL, Correction, configured, corrected
 from service.config.unit_names import unit_in
 from service.ingest.loaded_records import load
 

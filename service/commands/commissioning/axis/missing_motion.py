@@ -8,9 +8,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive import OF_ANGLE
-from monitor_core.identification import Obstacle, Record
+from monitor_core.identification import Obstacle, Record, top_speed
 from service.commands.commissioning.axis.axis_order import REFUSALS, Order
-from service.commands.commissioning.signals.checked_axis import fastest
 from service.commands.excite import MotionRequest, angle_columns, planned, torque_columns
 from service.commands.output_files import replace_text
 from service.config.commissioned import Found, commissioned, corrected, motion_file, uncoupled
@@ -69,7 +68,7 @@ def within_arm(motion: SuggestedMotion, order: Order) -> SuggestedMotion:
 
 
 def _speed(records: Sequence[Record]) -> float:
-    return _three_digits(fastest(records))
+    return _three_digits(top_speed(records))
 
 
 def _angle_limit(records: Sequence[Record]) -> float:

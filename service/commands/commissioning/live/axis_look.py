@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.identification import moves
 from monitor_core.wording import Sentence, listed, percent, sentence
 from service.can.frames import FrameKey
-from service.commands.commissioning.signals.checked_axis import moves
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import NamedAxis
 from service.config.schema import SignalConfig

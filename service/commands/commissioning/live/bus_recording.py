@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.identification import moves
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameKey
-from service.commands.commissioning.signals.checked_axis import moves
 from service.commands.listen import LiveBus, live_buses, rounds
 from service.config import Config
 from service.ingest.bus_samples import QuantityValues

@@ -9,12 +9,12 @@ from pathlib import Path
 from threading import Event
 from typing import NamedTuple
 
+from monitor_core.identification import moves
 from monitor_core.wording import first_of
 from service.can.frames import FrameKey
 from service.can.user_errors import RecordError
 from service.commands.commissioning.live.axis_look import AxisLook, look_at_axis, missing_messages
 from service.commands.commissioning.live.bus_recording import Heard, Show, record_buses
-from service.commands.commissioning.signals.checked_axis import moves
 from service.commands.commissioning.signals.exchanged_torques import exchanged
 from service.commands.commissioning.signals.signal_proposals import Review, review
 from service.config import Config

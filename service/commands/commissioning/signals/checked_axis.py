@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -18,8 +17,7 @@ from monitor_core.identification import (
     whole_numbers,
 )
 from service.commands.identification_task import known_values
-from service.commands.output_files import replace_text
-from service.config import Config, NamedAxis, load
+from service.config import Config, NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.config.schema import SignalConfig
 from service.config.unit_names import unit_as_recorded
@@ -29,10 +27,6 @@ from service.ingest.recorded_units import Signal, unit_text
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
 FASTEST = 2000.0
 """Speed [rad/s] (19 000 revolutions per minute) that no motor of a robot reaches."""
-_MIN_RANGE_PER_STEP = 12.0
-"""Range of a moving signal over its usual step; for noise this ratio is six."""
-_OUTLIER_SHARE = 0.005
-"""Share of values at either end that may be outliers."""
 
 
 class Checked:
@@ -130,38 +124,3 @@ class Checked:
 def values_of(record: Record, signal: Signal) -> Floats:
     """The torque, or the motion where it is measured (N,)."""
     return record.u if signal == "torque" else record.y[record.measured]
-
-
-def fastest(records: Sequence[Record]) -> float:
-    """The speed that is rarely exceeded [rad/s], as configured."""
-    speeds = []
-    for record in records:
-        t, y = record.t[record.measured], record.y[record.measured]
-        # Over several samples, so that noise of an angle does not count as speed.
-        step = min(10, len(t) - 1)
-        speeds.append(abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y))
-    return float(np.quantile(np.concatenate(speeds), 0.99))
-
-
-def moves(values: Floats, quantity: str) -> bool:
-    """Whether an angle or a speed (N,) shows a moving axis and not only noise or changes of the last digit."""
-    values = values[np.isfinite(values)]
-    steps = abs(np.diff(values))
-    if not steps.any():
-        return quantity == "speed" and bool(values.any())
-    usual = float(np.median(steps[steps > 0]))
-    low, middle, high = np.quantile(values, (_OUTLIER_SHARE, 0.5, 1 - _OUTLIER_SHARE))
-    return bool(
-        high - low > _MIN_RANGE_PER_STEP * usual or (quantity == "speed" and abs(middle) > _MIN_RANGE_PER_STEP * usual)
-    )
-
-
-def configured(text: str, axis_id: str | None, folder: Path) -> tuple[Config, NamedAxis]:
-    """A configuration from this text, valid in a folder, and the named one of its axes, or the first."""
-    path = folder / f".{axis_id or 'robot'}.toml"
-    replace_text(path, text)
-    try:
-        config = load(path)
-    finally:
-        path.unlink()
-    return config, next(axis for axis in config.axes if axis_id in (None, axis.id))

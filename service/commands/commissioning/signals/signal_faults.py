@@ -5,11 +5,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import UNITS, Record, Span, held_for, samples_late, stuck_spans
+from monitor_core.identification import UNITS, Record, Span, held_for, samples_late, stuck_spans, top_speed
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
 from service.can.user_errors import left_out_words
-from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked, fastest, values_of
+from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked, values_of
 from service.config.schema import MOST_LATE
 from service.ingest.loaded_records import RecordOrigin
 from service.ingest.recorded_units import Signal
@@ -202,12 +202,12 @@ def unknown_units(checked: Checked) -> Iterator[str]:
             key=checked.output,
             until=until,
         )
-    elif not settled and checked.output == "speed" and fastest(checked.records) > FASTEST:
+    elif not settled and checked.output == "speed" and top_speed(checked.records) > FASTEST:
         yield sentence(
             "speed beyond",
             "no motor turns at {speed} rad/s: set speed.factor to 0.10472 for revolutions per minute, 0.0174533 for"
             " degrees per second",
-            speed=f"{fastest(checked.records):.3g}",
+            speed=f"{top_speed(checked.records):.3g}",
         )
     times = checked.times_nominal
     if times is not None and not checked.agrees:

@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from monitor_core.identification import check_record, samples_late, wrap_of
+from monitor_core.identification import check_record, moves, samples_late, wrap_of
 from monitor_core.wording import sentence
-from service.commands.commissioning.signals.checked_axis import Checked, configured, moves
+from service.commands.commissioning.signals.checked_axis import Checked
 from service.commands.commissioning.signals.signal_faults import faults, unchecked, unknown_units
 from service.commands.commissioning.signals.signal_times import clock, interval, unit_of_time
 from service.commands.commissioning.signals.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.config import Config, NamedAxis
-from service.config.commissioned import Correction, corrected
+from service.config.commissioned import Correction, configured, corrected
 from service.ingest.axis_records import wanted
 from service.ingest.loaded_records import load as load_record
 from service.ingest.records import is_table

@@ -8,9 +8,9 @@ import math
 from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
-from monitor_core.identification import TurningWeight, is_about_nominal, turning_weight
+from monitor_core.identification import TurningWeight, is_about_nominal, top_speed, turning_weight
 from monitor_core.wording import Sentence, sentence
-from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked, fastest
+from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked
 from service.config.commissioned import Correction
 from service.config.unit_names import unit_in, unit_passed_over
 from service.ingest.recorded_units import Signal
@@ -282,7 +282,7 @@ def by_speed(checked: Checked) -> Iterator[Correction]:
     unit = unit_in(checked.unit_text("motion"), checked.output)
     if unit is not None and unit.linear:
         return  # of a linear axis: fast in mm/s
-    speed = fastest(checked.records)
+    speed = top_speed(checked.records)
     if FASTEST < speed < FASTEST * 180 / math.pi:
         reason = sentence(
             "too fast",

@@ -37,11 +37,10 @@ from service.commands.commissioning.axis.identification_retries import (
 )
 from service.commands.commissioning.axis.load_search import LinkLoad, PressingGate
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
-from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE
 from service.config import AxisConfig
-from service.config.commissioned import Correction
+from service.config.commissioned import Correction, configured
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance

@@ -23,7 +23,6 @@ from service.commands.commissioning.live import live_recording
 from service.commands.commissioning.live.live_look import LiveLook, look_at
 from service.commands.commissioning.live.live_recording import recorded
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
-from service.commands.commissioning.signals.checked_axis import moves
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.config import load
@@ -326,26 +325,3 @@ def test_an_axis_that_no_record_has_does_not_hinder_the_others(folder: Path, con
 
 def turned(rows: Floats) -> None:
     rows[:, 1] *= -1
-
-
-@pytest.mark.parametrize(
-    ("kind", "quantity", "right"),
-    [
-        ("noise", "angle", False),
-        ("last digit", "angle", False),
-        ("slow", "angle", True),
-        ("still", "angle", False),
-        ("constant", "speed", True),
-        ("noise", "speed", False),
-    ],
-)
-def test_whether_it_moves(kind: str, quantity: str, right: bool, seed: int) -> None:
-    rng, t = np.random.default_rng(seed), np.arange(2000) * 0.005
-    values = {
-        "noise": rng.standard_normal(t.size),
-        "last digit": np.rint(0.5 + 0.2 * rng.standard_normal(t.size)),
-        "slow": np.rint(3 * t),
-        "still": np.full(t.size, 0.3),
-        "constant": 100 + rng.standard_normal(t.size),
-    }
-    assert moves(values[kind], quantity) == right

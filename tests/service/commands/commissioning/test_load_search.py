@@ -14,10 +14,9 @@ from monitor_core.calibration import CalibrationOptions
 from service.commands import commission
 from service.commands.commissioning.axis import axis_identification
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
-from service.commands.commissioning.signals.checked_axis import configured
 from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
-from service.config.commissioned import corrected
+from service.config.commissioned import configured, corrected
 from service.ingest.loaded_records import load as load_record
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit
