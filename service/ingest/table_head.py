@@ -158,28 +158,16 @@ def read_head(path: Path) -> Head:
     return head_of(lines, encoding)
 
 
+_Row = tuple[int, list[str]]
+"""The number of the line in which a row ends, and its cells"""
+
+
 def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
     """The head of a table from its first lines."""
     delimiter = _delimiter(lines)
-    text = map(str.rstrip, lines) if delimiter == " " else lines
-    reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
-    rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
-    if delimiter == " ":  # "# t torque"
-        rows = [(line, row[1:] if row[0] in _REMARK and row[1:] else row) for line, row in rows]
-    widths = Counter(len(row) for _, row in rows if _has_numbers(row))
-    width = widths.most_common(1)[0][0] if widths else len(rows[0][1])
-    fitting = [(k, row) for k, (_, row) in enumerate(rows) if len(row) == width]
-    # A line above the table may hold a number behind a word, such as "Offset 0".
-    numeric = [(k, _words_before_numbers(row)) for k, row in fitting if _has_numbers(row)]
-    usual = Counter(count for _, count in numeric).most_common(1)
-    first = next((k for k, count in numeric if count <= usual[0][0]), len(rows))
-    words = [(k, row) for k, row in fitting if k < first and _could_be_names(row)]
-    above = [(k, row) for k, row in words if not row[0].startswith(_REMARK)] or words
-    longer = [(k, row) for k, (_, row) in enumerate(rows[:first]) if len(row) > width and _could_be_names(row)]
-    if not above and longer:  # such as the "Comment" of LabVIEW, whose column has no cells
-        above = longer
-    if not above and not any(row[-1] for k, row in fitting if k >= first):  # rows that end with a separator
-        above = [(k, [*row, ""]) for k, (_, row) in enumerate(rows[:first]) if len(row) == width - 1]
+    rows = _rows(lines, delimiter)
+    width, first = _numbers_in(rows)
+    above = _rows_of_names(rows, width, first)
     if not above and first > 0 and not rows[0][1][0].startswith(_REMARK):
         # The number of names differs from the number of cells below: a fault of the table.
         above, width = [(0, rows[0][1])], len(rows[0][1])
@@ -198,6 +186,44 @@ def head_of(lines: Sequence[str], encoding: str = "utf-8-sig") -> Head:
     distinct, empty = _distinct(names[:width]), tuple(names[width:])
     known = {name: unit.strip("[]() ") for name, unit in zip(distinct, units, strict=False)}
     return Head(encoding, delimiter, rows[first - 1][0], distinct, known, width, _cells(rows[first:]), empty)
+
+
+def _rows(lines: Sequence[str], delimiter: str) -> list[_Row]:
+    """The rows that are not empty."""
+    text = map(str.rstrip, lines) if delimiter == " " else lines
+    reader = csv.reader(text, delimiter=delimiter, skipinitialspace=True)
+    rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if row]
+    if delimiter == " ":  # "# t torque"
+        rows = [(line, row[1:] if row[0] in _REMARK and row[1:] else row) for line, row in rows]
+    return rows
+
+
+def _numbers_in(rows: Sequence[_Row]) -> tuple[int, int]:
+    """The usual number of cells in a row of numbers, and the place of the first such row."""
+    numeric = [(k, row) for k, (_, row) in enumerate(rows) if _has_numbers(row)]
+    if not numeric:
+        return len(rows[0][1]), len(rows)
+    width = Counter(len(row) for _, row in numeric).most_common(1)[0][0]
+    # A line above the table may hold a number behind a word, such as "Offset 0".
+    words = [(k, _words_before_numbers(row)) for k, row in numeric if len(row) == width]
+    usual = Counter(count for _, count in words).most_common(1)[0][0]
+    return width, next(k for k, count in words if count <= usual)
+
+
+def _rows_of_names(rows: Sequence[_Row], width: int, first: int) -> list[tuple[int, list[str]]]:
+    """Rows above the numbers that may be the names of the columns, with their places; the first of these kinds.
+
+    As many names as cells, in no remark, then in one; more names, such as the "Comment" of LabVIEW, whose column has no
+    cells; one name less, where rows end with a separator.
+    """
+    cells = [(k, row) for k, (_, row) in enumerate(rows[:first])]
+    words = [(k, row) for k, row in cells if _could_be_names(row)]
+    fitting = [(k, row) for k, row in words if len(row) == width]
+    plain_text = [(k, row) for k, row in fitting if not row[0].startswith(_REMARK)]
+    found = plain_text or fitting or [(k, row) for k, row in words if len(row) > width]
+    if not found and not any(row[-1] for _, row in rows[first:] if len(row) == width):
+        found = [(k, [*row, ""]) for k, row in cells if len(row) == width - 1]
+    return found
 
 
 def is_number(cell: str) -> bool:
