@@ -18,7 +18,7 @@ from service.commands.commissioning.axis.axis_order import CommissioningProgress
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.output_files import replace_text
 from service.config import AxisConfig
-from service.config.commissioned import Correction, corrected, motion_file
+from service.config.commissioned import Correction, motion_file
 from service.ingest.axis_records import sha256_of, wanted
 from service.reports.commissioning_report import Outcome
 
@@ -30,15 +30,14 @@ def commission_axis(
 
     The steps, each of which adds to the outcome and writes its files:
 
-    1. The corrections of the signals are applied; an axis with faults is refused.
+    1. An axis with faults of its signals is refused.
     2. Identification gives nominal values; a motion is planned for what the records do not show.
     3. Calibration gives thresholds.
     4. The axis is monitored in its own records: what could not be tested there is noted.
 
-    ``review``: findings about its signals.
+    ``order``: its configuration has the corrections of ``review``, the findings about its signals.
     """
     name = order.axis_id
-    order = order._replace(text=corrected(order.text, name, review.corrections))
     kept, digest = order.folder / f"{name}.json", _digest(order)
     if (before := _read(kept, digest, order.folder)) is not None:
         return before

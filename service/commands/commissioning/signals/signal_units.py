@@ -31,6 +31,15 @@ _DOUBT_MARGIN = 1.5
 """Margin beyond the bounds from a weight at which a configured unit is doubted."""
 _SAME_ANGLE = 6.0
 """Largest quotient of the bounds of a ratio from a weight that shows a unit; for counts _BETWEEN squared."""
+_TRIED = (0.01, 0.1)
+"""Gear ratios from whose inertias that of any other follows"""
+_RATIO_OFF = 1.5
+"""A smaller error of the ratio cannot be distinguished from one of the nominal inertias."""
+_ANGLES: Mapping[str, Mapping[str, float]] = {
+    "angle": {"in degrees": math.pi / 180, "in revolutions": 2 * math.pi, "in milliradians": 1e-3},
+    "speed": {"in revolutions per minute": math.pi / 30, "in degrees per second": math.pi / 180},
+}
+"""Units of a motion, with the factor that makes rad or rad/s of them"""
 
 
 # --- By the names -----------------------------------------------------------------------------------------------------
@@ -95,12 +104,6 @@ def _unit_by_weight(checked: Checked, found: TurningWeight, ratio: float, shows:
             reason = sentence("is so", "{shows}: {what}", shows=shows, what=_unit(checked.output, words))
             return Correction(checked.key("motion"), before * factor, reason)
     return None
-
-
-_ANGLES: Mapping[str, Mapping[str, float]] = {
-    "angle": {"in degrees": math.pi / 180, "in revolutions": 2 * math.pi, "in milliradians": 1e-3},
-    "speed": {"in revolutions per minute": math.pi / 30, "in degrees per second": math.pi / 180},
-}
 
 
 def _unit(quantity: str, unit: str) -> Sentence:
@@ -265,11 +268,6 @@ def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
         return None
     found = math.sqrt((inertia - motor) / arm)
     return found if found < 1 / _MIN_GEAR_RATIO else None
-
-
-_TRIED = (0.01, 0.1)
-_RATIO_OFF = 1.5
-"""A smaller error of the ratio cannot be distinguished from one of the nominal inertias."""
 
 
 # --- By how fast a motor can turn -------------------------------------------------------------------------------------
