@@ -142,11 +142,14 @@ def _chosen(balance: _LinkBalance, signals: ArmSignals) -> list[Term]:
     """
     if not signals.angles:
         return _with_loads(balance, [], [], signals.loads)
-    alone = _cosines_and_sines(((1, signals.own),))
-    chosen = _with_loads(balance, _cosines_and_sines(*balance.sums()), alone, signals.loads)
+    alone = _cosines_and_sines([((1, signals.own),)])
+
+    def with_carried(load: Term | None) -> list[Term]:
+        return _with_loads(balance, _cosines_and_sines(balance.sums(load), load), alone, signals.loads)
+
+    chosen = with_carried(None)
     for load in signals.loads:
-        balance.carried = _plain(load)
-        carrying = _with_loads(balance, balance.cosines_and_sines(*balance.sums()), alone, signals.loads)
+        carrying = with_carried(_plain(load))
         if balance.error(carrying) < _CLEARLY_LESS * balance.error(chosen):
             chosen = carrying
     return chosen
@@ -224,8 +227,10 @@ def _values(term: Term, part: GridPart) -> Floats:
 _FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType({"cos": np.cos, "sin": np.sin, "": np.asarray})
 
 
-def _cosines_and_sines(*sums: AngleSum) -> list[Term]:
-    return [Term.product(Factor(function, angles)) for angles in sums for function in ("cos", "sin")]
+def _cosines_and_sines(sums: Iterable[AngleSum], load: Term | None = None) -> list[Term]:
+    """Cosine and sine of each of these sums of angles, also times the load that is carried, if any."""
+    own = [Term.product(Factor(function, angles)) for angles in sums for function in ("cos", "sin")]
+    return own if load is None else [*own, *(Term.product(*load.factors, *term.factors) for term in own)]
 
 
 def _plain(signal: str) -> Term:
@@ -243,14 +248,7 @@ class _LinkBalance(WeightBalance):
         self._own, self._angles = own, angles
         self._columns: dict[Term, Floats] = {}
         self.coupled: tuple[Term, ...] = ()
-        self.carried: Term | None = None
-        """A measured load that is tried as a factor of each weight: a load that varies would hide the weights"""
-
-    def cosines_and_sines(self, *sums: AngleSum) -> list[Term]:
-        """Cosine and sine of each of these sums of angles, also times the load that is carried, if any."""
-        own = _cosines_and_sines(*sums)
-        load = () if self.carried is None else self.carried.factors
-        return [*own, *(Term.product(*load, *term.factors) for term in own if load)]
+        """The accelerations of other axes that are in all equations"""
 
     def couple(self, accelerations: Iterable[Term]) -> None:
         """Add the accelerations of other axes that reduce the error, one by one.
@@ -305,19 +303,20 @@ class _LinkBalance(WeightBalance):
                 return
         self.coupled = before
 
-    def sums(self) -> list[AngleSum]:
+    def sums(self, load: Term | None) -> list[AngleSum]:
         """Sums of angles, added one by one as long as the next one reduces the error.
 
+        ``load``: a measured one that is tried as a factor of each weight: a load that varies would hide the weights.
         Two links may hide each other, so pairs are tried if no single sum explains enough.  A sum that was chosen
         before a later one is exchanged if another one is better together with that.
         """
         chosen = list[AngleSum]()
         left = self.error(())
         while len(chosen) < _MOST_SUMS:
-            best, least = self._best(chosen)
+            best, least = self._best(chosen, load)
             if not self._is_needed(least, left, 1, bool(chosen)):
                 near = [*self._sums(0), *self._sums(1)]
-                beside = [(self._best([*chosen, first]), first) for first in near]
+                beside = [(self._best([*chosen, first], load), first) for first in near]
                 (best, least), first = min(beside, key=lambda pair: pair[0][1])
                 if first in chosen or not self._is_needed(least, left, 2, bool(chosen)):
                     break
@@ -325,18 +324,18 @@ class _LinkBalance(WeightBalance):
             chosen, left = [*chosen, best], least
             for place in range(len(chosen) - 1):
                 others = [*chosen[:place], *chosen[place + 1 :]]
-                best, least = self._best(others)
+                best, least = self._best(others, load)
                 if least < _CLEARLY_LESS * left:
                     chosen, left = [*others, best], least
         return chosen
 
-    def _best(self, chosen: Sequence[AngleSum]) -> tuple[AngleSum, float]:
+    def _best(self, chosen: Sequence[AngleSum], load: Term | None) -> tuple[AngleSum, float]:
         """The sum that explains most in addition to others, and the error; of few angles, if possible."""
         best: AngleSum = ()
         least = np.inf
         for count in range(MOST_OTHERS + 1):
             tried = [angles for angles in self._sums(count) if angles not in chosen]
-            with_it = [self.error(self.cosines_and_sines(*chosen, angles)) for angles in tried]
+            with_it = [self.error(_cosines_and_sines([*chosen, angles], load)) for angles in tried]
             if with_it and min(with_it) < _CLEARLY_LESS * least:
                 least, best = min(with_it), tried[int(np.argmin(with_it))]
         return best, least
