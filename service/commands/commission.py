@@ -125,7 +125,7 @@ def _exit(outcomes: Sequence[Outcome]) -> None:
 
 
 class _Proposals:
-    """Corrections that are proposed to the user, axis by axis, and those to which the user agrees.
+    """Corrections that are proposed to the user, axis by axis.
 
     Args:
         yes: agree to all without asking.
@@ -137,27 +137,23 @@ class _Proposals:
         self.can_ask = yes or sys.stdin.isatty()
         """Whether there is an answer; otherwise ``check`` ends the command"""
         self._made: list[str] = []
-        self._agreed: dict[str, list[Correction]] = {}
 
-    def make(self, axis_id: str, corrections: Sequence[Correction]) -> None:
-        """Show the corrections of an axis, and ask for each."""
-        refused = set[tuple[str, ...]]()
+    def agreed(self, axis_id: str, corrections: Sequence[Correction]) -> tuple[Correction, ...]:
+        """Show the corrections of an axis, and ask for each; returns those to which the user agrees."""
+        agreed, refused = list[Correction](), set[tuple[str, ...]]()
         for correction in corrections:
             self._console.print(f"{axis_id}: {correction.reason}. -> {correction.change}", markup=False)
             self._made.append(f"{axis_id}: {correction.change}")
             if correction.key in refused:
                 continue  # it builds on what was refused
             if self._is_agreed(f"Change {axis_id} to {correction.change}?"):
-                self._agreed.setdefault(axis_id, []).append(correction)
+                agreed.append(correction)
             else:
                 refused.add(correction.key)
+        return tuple(agreed)
 
     def _is_agreed(self, question: str) -> bool:
         return self._yes or not self.can_ask or typer.confirm(question, default=True)
-
-    def agreed(self, axis_id: str) -> tuple[Correction, ...]:
-        """The corrections of an axis to which the user agrees."""
-        return tuple(self._agreed.get(axis_id, ()))
 
     def check(self, command: str) -> None:
         """End the command if proposals have no answer; ``command``: what would accept all with --yes.
@@ -183,18 +179,19 @@ def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str
 
     text, folder = orders[0].text, orders[0].folder
     proposals = _Proposals(yes, console)
-    for axis_id, corrections in exchanged(text, {o.axis_id: o.records for o in orders}, folder).items():
-        proposals.make(axis_id, corrections)
-    for order in orders:
-        text = corrected(text, order.axis_id, proposals.agreed(order.axis_id))
-    reviews = {order.axis_id: review(text, order.axis_id, order.records, folder) for order in orders}
+    records = {order.axis_id: order.records for order in orders}
+    others = {axis_id: proposals.agreed(axis_id, found) for axis_id, found in exchanged(text, records, folder).items()}
+    for axis_id, corrections in others.items():
+        text = corrected(text, axis_id, corrections)
+    reviews = {axis_id: review(text, axis_id, files, folder) for axis_id, files in records.items()}
     for axis_id, looked in reviews.items():
-        proposals.make(axis_id, looked.corrections)
+        agreed = proposals.agreed(axis_id, looked.corrections)
+        reviews[axis_id] = looked._replace(corrections=(*others.get(axis_id, ()), *agreed))
         # If commissioning continues, these faults become the refusal of the axis.
         for words in (*looked.doubts, *(() if proposals.can_ask else looked.faults)):
             console.print(f"{axis_id}: {words}.", markup=False)
     proposals.check(command)
-    return {axis_id: looked._replace(corrections=proposals.agreed(axis_id)) for axis_id, looked in reviews.items()}
+    return reviews
 
 
 def options_for(budget_s: float) -> CalibrationOptions:

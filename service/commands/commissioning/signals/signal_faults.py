@@ -178,16 +178,33 @@ def unknown_units(checked: Checked) -> Iterator[str]:
         if source.left_out:
             yield left_out_words(source.path, source.left_out)
     # If both are counts, the inertia may agree with the nominal one by chance.
-    settled = checked.agrees and not all(_counts(signal, checked) for signal in SIGNALS)
-    is_current = checked.axis.config.torque.kT_Nm_per_A is not None
-    if not (settled or is_current) and _counts("torque", checked):
+    if not checked.agrees or all(_counts(signal, checked) for signal in SIGNALS):
+        yield from _unknown_torque(checked)
+        yield from _unknown_motion(checked)
+    if (times := checked.times_nominal) is not None and not checked.agrees:
+        yield sentence(
+            "inertia off",
+            "as one mass the drive shows {times} times the nominal inertia: check units, the gear ratio and"
+            " [robot.axis.model.nominal]; if the {quantity} is that of the arm, {key}.factor is the gear ratio, motor"
+            " over arm",
+            times=f"{times:.3g}",
+            quantity=checked.output,
+            key=checked.output,
+        )
+
+
+def _unknown_torque(checked: Checked) -> Iterator[Sentence]:
+    if checked.axis.config.torque.kT_Nm_per_A is None and _counts("torque", checked):
         yield sentence(
             "torque counted",
             "the torque is in whole numbers, as in per mille of the rated torque (CiA 402, object 6077h): set"
             " torque.factor to the rated torque of the name plate / 1000 [N m]; until then all torques, inertias and"
             " frictions are in that unit, and alarms, in percent, are the same",
         )
-    if not settled and _counts("motion", checked):
+
+
+def _unknown_motion(checked: Checked) -> Iterator[Sentence]:
+    if _counts("motion", checked):
         weighed = any(p.name == "gc" for p in checked.drive.drawn)
         until = (
             "the weight of the arm cannot be found"
@@ -202,23 +219,12 @@ def unknown_units(checked: Checked) -> Iterator[str]:
             key=checked.output,
             until=until,
         )
-    elif not settled and checked.output == "speed" and top_speed(checked.records) > FASTEST:
+    elif checked.output == "speed" and (speed := top_speed(checked.records)) > FASTEST:
         yield sentence(
             "speed beyond",
             "no motor turns at {speed} rad/s: set speed.factor to 0.10472 for revolutions per minute, 0.0174533 for"
             " degrees per second",
-            speed=f"{top_speed(checked.records):.3g}",
-        )
-    times = checked.times_nominal
-    if times is not None and not checked.agrees:
-        yield sentence(
-            "inertia off",
-            "as one mass the drive shows {times} times the nominal inertia: check units, the gear ratio and"
-            " [robot.axis.model.nominal]; if the {quantity} is that of the arm, {key}.factor is the gear ratio, motor"
-            " over arm",
-            times=f"{times:.3g}",
-            quantity=checked.output,
-            key=checked.output,
+            speed=f"{speed:.3g}",
         )
 
 
