@@ -1,8 +1,7 @@
 """Identification of an axis: attempts, each with the changes that the one before suggests, and its nominal values."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import NamedTuple
 
 from monitor_core.identification import FitQuality
@@ -39,14 +38,11 @@ def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) 
     attempts = _Attempts(order, outcome)
     try:
         found = attempts.run(progress)
-        report, outcome = found.report, found.outcome
-        if report.is_poor or report.result.verdict.quality is FitQuality.FAIR or _is_coupled(outcome, found.axis):
-            words = _without_ratio(found.search.motors_without_ratio)
-            outcome = replace(outcome, notes=(*outcome.notes, *words))
+        outcome = replace(found.outcome, notes=(*found.outcome.notes, *_unknown_gears(found)))
     except REFUSALS as error:
         return replace(attempts.outcome, refusal=f"not identified: {error}")
-    outcome = _with_values(order.folder, found.axis, report, outcome, attempts.offer, attempts.lacks)
-    motion = motion_for(report, [item.record for item in found.task.estimation])
+    outcome = _with_values(found, outcome, attempts.offer, attempts.lacks)
+    motion = motion_for(found.report, [item.record for item in found.task.estimation])
     if motion is None:
         return outcome
     progress("identify", "planning a motion", 0.0)
@@ -157,14 +153,15 @@ def lacks_of(report: IdentificationReport, before: str) -> str:
 # --- What the attempt that stands gives -------------------------------------------------------------------------------
 
 
-def _is_coupled(outcome: Outcome, axis: NamedAxis) -> bool:
-    """Whether the torque was found to follow the motion of another axis."""
-    return any(c.key[0] == SIGNAL and c.key[-1] == "axis" and c.value != axis.config.name for c in outcome.corrections)
-
-
-def _without_ratio(motors: Sequence[str]) -> Iterator[str]:
-    """What the unknown gear ratios of these axes hide; nothing if there are none."""
-    if motors:
+def _unknown_gears(found: _Attempt) -> Iterator[str]:
+    """What unknown gear ratios hide from a fit that is not good, or that follows the motion of another axis."""
+    report, corrections = found.report, found.outcome.corrections
+    own = found.axis.config.name
+    follows = any(c.key[0] == SIGNAL and c.key[-1] == "axis" and c.value != own for c in corrections)
+    good = not report.is_poor and report.result.verdict.quality is not FitQuality.FAIR
+    if good and not follows:
+        return
+    if motors := found.search.motors_without_ratio:
         yield (
             f"The angles of {listed(motors)} turn by more than two turns, so they are those of motors, and their gear"
             " ratios are not known. Without them only a weight is looked for that follows the pose of the arm, not the"
@@ -173,13 +170,12 @@ def _without_ratio(motors: Sequence[str]) -> Iterator[str]:
         )
 
 
-def _with_values(
-    folder: Path, axis: NamedAxis, report: IdentificationReport, outcome: Outcome, offer: str, lacks: str
-) -> Outcome:
+def _with_values(found: _Attempt, outcome: Outcome, offer: str, lacks: str) -> Outcome:
     """Outcome with the identified values, written into the folder.
 
     ``offer``: what --yes would apply, as the end of a sentence; ``lacks``: see ``lacks_of``.
     """
+    folder, axis, report = found.order.folder, found.axis, found.report
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     better = [f"A better fit can be tried{offer}."] if offer and not report.rejection and watched_in(report) else []
     replace_text(folder / page, identification_html.as_html(report))
