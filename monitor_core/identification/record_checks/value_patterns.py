@@ -1,5 +1,6 @@
 """Patterns in the values of a signal: motion, counts, an angle that wraps, held values, a stuck signal."""
 
+from collections.abc import Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -148,29 +149,42 @@ def _stuck_motion(record: Record, u: Floats) -> Runs:
         return found
     every = runs(y)
     least = max(_WORKS_S / record.interval_s, _WORKS_RUN * float(np.median(every.length)))
-    still = np.zeros(y.size, np.bool_)
-    for a, b in zip(found.start, found.start + found.length, strict=True):
-        still[a:b] = True
     long = [(a, a + n) for a, n in zip(every.start, every.length, strict=True) if n >= least]
-    beside = np.ones(y.size, np.bool_)
-    for a, b in long:
-        beside[a:b] = False
+    beside = ~_within(long, y.size)
     if np.count_nonzero(beside) < _HELD_AT_LEAST:
         return found
-    usual = _extent(u[beside])
-    ends = [(a, b) for a, b in long if not still[a] and (a == 0 or b == y.size)]
-    works = [(a, b) for a, b in ends if _extent(u[a:b]) > _WORKS * usual]
-    if record.quantity == "speed":
-        # From full speed to nothing within a sample, or back: no signal, no standstill.
-        far = abs(np.diff(y)) > _FAR * np.quantile(abs(np.diff(y)[np.diff(y) != 0]), 0.9)
-        far = np.concatenate(([False], far, [False]))
-        works += [(a, b) for a, b in long if not still[a] and (far[a] or far[b]) and (a, b) not in works]
-    if works and not _drives(record, beside):
-        works = []
-    start = np.concatenate([found.start, [a for a, _ in works]]).astype(np.int64)
-    length = np.concatenate([found.length, [b - a for a, b in works]]).astype(np.int64)
+    usual, is_far = _extent(u[beside]), _far_steps(y) if record.quantity == "speed" else np.zeros(y.size + 1, np.bool_)
+
+    def is_stuck(a: int, b: int) -> bool:
+        never_comes_back = (a == 0 or b == y.size) and _extent(u[a:b]) > _WORKS * usual
+        return never_comes_back or bool(is_far[a] or is_far[b])
+
+    known = _within(list(zip(found.start, found.start + found.length, strict=True)), y.size)
+    more = [(a, b) for a, b in long if not known[a] and is_stuck(a, b)]
+    if not more or not _drives(record, beside):
+        return found
+    start = np.concatenate([found.start, [a for a, _ in more]]).astype(np.int64)
+    length = np.concatenate([found.length, [b - a for a, b in more]]).astype(np.int64)
     order = np.argsort(start)
     return Runs(start[order], length[order])
+
+
+def _within(stretches: Sequence[tuple[int, int]], size: int) -> Bools:
+    """Which of so many samples are in one of these stretches."""
+    found = np.zeros(size, np.bool_)
+    for a, b in stretches:
+        found[a:b] = True
+    return found
+
+
+def _far_steps(y: Floats) -> Bools:
+    """Before which samples of a speed (N,), and after the last (N + 1,), it goes from full speed to nothing, or back.
+
+    Within a sample: that is no signal, no standstill.
+    """
+    steps = abs(np.diff(y))
+    far = steps > _FAR * np.quantile(steps[steps != 0], 0.9)
+    return np.concatenate(([False], far, [False]))
 
 
 def _drives(record: Record, beside: Bools) -> bool:
