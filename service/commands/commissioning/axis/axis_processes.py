@@ -42,12 +42,12 @@ def outcomes(
     workers = min(len(orders), os.cpu_count() or 1)
     if workers == 1:
         for order in orders:
-            yield _commissioned(order, reviews[order.axis_id], show)
+            yield _outcome(order, reviews[order.axis_id], show)
         return
     context = get_context("spawn")  # not forked: this process has threads
     steps: SimpleQueue[AxisStep] = context.SimpleQueue()
     with ProcessPoolExecutor(workers, context, initializer=_connect, initargs=(steps,)) as pool:
-        axes = {pool.submit(_commission, order, reviews[order.axis_id]): order.axis_id for order in orders}
+        axes = {pool.submit(_in_own_process, order, reviews[order.axis_id]): order.axis_id for order in orders}
         waiting = set(axes)
         try:
             while waiting:
@@ -111,11 +111,11 @@ def _end_after(parent: BaseProcess) -> None:
     os._exit(1)
 
 
-def _commission(order: Order, review: Review) -> Outcome:
-    return _commissioned(order, review, _queues[0].put)
+def _in_own_process(order: Order, review: Review) -> Outcome:
+    return _outcome(order, review, _queues[0].put)
 
 
-def _commissioned(order: Order, review: Review, show: Callable[[AxisStep], None]) -> Outcome:
+def _outcome(order: Order, review: Review, show: Callable[[AxisStep], None]) -> Outcome:
     """The outcome of an axis; a file that cannot be written, or an internal error, ends only this axis."""
     try:
         return commission_axis(order, review, _steps(order.axis_id, show))
