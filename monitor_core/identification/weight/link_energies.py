@@ -25,7 +25,7 @@ the other half, and vice versa.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, product
 from typing import NamedTuple
 
@@ -320,32 +320,45 @@ def possible_energies(
 
 def _of_arm(own: str, angles: Sequence[str], beside: Sequence[str]) -> Iterator[Energy]:
     """Those of the arm alone; arguments as of ``possible_energies``."""
-    for s in _sums(angles, 1 + MOST_OTHERS, 1):
-        if own in {angle for _, angle in s}:
-            yield from (Energy((), f, s) for f in ("cos", "sin"))
-    many = len(angles) > 1 + MOST_OTHERS
-    if many:
+    yield from _waves((), (s for s in _sums(angles, 1 + MOST_OTHERS, 1) if _has(s, own)))
+    if _has_many(angles):
         yield from _weight_products(own, angles[1:])
     for place, axis in enumerate(angles):
         # What an axis turns depends on the angles beyond it, and loads only the axes that change it.
-        for s in _sums(angles[place + 1 :], 2):
-            if axis == own or own in {angle for _, angle in s}:
-                yield from (Energy((axis, axis), f, s) for f in ("cos", "sin"))
-        if axis == own:
-            continue
-        yield Energy((own, axis), "cos", ())
-        # Of two links in a plane: l1 l2 cos(q2), each angle once.  In a parallelogram linkage both angles are those to
-        # the ground, so the nearer one matters, too.
-        beyond = angles[min(place, angles.index(own)) :]
-        both = tuple(angle for angle in angles if angle in (own, axis))
-        sums = [*_sums(beyond, 1, 1), *(s for s in _sums(both, 2, 1) if len(s) > 1)]
-        if many and angles[0] in both:
-            # The base turns what is beyond a link as that is inclined, by two or three parallel axes.
-            sums += [s for end in range(3, _MOST_PARALLEL + 2) for s in _inclinations(angles[1:end])]
-        for s in sums:
-            yield from (Energy((own, axis), f, s) for f in ("cos", "sin"))
+        beyond = _sums(angles[place + 1 :], 2)
+        yield from _waves((axis, axis), (s for s in beyond if axis == own or _has(s, own)))
+        if axis != own:
+            yield from _couplings(own, axis, angles)
     # A spindle that turns and lifts has one load for two motors.
     yield from (Energy((own, axis), "cos", ()) for axis in beside)
+
+
+def _couplings(own: str, axis: str, angles: Sequence[str]) -> Iterator[Energy]:
+    """Those of the speeds of two axes of the arm."""
+    both = tuple(angle for angle in angles if angle in (own, axis))
+    yield Energy((own, axis), "cos", ())
+    # Of two links in a plane: l1 l2 cos(q2), each angle once.  In a parallelogram linkage both angles are those to the
+    # ground, so the nearer one matters, too.
+    yield from _waves((own, axis), _sums(angles[angles.index(both[0]) :], 1, 1))
+    yield from _waves((own, axis), (s for s in _sums(both, 2, 1) if len(s) > 1))
+    if _has_many(angles) and angles[0] in both:
+        # The base turns what is beyond a link as that is inclined, by two or three parallel axes.
+        for end in range(3, _MOST_PARALLEL + 2):
+            yield from _waves((own, axis), _inclinations(angles[1:end]))
+
+
+def _waves(axes: tuple[str, ...], sums: Iterable[AngleSum]) -> Iterator[Energy]:
+    """With cosine and sine of each sum."""
+    yield from (Energy(axes, f, s) for s in sums for f in ("cos", "sin"))
+
+
+def _has(angles: AngleSum, own: str) -> bool:
+    return any(own == angle for _, angle in angles)
+
+
+def _has_many(angles: Sequence[str]) -> bool:
+    """Whether the arm has a wrist, on which weights are products."""
+    return len(angles) > 1 + MOST_OTHERS
 
 
 def _weight_products(own: str, angles: Sequence[str]) -> Iterator[Energy]:
@@ -360,10 +373,10 @@ def _weight_products(own: str, angles: Sequence[str]) -> Iterator[Energy]:
         for count in range(1, _MOST_FACTORS)
         for beyond in combinations([((1, angle),) for angle in angles[parallel:]], count)
         for sums in ((link, *beyond), beyond)
-        if len(sums) > 1 and any(own == angle for s in sums for _, angle in s)
+        if len(sums) > 1 and any(_has(s, own) for s in sums)
     )
     for sums in found:
-        first, *others = sorted(sums, key=lambda s: own not in {angle for _, angle in s})
+        first, *others = sorted(sums, key=lambda s: not _has(s, own))
         for functions in product(("cos", "sin"), repeat=len(others)):
             factors = tuple(zip(functions, others, strict=True))
             yield from (Energy((), f, first, factors=factors) for f in ("cos", "sin"))
