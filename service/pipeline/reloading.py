@@ -96,29 +96,17 @@ class Reloading:
         with self._baselines.held():
             if fixed := list(_need_restart(self._config, new)):
                 raise ReloadError(f"a change of {listed(fixed)} needs a restart")
-            before = {axis.id: axis for axis in self._config.axes}
-            after = {axis.id: axis for axis in new.axes}
-            drives = _drives(new)
+            before, drives = {axis.id: axis for axis in self._config.axes}, _drives(new)
             changed = [
                 axis
-                for axis_id, axis in after.items()
+                for axis in new.axes
                 # A drawing is read once and kept; if its text has changed, the drive is another object.
-                if before.get(axis_id) != axis or drives[axis_id] is not self._drives[axis_id]
+                if before.get(axis.id) != axis or drives[axis.id] is not self._drives[axis.id]
             ]
-            removed = tuple(axis_id for axis_id in before if axis_id not in after)
+            removed = tuple(axis_id for axis_id in before if axis_id not in drives)
             files, ingests = self._check(new, changed)
-            with ExitStack() as undone:
-                for part in self._parts:
-                    undone.enter_context(part(new))
-                try:
-                    intakes = undone.enter_context(self._buses.replaced(new, ingests))
-                except BusError as error:
-                    raise ReloadError(str(error)) from None
-                if changed or removed or ingests or len(new.bus) < len(self._config.bus):
-                    self._exchange(new, changed, removed, ingests, intakes)
-            gone = {bus.name for bus in self._config.bus} - {bus.name for bus in new.bus}
-            tables = [f"[[bus]] {name}" for name in (*ingests, *sorted(gone))]
-            tables += [f"[{name}]" for name in ("links", "web") if getattr(new, name) != getattr(self._config, name)]
+            self._replace(new, changed, removed, ingests)
+            tables = self._changed_tables(new, ingests)
             self._filters = {bus.name: self._filters[bus.name] for bus in new.bus if bus.name not in ingests}
             self._filters |= {name: frozenset(ingest.filter) for name, ingest in ingests.items()}
             self._files, self._drives, self._config = files, drives, new
@@ -127,9 +115,33 @@ class Reloading:
                 tuple(axis.id for axis in changed if axis.id in before),
                 tuple(axis.id for axis in changed if axis.id not in before),
                 removed,
-                len(after) - len(changed),
-                tuple(tables),
+                len(new.axes) - len(changed),
+                tables,
             )
+
+    def _replace(
+        self, new: Config, changed: Sequence[NamedAxis], removed: Sequence[str], ingests: Mapping[str, Ingest]
+    ) -> None:
+        """Let all parts of the daemon change to a configuration, or none of them.
+
+        Raises:
+            ReloadError, StoreError: as of ``reload``.
+        """
+        with ExitStack() as undone:
+            for part in self._parts:
+                undone.enter_context(part(new))
+            try:
+                intakes = undone.enter_context(self._buses.replaced(new, ingests))
+            except BusError as error:
+                raise ReloadError(str(error)) from None
+            if changed or removed or ingests or len(new.bus) < len(self._config.bus):
+                self._exchange(new, changed, removed, ingests, intakes)
+
+    def _changed_tables(self, new: Config, ingests: Mapping[str, Ingest]) -> tuple[str, ...]:
+        """The tables of a configuration, other than axes, that differ from the one in force."""
+        gone = {bus.name for bus in self._config.bus} - {bus.name for bus in new.bus}
+        sections = (name for name in ("links", "web") if getattr(new, name) != getattr(self._config, name))
+        return *(f"[[bus]] {name}" for name in (*ingests, *sorted(gone))), *(f"[{name}]" for name in sections)
 
     def refuse(self, file: Path, problems: Sequence[str]) -> None:
         """Show the operator, until a configuration is applied, that this file was refused."""
