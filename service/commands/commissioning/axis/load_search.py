@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from monitor_core.identification import (
     ArmLoad,
@@ -79,21 +80,22 @@ class LoadSearch:
 
         None: the torque shows no such load, or only a weight that depends on the angle of the axis itself.
         """
-        candidates = self._candidates
-        if not candidates.motions and not candidates.loads:
+        motions, candidates = self._candidates
+        if not motions and not candidates.loads:
             return None
         records, signals = self._recorded
         found = arm_load(records, signals)
         if found is None:
             return None
-        if found.weights.signals == {signals.own} and not candidates.is_coupled:
+        if found.weights.signals == {signals.own} and not self._configured[1].config.coupling:
             return None  # a drive has that weight, but not of a coupled axis: the angle in it is the motor's
-        return LinkLoad(found.weights, tuple(_changes(candidates, found)))
+        return LinkLoad(found.weights, tuple(_changes(motions, found)))
 
     @cached_property
     def pressing(self) -> PressingGate | None:
         """The force that acts while a signal has one of its two values; None: no signal tells of such a force."""
-        if not self._candidates.loads:
+        _, candidates = self._candidates
+        if not candidates.loads:
             return None
         records, signals = self._recorded
         found = contact_force(records, signals.loads)
@@ -114,8 +116,9 @@ class LoadSearch:
         arm = {other.config.name: other for other in _arm(*self._configured)}
         if any(gear_ratio(other.config) != 1.0 for other in arm.values()):
             return ()
+        motions, _ = self._candidates
         motors = motor_angles(*self._recorded)
-        names = (motion.axis for motion in self._candidates.motions if motion.name in motors)
+        names = (motion.axis for motion in motions if motion.name in motors)
         return tuple(name for name in names if not _is_linear(arm[name]))
 
     @cached_property
@@ -123,15 +126,15 @@ class LoadSearch:
         return configured(self._text, self._axis_id, self._folder)
 
     @cached_property
-    def _candidates(self) -> _LoadSignals:
+    def _candidates(self) -> tuple[Sequence[_MotionSignal], ArmSignals]:
         return _candidates(*self._configured)
 
     @cached_property
     def _recorded(self) -> tuple[list[Record], ArmSignals]:
         """The records, read with the angles and the accelerations of other axes, and the candidates that they have."""
-        signals = self._candidates.signals
+        motions, signals = self._candidates
         read = {*signals.angles, *signals.accelerations}
-        searched = [c for motion in self._candidates.motions if motion.name in read for c in motion.changes]
+        searched = [change for motion in motions if motion.name in read for change in motion.changes]
         config, _ = configured(corrected(self._text, self._axis_id, searched), self._axis_id, self._folder)
         records = [load(file, config, self._axis_id).record for file in self._files]
         return records, recorded_signals(records, signals)
@@ -145,54 +148,34 @@ class _MotionSignal(NamedTuple):
 
     name: str
     axis: str
-    kind: Literal["angle", "speed", "acceleration"]
     changes: tuple[Correction, ...]
     """Those of the configuration that add it"""
 
 
-class _LoadSignals(NamedTuple):
-    """Signals on which the load of an axis may depend."""
+def _candidates(config: Config, axis: NamedAxis) -> tuple[Sequence[_MotionSignal], ArmSignals]:
+    """The signals on which the load may depend: angles, speeds and accelerations of the arm; all, by what they are.
 
-    axis: str
-    motions: tuple[_MotionSignal, ...]
-    """Angles of all axes of its arm, own too, then speed and acceleration of each, where they are known; empty: it has
-    no arm"""
-    loads: tuple[str, ...]
-    """Names of its signals that are not the motion of an axis, and no gates: a gate leaves out what they tell"""
-    of_arm: frozenset[str]
-    """Names of the angles that are those of the arm in any case, not those of motors"""
-    is_coupled: bool
-    """Whether its motor also moves with other axes"""
-
-    @property
-    def signals(self) -> ArmSignals:
-        """Their names, by what they are."""
-        angles, speeds, accelerations = (
-            {motion.axis: motion.name for motion in self.motions if motion.kind == kind}
-            for kind in ("angle", "speed", "acceleration")
-        )
-        return ArmSignals(
-            angles.get(self.axis, ""),
-            list(angles.values()),
-            self.loads,
-            [name for axis, name in accelerations.items() if axis != self.axis],
-            {angles[axis]: MotionSignals(speeds[axis], accelerations[axis]) for axis in speeds},
-            self.of_arm,
-        )
-
-
-def _candidates(config: Config, axis: NamedAxis) -> _LoadSignals:
-    """The angles of the arm only if the axis itself is one of them, and not the only one, unless it may bear a load."""
-    arm, is_coupled = list(_arm(config, axis)), bool(axis.config.coupling)
+    No arm, unless the axis itself is in it, with others or with something that may be a load.  Signals that gates use
+    are no loads: a gate leaves out what they tell.
+    """
+    arm, own = list(_arm(config, axis)), axis.config.name
     known = {gate.signal for gate in axis.config.gate}.union(axis.config.coupling)
-    loads = tuple(s.name for s in axis.config.signal if s.axis is None and s.name not in known)
-    if axis.id not in {other.id for other in arm} or (len(arm) < 2 and not loads and not is_coupled):
+    loads = [s.name for s in axis.config.signal if s.axis is None and s.name not in known]
+    if axis.id not in {other.id for other in arm} or (len(arm) < 2 and not loads and not axis.config.coupling):
         arm = []
-    angles = [_angle(axis, other) for other in arm]
-    derivatives = [found for other in arm for found in _derivatives(axis, other)]
-    turning = {found.name for found, other in zip(angles, arm, strict=True) if _turns_on(other)}
-    of_arm = turning.union(signal.name for signal in axis.config.signal)
-    return _LoadSignals(axis.config.name, (*angles, *derivatives), loads, frozenset(of_arm), is_coupled)
+    angles = {other.config.name: _angle(axis, other) for other in arm}
+    derivatives = {other.config.name: _derivatives(axis, other) for other in arm}
+    moving = {name: MotionSignals(*(motion.name for motion in found)) for name, found in derivatives.items() if found}
+    turning = {angles[other.config.name].name for other in arm if _turns_on(other)}
+    signals = ArmSignals(
+        angles[own].name if arm else "",
+        [angle.name for angle in angles.values()],
+        loads,
+        [motion.acceleration for name, motion in moving.items() if name != own],
+        {angles[name].name: motion for name, motion in moving.items()},
+        turning.union(signal.name for signal in axis.config.signal),
+    )
+    return [*angles.values(), *chain.from_iterable(derivatives.values())], signals
 
 
 def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:
@@ -225,21 +208,24 @@ def _angle(axis: NamedAxis, other: NamedAxis) -> _MotionSignal:
     name = names.get(own, f"{name}-angle" if name in names.values() else name)
     reason = f"the torque shows the load of links, which follows the angle of {own}"
     added = Correction((SIGNAL, name, "axis"), own, reason)
-    return _MotionSignal(name, own, "angle", (added, *(() if own in names else _geared(name, other))))
+    return _MotionSignal(name, own, (added, *(() if own in names else _geared(name, other))))
 
 
-def _derivatives(axis: NamedAxis, other: NamedAxis) -> Iterator[_MotionSignal]:
+def _derivatives(axis: NamedAxis, other: NamedAxis) -> tuple[_MotionSignal, ...]:
     """Speed and acceleration of an axis with the same sample interval, as signals; none if its angle wraps."""
-    own, angle = other.config.name, other.config.angle
+    angle = other.config.angle
     if angle is None or angle.wrap_period is not None or not other.config.is_sampled_as(axis.config):
-        return
-    kinds: tuple[Literal["speed", "acceleration"], ...] = ("speed", "acceleration")
-    for kind in kinds:
-        given = [s.name for s in axis.config.signal if s.axis == own and getattr(s, kind)]
-        name = next(iter(given), f"{_lettered(own)}-{kind}")
-        reason = f"the links couple the axis to the {'motion' if kind == 'speed' else kind} of {own}"
-        added = (Correction((SIGNAL, name, "axis"), own, reason), Correction((SIGNAL, name, kind), True, reason))
-        yield _MotionSignal(name, own, kind, (*added, *(() if given else _geared(name, other))))
+        return ()
+    return _derivative(axis, other, "speed", "motion"), _derivative(axis, other, "acceleration", "acceleration")
+
+
+def _derivative(axis: NamedAxis, other: NamedAxis, key: str, word: str) -> _MotionSignal:
+    own = other.config.name
+    given = [s.name for s in axis.config.signal if s.axis == own and getattr(s, key)]
+    name = next(iter(given), f"{_lettered(own)}-{key}")
+    reason = f"the links couple the axis to the {word} of {own}"
+    added = (Correction((SIGNAL, name, "axis"), own, reason), Correction((SIGNAL, name, key), True, reason))
+    return _MotionSignal(name, own, (*added, *(() if given else _geared(name, other))))
 
 
 def _lettered(own: str) -> str:
@@ -258,20 +244,20 @@ def _geared(name: str, other: NamedAxis) -> Iterator[Correction]:
 # --- Changes of the configuration -------------------------------------------------------------------------------------
 
 
-def _changes(candidates: _LoadSignals, found: ArmLoad) -> Iterator[Correction]:
+def _changes(motions: Sequence[_MotionSignal], found: ArmLoad) -> Iterator[Correction]:
     """Those that add the signals of a load, with the gear ratios that were found.
 
     Of an angle that the load may follow as well there is a signal without a term, so that it is part of the pose.
     """
     undetermined = found.weights.undetermined
-    used = [motion for motion in candidates.motions if motion.name in found.weights.signals.union(undetermined)]
+    used = [motion for motion in motions if motion.name in found.weights.signals.union(undetermined)]
     for motion in used:
         added, *others = motion.changes
         if motion.name in undetermined:
             reason = f"the load may follow the angle of {motion.axis}, too: these records do not show whether it does"
             added = added._replace(reason=reason)
         yield from (added, *others)
-    axes = {motion.name: motion.axis for motion in candidates.motions}
+    axes = {motion.name: motion.axis for motion in motions}
     for name, ratio in found.ratios.items():
         reason = f"the weight turns about as with a gear of 1/{1 / ratio:.3g}; the data sheet has the exact ratio"
         for motion in used:
