@@ -16,7 +16,15 @@ import pytest
 from scipy.stats import binom
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import ArmSignals, LinkWeights, Record, turning_weight
+from monitor_core.identification import (
+    ArmSignals,
+    LinkWeights,
+    Record,
+    arm_load,
+    motor_angles,
+    recorded_signals,
+    turning_weight,
+)
 from monitor_core.identification.weight.arm_links import link_weights
 from monitor_core.identification.weight.gear_ratios import gear_ratios
 
@@ -362,6 +370,26 @@ def test_angles_that_are_known_keep_their_ratio(seed: int) -> None:
         return set(found) == {"q3"} and pytest.approx(1 / 80, rel=0.05) == found["q3"]
 
     often(succeeds, seed, 0.83, 40)
+
+
+def test_the_load_on_a_motor_follows_angles_of_the_arm(seed: int) -> None:
+    """Whose record may lack some of the signals; an angle that is that of the arm in any case is no motor's."""
+    torque: Torque = lambda q: 5 * np.cos(q["q2"] + q["q3"])  # noqa: E731
+    signals = ArmSignals("q3", [*ANGLES, "q9"], ("load", "still"))
+
+    def succeeds(number: int) -> bool:
+        rec = of_motors(recorded(torque, np.random.default_rng(number), "q3"), {"q1": 60.0, "q3": 80.0})
+        rec = replace(rec, signals={**rec.signals, "still": np.zeros(len(rec))})
+        known = recorded_signals([rec], signals)
+        assert (known.angles, known.loads) == (list(ANGLES), [])
+        assert motor_angles([rec], known) == ["q1", "q3"]
+        assert motor_angles([rec], known._replace(of_arm=("q1",))) == ["q3"]
+        found = arm_load([rec], known)
+        if found is None or set(found.ratios) != {"q3"} or not {"q2", "q3"} <= found.weights.signals:
+            return False
+        return pytest.approx(1 / 80, rel=0.05) == found.ratios["q3"]
+
+    often(succeeds, seed, 0.83)
 
 
 def test_a_motor_whose_weight_does_not_turn_has_no_ratio(seed: int) -> None:
