@@ -108,20 +108,80 @@ def commission(
         _exit(outcomes)
 
 
-def _wanted(minutes: float, yes: bool) -> bool:
-    """Whether planned motions are to be recorded now; only a person can start them on the controller."""
-    question = f"Record the planned motion now, for {duration(60 * minutes)}?"
-    return not yes and sys.stdin.isatty() and typer.confirm(question, default=False)
+def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
+    """Check that there is something to commission from: records, or a time to record."""
+    from service.commands.commissioning.live.live_recording import check_minutes, recorded
+
+    if records and minutes is not None:
+        raise typer.BadParameter(
+            "records that are given are used as they are: leave out --minutes, or the records",
+            param_hint="--minutes",
+        )
+    if minutes is not None:
+        check_minutes(minutes)
+    if not records and minutes is None and not recorded(output):
+        raise typer.BadParameter(
+            f"no records, and none of half a minute in {output / RECORDS}: give tables or CAN logs of the healthy"
+            " robot, or --minutes 10 to record its buses",
+            param_hint="RECORD",
+        )
 
 
-def _exit(outcomes: Sequence[Outcome]) -> None:
-    """Exit with the code that tells the results of the axes."""
-    if any(outcome.fault for outcome in outcomes):
-        raise typer.Exit(FAULT)
-    if not any(outcome.found for outcome in outcomes):
-        raise typer.Exit(MISTAKE)
-    if any(outcome.refusal or outcome.is_blind for outcome in outcomes):
-        raise typer.Exit(NOT_TESTED)
+def _orders(
+    text: str,
+    config: Config,
+    records: Sequence[str],
+    output: Path,
+    options: CalibrationOptions,
+    shorten: bool,
+) -> tuple[list[Order], list[Outcome]]:
+    """An order for each axis that has records, and the outcomes of axes that have none."""
+    from service.commands.commissioning.axis.axis_order import Order
+    from service.ingest.axis_records import silent_in, wanted
+
+    silent = {record: silent_in(wanted(record).path, config) for record in records}
+    orders, refused = list[Order](), list[Outcome]()
+    for axis in config.axes:
+        own = tuple(record for record in records if axis.id not in silent[record])
+        if own:
+            orders.append(Order(text, axis.id, own, output, options, Provenance.now(), shorten))
+            continue
+        lost = sum((Counter(silent[record][axis.id]) for record in records), Counter[str]())
+        dropped = ", ".join(f"{count} {reason}" for reason, count in lost.items() if count) or "nothing"
+        words = f"not identified: no samples of it in {', '.join(records)}; dropped: {dropped}"
+        refused.append(Outcome(axis.id, refusal=words))
+    if not orders:
+        raise RecordError(f"no samples of any axis: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}")
+    return orders, refused
+
+
+def options_for(budget_s: float) -> CalibrationOptions:
+    """Settings of the calibration of every axis: the defaults of `calibrate`."""
+    from monitor_core.calibration import CalibrationOptions
+
+    return CalibrationOptions(budget_s)
+
+
+def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
+    """Review the signals of each axis; the corrections in it are those to which the user agrees."""
+    from service.commands.commissioning.signals.exchanged_torques import exchanged
+    from service.commands.commissioning.signals.signal_proposals import review
+
+    text, folder = orders[0].text, orders[0].folder
+    proposals = _Proposals(yes, console)
+    records = {order.axis_id: order.records for order in orders}
+    others = {axis_id: proposals.agreed(axis_id, found) for axis_id, found in exchanged(text, records, folder).items()}
+    for axis_id, corrections in others.items():
+        text = corrected(text, axis_id, corrections)
+    reviews = {axis_id: review(text, axis_id, files, folder) for axis_id, files in records.items()}
+    for axis_id, looked in reviews.items():
+        agreed = proposals.agreed(axis_id, looked.corrections)
+        reviews[axis_id] = looked._replace(corrections=(*others.get(axis_id, ()), *agreed))
+        # If commissioning continues, these faults become the refusal of the axis.
+        for words in (*looked.doubts, *(() if proposals.can_ask else looked.faults)):
+            console.print(f"{axis_id}: {words}.", markup=False)
+    proposals.check(command)
+    return reviews
 
 
 class _Proposals:
@@ -172,96 +232,6 @@ class _Proposals:
             )
 
 
-def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
-    """Review the signals of each axis; the corrections in it are those to which the user agrees."""
-    from service.commands.commissioning.signals.exchanged_torques import exchanged
-    from service.commands.commissioning.signals.signal_proposals import review
-
-    text, folder = orders[0].text, orders[0].folder
-    proposals = _Proposals(yes, console)
-    records = {order.axis_id: order.records for order in orders}
-    others = {axis_id: proposals.agreed(axis_id, found) for axis_id, found in exchanged(text, records, folder).items()}
-    for axis_id, corrections in others.items():
-        text = corrected(text, axis_id, corrections)
-    reviews = {axis_id: review(text, axis_id, files, folder) for axis_id, files in records.items()}
-    for axis_id, looked in reviews.items():
-        agreed = proposals.agreed(axis_id, looked.corrections)
-        reviews[axis_id] = looked._replace(corrections=(*others.get(axis_id, ()), *agreed))
-        # If commissioning continues, these faults become the refusal of the axis.
-        for words in (*looked.doubts, *(() if proposals.can_ask else looked.faults)):
-            console.print(f"{axis_id}: {words}.", markup=False)
-    proposals.check(command)
-    return reviews
-
-
-def options_for(budget_s: float) -> CalibrationOptions:
-    """Settings of the calibration of every axis: the defaults of `calibrate`."""
-    from monitor_core.calibration import CalibrationOptions
-
-    return CalibrationOptions(budget_s)
-
-
-def _command(
-    records: Sequence[str],
-    config: Path,
-    output: Path,
-    budget: str,
-    minutes: float | None = None,
-    yes: bool = False,
-) -> str:
-    """A command as it is typed in a shell."""
-    words = ["axiswatch", "commission", *records, "--config", config, "--budget", budget, "--output", output]
-    words += [] if minutes is None else ["--minutes", f"{minutes:g}"]
-    return shlex.join(map(str, [*words, *(["--yes"] if yes else [])]))
-
-
-def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
-    """Check that there is something to commission from: records, or a time to record."""
-    from service.commands.commissioning.live.live_recording import check_minutes, recorded
-
-    if records and minutes is not None:
-        raise typer.BadParameter(
-            "records that are given are used as they are: leave out --minutes, or the records",
-            param_hint="--minutes",
-        )
-    if minutes is not None:
-        check_minutes(minutes)
-    if not records and minutes is None and not recorded(output):
-        raise typer.BadParameter(
-            f"no records, and none of half a minute in {output / RECORDS}: give tables or CAN logs of the healthy"
-            " robot, or --minutes 10 to record its buses",
-            param_hint="RECORD",
-        )
-
-
-def _orders(
-    text: str,
-    config: Config,
-    records: Sequence[str],
-    output: Path,
-    options: CalibrationOptions,
-    shorten: bool,
-) -> tuple[list[Order], list[Outcome]]:
-    """An order for each axis that has records, and the outcomes of axes that have none."""
-    from service.commands.commissioning.axis.axis_order import Order
-    from service.ingest.axis_records import silent_in, wanted
-
-    silent = {record: silent_in(wanted(record).path, config) for record in records}
-    orders, refused = list[Order](), list[Outcome]()
-    for axis in config.axes:
-        own = tuple(record for record in records if axis.id not in silent[record])
-        if own:
-            orders.append(Order(text, axis.id, own, output, options, Provenance.now(), shorten))
-            continue
-        lost = sum((Counter(silent[record][axis.id]) for record in records), Counter[str]())
-        dropped = ", ".join(f"{count} {reason}" for reason, count in lost.items() if count) or "nothing"
-        words = f"not identified: no samples of it in {', '.join(records)}; dropped: {dropped}"
-        refused.append(Outcome(axis.id, refusal=words))
-    if not orders:
-        raise RecordError(f"no samples of any axis: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}")
-    return orders, refused
-
-
 def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
     """Commission the axes in parallel and show the progress; returns their outcomes.
 
@@ -295,3 +265,33 @@ def _write(path: Path, order: Order, outcomes: Sequence[Outcome], words: str) ->
         write(order.folder / CONFIG, commissioned(text, found, heading))
         written.insert(0, order.folder / CONFIG)
     print(f"written: {', '.join(map(str, written))}", file=sys.stderr)
+
+
+def _wanted(minutes: float, yes: bool) -> bool:
+    """Whether planned motions are to be recorded now; only a person can start them on the controller."""
+    question = f"Record the planned motion now, for {duration(60 * minutes)}?"
+    return not yes and sys.stdin.isatty() and typer.confirm(question, default=False)
+
+
+def _command(
+    records: Sequence[str],
+    config: Path,
+    output: Path,
+    budget: str,
+    minutes: float | None = None,
+    yes: bool = False,
+) -> str:
+    """A command as it is typed in a shell."""
+    words = ["axiswatch", "commission", *records, "--config", config, "--budget", budget, "--output", output]
+    words += [] if minutes is None else ["--minutes", f"{minutes:g}"]
+    return shlex.join(map(str, [*words, *(["--yes"] if yes else [])]))
+
+
+def _exit(outcomes: Sequence[Outcome]) -> None:
+    """Exit with the code that tells the results of the axes."""
+    if any(outcome.fault for outcome in outcomes):
+        raise typer.Exit(FAULT)
+    if not any(outcome.found for outcome in outcomes):
+        raise typer.Exit(MISTAKE)
+    if any(outcome.refusal or outcome.is_blind for outcome in outcomes):
+        raise typer.Exit(NOT_TESTED)
