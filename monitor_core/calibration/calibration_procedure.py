@@ -3,7 +3,8 @@
 The steps: deviations of the estimates in the records (healthy_records.py) are checked (record_doubts.py).  Bootstrap
 copies of the records (copy_excursions.py) give the tails of the CUSUM sums (false_alarm_tail.py), from which the
 thresholds follow (budget.py).  Faults are injected into the longest record (fault_trials.py).  The multi-model detector
-is calibrated with the same records and budget (multimodel_thresholds.py).
+is calibrated with the same records and budget (multimodel_thresholds.py), and so are its probabilities of causes
+(evidence_share.py).
 """
 
 from collections.abc import Callable, Sequence
@@ -15,6 +16,7 @@ import numpy as np
 
 from monitor_core.calibration.budget import Rates, nu_over_sigma, rates, thresholds
 from monitor_core.calibration.copy_excursions import SAMPLES
+from monitor_core.calibration.evidence_share import SHARE_ONSETS, evidence_share
 from monitor_core.calibration.fault_trials import TrialResult, run_trials
 from monitor_core.calibration.healthy_records import deviations, time_with_standstill
 from monitor_core.calibration.healthy_statistics import HealthyStatistics, healthy_statistics
@@ -30,7 +32,7 @@ from monitor_core.calibration.record_doubts import (
     check_within,
 )
 from monitor_core.calibration.result import CalibrationResult, MultiModelCalibration
-from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold, reason_unavailable
+from monitor_core.detection.multimodel.multimodel_detector import MultiModelThresholds, reason_unavailable
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
@@ -118,8 +120,8 @@ def calibrate(
         statistics = healthy_statistics(axis, records, healthy, k, rng, options.copies, step("copies of the records"))
         own, rate = _thresholds(statistics, samples, settings.interval_s, int(rng.integers(2**62)))
         calibrated = replace(settings, thresholds=own)
-        trials = partial(_trials, axis._replace(settings=calibrated), records, options, within_s)
-        caught, onsets = trials(None, step("faults"))
+        trials = partial(_trials, axis._replace(settings=calibrated), records, within_s)
+        caught, onsets = trials(options, None, step("faults"))
         bank = pending(step("multi-model detector"))
     return CalibrationResult(
         model=model,
@@ -132,7 +134,7 @@ def calibrate(
         caught=caught,
         onsets=onsets,
         records_s=sum(float(r.t_us[-1] - r.t_us[0]) * 1e-6 for r in records),
-        bank=MultiModelCalibration(bank, trials(bank.own)[0]) if bank else None,
+        bank=None if bank is None else _multimodel(bank, options, trials),
     )
 
 
@@ -162,15 +164,26 @@ def _thresholds(
     return own, rate
 
 
+def _multimodel(
+    bank: BankThresholds,
+    options: CalibrationOptions,
+    trials: Callable[[CalibrationOptions, MultiModelThresholds], tuple[list[TrialResult], int]],
+) -> MultiModelCalibration:
+    """Trials of the detector: a few in which all of the evidence counts, and all with the share that these suggest."""
+    few = replace(options, onsets=min(options.onsets, SHARE_ONSETS))
+    share = evidence_share(trials(few, MultiModelThresholds(1.0, bank.own))[0])
+    return MultiModelCalibration(bank, trials(options, MultiModelThresholds(1.0, bank.own, share))[0], share)
+
+
 def _trials(
     axis: MonitoredAxis,
     records: Sequence[SampleBlock],
-    options: CalibrationOptions,
     within_s: float,
-    hypotheses: Sequence[HypothesisThreshold] | None,
+    options: CalibrationOptions,
+    thresholds: MultiModelThresholds | None,
     progress: PartialProgress = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
-    """Detection of changes in the longest record, by the CUSUM tests or these hypotheses; none: too short."""
+    """Detection of changes in the longest record, by the CUSUM tests or the multi-model detector; none: too short."""
     longest = max(records, key=lambda record: len(record.t_us))
     faults = [
         InjectedFault(name, sign * size)
@@ -181,7 +194,7 @@ def _trials(
     ]
     for share in (OBSERVED_SHARE, 1.0):
         try:
-            return run_trials(axis, longest, faults, options.onsets, share * within_s, hypotheses, progress)
+            return run_trials(axis, longest, faults, options.onsets, share * within_s, thresholds, progress)
         except ValueError:
             continue
     return [], 0

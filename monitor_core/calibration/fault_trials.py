@@ -1,9 +1,10 @@
 """Trials of faults injected at many onsets of a healthy record: detection delay and name of the alarm."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.detection import Crossing
 from monitor_core.detection.alarm import direction_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold, MultiModelThresholds, bank_of
+from monitor_core.detection.multimodel.multimodel_detector import MultiModelThresholds, bank_of
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
 from monitor_core.kernel.hypotheses import Memory
 from monitor_core.monitoring import AxisBatch, AxisMonitor
@@ -41,6 +42,8 @@ class TrialResult:
     first: tuple[str, ...]  # (onsets,) name of the first alarm; "": no alarm
     direction: tuple[str, ...]  # (onsets,) "up", "down" or ""
     torque_peak: float
+    causes: tuple[Mapping[str, float], ...] = ()
+    """(onsets,) probabilities of the causes, of the multi-model detector; empty where the alarm got no name"""
 
     def found_within(self, seconds: float) -> float:
         """Share of the onsets with an alarm within this time."""
@@ -53,11 +56,12 @@ class TrialResult:
 
 
 class FirstAlarm(NamedTuple):
-    """The first alarm after an onset: its delay [s], its name, and "up", "down" or ""."""
+    """The first alarm after an onset: its delay [s], its name, "up", "down" or "", and probabilities of its causes."""
 
     delay_s: float = math.inf
     name: str = ""
     direction: str = ""
+    causes: Mapping[str, float] = MappingProxyType({})
 
 
 def run_trials(
@@ -66,7 +70,7 @@ def run_trials(
     faults: Sequence[InjectedFault],
     onsets: int,
     seconds: float,
-    thresholds: Sequence[HypothesisThreshold] | None = None,
+    thresholds: MultiModelThresholds | None = None,
     progress: Callable[[float], None] = lambda _: None,
 ) -> tuple[list[TrialResult], int]:
     """Start each fault at ``onsets`` samples of the record, and run a detector for ``seconds`` after each onset.
@@ -97,11 +101,11 @@ def run_trials(
             if y is not None:
                 windows = [window._replace(y=y[:, k]) for k, window in enumerate(windows)]
             alarms = detector.first_alarms(windows)
-        delays, names, directions = zip(*alarms, strict=True)
+        delays, names, directions, causes = zip(*alarms, strict=True)
         if not any(map(math.isfinite, delays)):
             not_found.add(kind)
         peak = math.nan if load is None else float(np.abs(u).max())
-        results[fault] = TrialResult(fault, load is not None, np.array(delays), names, directions, peak)
+        results[fault] = TrialResult(fault, load is not None, np.array(delays), names, directions, peak, causes)
         progress((number + 1) / len(faults))
     return [results[fault] for fault in faults], len(at)
 
@@ -146,11 +150,9 @@ def _crossings(batch: AxisBatch, blocks: Sequence[SampleBlock]) -> list[tuple[in
 class _Bank:
     """The multi-model detector from each onset on, one after the other."""
 
-    def __init__(
-        self, axis: MonitoredAxis, thresholds: Sequence[HypothesisThreshold], record: SampleBlock, at: Ints
-    ) -> None:
+    def __init__(self, axis: MonitoredAxis, thresholds: MultiModelThresholds, record: SampleBlock, at: Ints) -> None:
         self._interval_s = axis.settings.interval_s
-        self._bank = bank_of(*axis, MultiModelThresholds(1.0, tuple(thresholds)))
+        self._bank = bank_of(*axis, thresholds)
         healthy = HypothesisBank(*axis, self._bank.hypotheses, allowance=self._bank.allowance)
         self._states = list[tuple[Memory, tuple[int, ...]]]()
         for ends in pairwise([0, *at.tolist()]):
@@ -186,7 +188,8 @@ class _Bank:
                     delay_s = _delay_s(samples, event.time_us, self._interval_s)
                     first = FirstAlarm(delay_s, share.cause, direction)
                 if isinstance(event, CauseIdentified):
-                    return FirstAlarm(delay_s, share.cause, direction)
+                    causes = {cause.cause: cause.probability for cause in event.shares}
+                    return FirstAlarm(delay_s, share.cause, direction, causes)
         return first
 
 

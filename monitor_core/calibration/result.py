@@ -56,10 +56,14 @@ class DetectorResult:
 
 @dataclass(frozen=True)
 class MultiModelCalibration:
-    """Thresholds of the multi-model detector, and its detection of the same changes."""
+    """Thresholds of the multi-model detector, and its detection of the same changes.
+
+    ``evidence_share``: share of the evidence that counts for the probabilities of causes (evidence_share.py).
+    """
 
     thresholds: BankThresholds
     caught: Sequence[TrialResult]
+    evidence_share: float = 1.0
 
 
 @dataclass(frozen=True)

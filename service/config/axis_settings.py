@@ -197,9 +197,10 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
         HypothesisThreshold(h.cause, math.nan if h.size is None else h.size, h.h, h.allowance, h.alike, h.size_error)
         for h in found
     )
+    share = 1.0 if thresholds is None or thresholds.naming is None else thresholds.naming.evidence_share
     try:
         multimodel = MultiModelDetector(
-            model, settings, MultiModelThresholds(wanted.budget_s / settings.interval_s, own)
+            model, settings, MultiModelThresholds(wanted.budget_s / settings.interval_s, own, share)
         )
     except ValueError as error:
         raise AxisError(f"{axis.id}: {error}") from None

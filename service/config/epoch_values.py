@@ -67,7 +67,7 @@ def fingerprint_of(axis: NamedAxis) -> str:
     config, found = axis.config, axis.config.model.thresholds_file
     thresholds = found and found.model_dump(mode="json", exclude={"path", "date"})
     if thresholds:
-        thresholds = _without_added(thresholds, "poses")
+        thresholds = _without_added(_without_added(thresholds, "poses"), "naming")
         thresholds["hypothesis"] = [_without_added(row, "size_error") for row in thresholds["hypothesis"]]
     seen = {
         "values": given_values(config),

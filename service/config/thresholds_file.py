@@ -43,6 +43,12 @@ class HypothesisTable(FoundTable):
     size_error: NotNegative = 0.0
 
 
+class NamingTable(FoundTable):
+    """[naming]: evidence_share, the share of the evidence that counts for the probabilities of causes."""
+
+    evidence_share: float = Field(gt=0, le=1)
+
+
 class RangeTable(FoundTable):
     """[[range]]: lowest and highest value of a condition in the calibration records."""
 
@@ -83,6 +89,8 @@ class ThresholdsFile(FoundFile):
     threshold: tuple[ThresholdTable, ...] = Field(min_length=1)
     hypothesis: tuple[HypothesisTable, ...] = ()
     """Thresholds of the multi-model detector, if it was calibrated"""
+    naming: NamingTable | None = None
+    """Of the multi-model detector; absent in files of earlier versions, in which all of the evidence counts"""
     range: tuple[RangeTable, ...] = ()
     """Ranges of the rms speed and of the signals; empty in files of earlier versions"""
     poses: tuple[PosesTable, ...] = ()

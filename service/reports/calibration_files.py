@@ -56,6 +56,8 @@ def _tables(calibration: Calibration) -> Iterator[str]:
             + "".join(hypotheses)
         )
         yield toml_table("[bank_false_alarms]", _rate(result.by_bank))
+        counted = {"evidence_share": result.bank.evidence_share}
+        yield toml_table("[naming]", counted, "Share of the evidence that counts for the probabilities of causes.")
     if calibration.ranges:
         about = "# Conditions of the records (rms speed, signals): the promise holds within them.\n"
         yield about + "".join(toml_table("[[range]]", r._asdict()) for r in calibration.ranges)
@@ -147,6 +149,7 @@ def _bank(calibration: Calibration) -> Json | None:
     return {
         "false_alarms": {**_rate(result), "confidence": 0.9},
         "hypotheses": bank.thresholds.own,
+        "evidence_share": bank.evidence_share,
         "faults": [_fault(calibration, trial) for trial in result.caught],
         "smallest_found": {name: _smallest(result, name) for name in calibration.result.model.monitored},
         "named": _confusion(result),
@@ -203,6 +206,7 @@ def as_html(calibration: Calibration) -> str:
         ],
         thresholds=content.thresholds(calibration),
         hypotheses=content.hypotheses(calibration),
+        counted=content.counted(calibration),
     )
 
 

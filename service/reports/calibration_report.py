@@ -143,6 +143,12 @@ def hypotheses(calibration: Calibration) -> TextTable | None:
     return TextTable(("cause", "sizes", "h", "largest allowance"), rows)
 
 
+def counted(calibration: Calibration) -> str:
+    """Share of the evidence that counts for the probabilities of causes, as text; empty without such a detector."""
+    bank = calibration.result.bank
+    return "" if bank is None else percent(bank.evidence_share)
+
+
 def smallest(calibration: Calibration) -> TextTable:
     """A row for each parameter: the smallest changes that each detector finds in time, up and down."""
     detectors = calibration.detectors

@@ -53,8 +53,8 @@ class BankEvidence(NamedTuple):
         since = self.memory.sums[SINCE_DETECTION, 1 : len(self.hypotheses)]
         return self.causes.shares(self._since_onset, since if late else None)
 
-    def likeliest(self) -> tuple[str, float]:
-        """The likeliest cause and its probability."""
+    def likeliest(self) -> str:
+        """The cause that all of the evidence makes likeliest."""
         return self.causes.likeliest(self._since_onset)
 
     def onset(self) -> Onset:

@@ -62,10 +62,11 @@ class HypothesisBank:
         h: thresholds, one or (len(hypotheses),).
         allowance: subtracted from each log-likelihood ratio for differences between healthy records; one or
             (len(hypotheses),).
+        evidence_share: share of the evidence that counts for the probabilities of causes, above 0, at most 1.
 
     Raises:
-        ValueError: thresholds that do not fit, a hypothesis that the drive cannot have, or a predictor that is not
-            stable.
+        ValueError: thresholds or a share that do not fit, a hypothesis that the drive cannot have, or a predictor that
+            is not stable.
     """
 
     def __init__(
@@ -75,8 +76,9 @@ class HypothesisBank:
         hypotheses: Sequence[Hypothesis] | None = None,
         h: float | Floats = math.inf,
         allowance: float | Floats = 0.0,
+        evidence_share: float = 1.0,
     ) -> None:
-        self.model, self.settings = model, settings
+        self.model, self.settings, self._evidence_share = model, settings, evidence_share
         chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
         self.active_faults = ActiveFaults(model, settings, chosen)
         """Active faults"""
@@ -85,6 +87,8 @@ class HypothesisBank:
         """Thresholds and allowances (len(hypotheses),)"""
         if many == 0 or not (self.h > 0).all() or not np.isfinite(self.allowance).all():
             raise ValueError(f"{many} hypotheses, h = {h}, allowance = {allowance}: need h > 0")
+        if not 0 < evidence_share <= 1:
+            raise ValueError(f"evidence_share = {evidence_share}: need a number above 0, at most 1")
         errors = dict(zip(model.monitored, settings.model_errors(len(model.monitored)), strict=True))
         follows = np.array([errors.get(hypothesis.cause, 0.0) > 0 for hypothesis in self.hypotheses])
         self._tolerated: Floats = np.where(follows, self.allowance, 0.0)
@@ -127,7 +131,7 @@ class HypothesisBank:
     def _build(self) -> None:
         """Build the lanes around the active faults."""
         self._hypotheses = self.active_faults.lanes()
-        self._causes = CausePosterior(self._hypotheses[1:])
+        self._causes = CausePosterior(self._hypotheses[1:], self._evidence_share)
         back_h = float(np.median(self.h)) if self.active_faults else math.inf
         parts = (self.allowance, self._tolerated, self.active_faults.unexplained())
         self._tests = Tests(
@@ -280,13 +284,13 @@ class HypothesisBank:
             return
         # Until the state has settled after the change, no hypothesis is right, and the least wrong one seems certain.
         early = now_us - since < self._slowest_us
-        cause, probability = found.likeliest()
-        sure, resort = probability >= SURE_ENOUGH, cause in self._last_resort
+        shares = found.shares()
+        sure, resort = shares[0].probability >= SURE_ENOUGH, shares[0].cause in self._last_resort
         if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            shares = self.active_faults.with_total_sizes(found.shares())
+            total = self.active_faults.with_total_sizes(shares)
             self._wait(kernel.REFINING, MEMORIES)
             self._memory.sums[SINCE_DETECTION] = 0.0  # what raised the alarm may not last
-            yield CauseIdentified(now_us, since, found.onset(), shares, sure, settled=False)
+            yield CauseIdentified(now_us, since, found.onset(), total, sure, settled=False)
 
     def _restart_changed_signs(self) -> None:
         """Restart predictors with a changed sign from the reference: so far they have moved in the wrong direction."""
@@ -316,8 +320,7 @@ class HypothesisBank:
         """The error of the size of the latest fault; None: it has ended, or something else has changed."""
         found = self._evidence
         share = next(share for share in found.shares() if share.cause == self.active_faults.latest.cause)
-        likeliest, _ = found.likeliest()
-        sized = likeliest == share.cause and math.isfinite(share.size_sd)
+        sized = found.likeliest() == share.cause and math.isfinite(share.size_sd)
         changed = found.has_crossed and (not sized or self.active_faults.ended(share))
         return None if changed else share
 

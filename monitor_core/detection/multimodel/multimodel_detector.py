@@ -74,11 +74,12 @@ class MultiModelThresholds:
     """Thresholds of the multi-model detector.
 
     ``own``: one for each hypothesis of the bank.  Empty: the hypotheses are the distinct candidates, all with the h
-    that guarantees a mean run length of ``samples`` between false alarms.
+    that guarantees a mean run length of ``samples`` between false alarms.  ``evidence_share``: see CausePosterior.
     """
 
     samples: float
     own: tuple[HypothesisThreshold, ...] = ()
+    evidence_share: float = 1.0
 
 
 def guaranteed(hypotheses: int, samples: float) -> float:
@@ -120,14 +121,15 @@ def bank_of(model: AxisModel, settings: Settings, thresholds: MultiModelThreshol
     """
     if not thresholds.own:
         hypotheses = _defaults(model, settings).hypotheses
-        return HypothesisBank(model, settings, hypotheses, h=guaranteed(len(hypotheses), thresholds.samples))
+        h = guaranteed(len(hypotheses), thresholds.samples)
+        return HypothesisBank(model, settings, hypotheses, h, evidence_share=thresholds.evidence_share)
     # A positive allowance of DELAY means that healthy records show a delay that is in the axis and not in its model, as
     # if the drive filters its torque.  Its evidence varies with the motion and with any fault, so faults would be
     # reported as a delay: leave these hypotheses out.
     own = [t for t in thresholds.own if not (t.cause == DELAY and t.allowance > 0)]
     found = [replace(hypothesis_of(model, settings, t.cause, t.size), alike=t.alike) for t in own]
-    h, allowance = (np.array([getattr(t, name) for t in own]) for name in ("h", "allowance"))
-    return HypothesisBank(model, settings, found, h, allowance)
+    limits, allowance = (np.array([getattr(t, name) for t in own]) for name in ("h", "allowance"))
+    return HypothesisBank(model, settings, found, limits, allowance, thresholds.evidence_share)
 
 
 class _Defaults(NamedTuple):

@@ -91,9 +91,14 @@ Event = ChangeDetected | CauseIdentified | CauseEnded | SizeCorrected
 
 
 class CausePosterior:
-    """Posterior probabilities of the causes of hypotheses (H,), prepared for repeated use."""
+    """Posterior probabilities of the causes of hypotheses (H,), prepared for repeated use.
 
-    def __init__(self, hypotheses: Sequence[Hypothesis]) -> None:
+    ``evidence_share``: share of the evidence that counts for them, at most 1 (a power posterior): the sum of
+    log-likelihood ratios takes each sample as new evidence, but the errors of a model last for many samples.
+    """
+
+    def __init__(self, hypotheses: Sequence[Hypothesis], evidence_share: float = 1.0) -> None:
+        self._evidence_share = evidence_share
         names = list(dict.fromkeys(h.cause for h in hypotheses))
         self._of = np.array([names.index(h.cause) for h in hypotheses])
         self._counts = np.where([h.weight < 1 for h in hypotheses], _LAST_RESORT_SHARE, 1.0)
@@ -110,15 +115,15 @@ class CausePosterior:
         with_none = np.append(evidence if sizes_from is None else sizes_from, 0.0)
         shares = [
             Share(cause.name, probability, *cause.fitted(with_none[cause.at]), cause.alike)
-            for cause, probability in zip(self._causes, self._probabilities(evidence).tolist(), strict=True)
+            for cause, probability in zip(
+                self._causes, self._probabilities(self._evidence_share * evidence).tolist(), strict=True
+            )
         ]
         return tuple(sorted(shares, key=lambda share: -share.probability))
 
-    def likeliest(self, evidence: Floats) -> tuple[str, float]:
-        """The likeliest cause and its probability; faster than ``shares``, as no size is computed."""
-        probabilities = self._probabilities(evidence)
-        k = int(probabilities.argmax())
-        return self._causes[k].name, float(probabilities[k])
+    def likeliest(self, evidence: Floats) -> str:
+        """The cause that all of the evidence makes likeliest."""
+        return self._causes[int(self._probabilities(evidence).argmax())].name
 
     def _probabilities(self, evidence: Floats) -> Floats:
         """Probability of each cause: the sum over its sizes.

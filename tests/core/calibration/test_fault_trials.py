@@ -11,7 +11,7 @@ from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
-from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
+from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold, MultiModelThresholds
 from monitor_core.detection.multimodel.naming import Event
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.standard_drives import INTERVAL_S
@@ -73,7 +73,8 @@ def test_a_change_that_is_not_found_is_tried_at_few_onsets(
     healthy: SampleBlock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """By the multi-model detector with thresholds that nothing reaches; smaller changes are not tried."""
-    never = [HypothesisThreshold(h.cause, h.size, 1e9, 0.0, h.alike) for h in default_hypotheses(MODEL, SETTINGS)]
+    hypotheses = default_hypotheses(MODEL, SETTINGS)
+    never = tuple(HypothesisThreshold(h.cause, h.size, 1e9, 0.0, h.alike) for h in hypotheses)
     samples, run = list[int](), HypothesisBank.run
 
     def counted(bank: HypothesisBank, block: SampleBlock) -> list[Event]:
@@ -82,7 +83,7 @@ def test_a_change_that_is_not_found_is_tried_at_few_onsets(
 
     monkeypatch.setattr(HypothesisBank, "run", counted)
     faults = [InjectedFault("kT", size) for size in (0.1, 0.3, -0.1)]
-    found, onsets = run_trials(AXIS, healthy, faults, 3 * PROBES, 0.5, never)
+    found, onsets = run_trials(AXIS, healthy, faults, 3 * PROBES, 0.5, MultiModelThresholds(1.0, never))
     assert onsets == 3 * PROBES
     assert [caught.fault for caught in found] == faults
     assert all(np.isinf(caught.delay_s).all() and len(caught.delay_s) == onsets for caught in found)

@@ -98,9 +98,10 @@ def test_what_is_known_of_each_is_stated(seed: int) -> None:
 def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
     plant = plant_with(0.0, memory=100)
     healthy = record(plant, seed, RECORD // 5)
-    own = bank_thresholds(plant.axis, [healthy], BUDGET, np.random.default_rng(seed), COPIES).own
+    found = bank_thresholds(plant.axis, [healthy], BUDGET, np.random.default_rng(seed), COPIES)
+    limits = MultiModelThresholds(1.0, found.own)
     faults = [InjectedFault("kT", 0.3), InjectedFault("1/Ja", -0.3), InjectedFault("fm", 1e-9)]
-    by_bank, _ = run_trials(plant.axis, healthy, faults, 20, 6.0, own)
+    by_bank, _ = run_trials(plant.axis, healthy, faults, 20, 6.0, limits)
     paper, onsets = run_trials(plant.axis, healthy, faults, 20, 6.0)
     assert len(by_bank[0].delay_s) == onsets
     for multimodel, cusum in zip(by_bank[:2], paper, strict=False):
@@ -117,7 +118,7 @@ def test_faults_are_caught_sooner_than_by_tests_of_estimates(seed: int) -> None:
         assert directions == {"up" if multimodel.fault.size > 0 else "down"}
     assert by_bank[2].found_within(6.0) < 0.5
     with pytest.raises(ValueError, match="too short"):
-        run_trials(plant.axis, healthy.select(slice(0, 1000)), faults, 20, 6.0, own)
+        run_trials(plant.axis, healthy.select(slice(0, 1000)), faults, 20, 6.0, limits)
 
 
 def test_allowances_are_for_what_speaks_for_a_hypothesis_in_a_part(seed: int) -> None:

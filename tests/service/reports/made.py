@@ -97,7 +97,7 @@ def by_hand() -> Calibration:
     bank = BankThresholds(OWN, h / 10800, h / 72000, h / 5400)
     result = CalibrationResult(
         model, settings, 3600.0, WITHIN_S, scatter, rates, np.zeros(3), _by_tests(), ONSETS, 600.0,
-        MultiModelCalibration(bank, _by_bank()),
+        MultiModelCalibration(bank, _by_bank(), 0.375),
     )  # fmt: skip
     name, dropped = "healthy.csv", {"missing": 12}
     record = RecordOrigin(name, Path(name), "ab12", 120000, 120000, 0.0, 600.0, dropped)

@@ -93,6 +93,7 @@ def test_the_files_for_programs_have_both() -> None:
     assert as_read["provenance"]["version"] == "1.2.3"
     assert [len(found["faults"]) for found in (as_read, as_read["multimodel"])] == [8, 8]
     assert len(as_read["multimodel"]["hypotheses"]) == len(OWN)
+    assert as_read["multimodel"]["evidence_share"] == rest["naming"]["evidence_share"] == 0.375
     for one_in, interval, found in (
         (7200, [3600, 36000], [as_read["false_alarms"], rest["false_alarms"]]),
         (10800, [5400, 72000], [as_read["multimodel"]["false_alarms"], rest["bank_false_alarms"]]),

@@ -132,7 +132,7 @@ def test_it_is_calibrated_with_records_in_which_they_vary(seed: int) -> None:
         limits.append(bank_thresholds(PLANT.axis, [block], 12_000.0, rng, 40_000).own)
         if moved is known is shift:
             faults = [InjectedFault("kT", 0.4), InjectedFault("kT", -0.4)]
-            caught, _ = run_trials(PLANT.axis, block, faults, 6, 5.0, limits[0])
+            caught, _ = run_trials(PLANT.axis, block, faults, 6, 5.0, MultiModelThresholds(1.0, limits[0]))
     h = [float(np.median([limit.h for limit in own])) for own in limits]
     allowed = [sum(limit.allowance for limit in own if limit.cause == "fm") for own in limits]
     for what, height, own in zip(("followed", "not", "nothing varies"), h, allowed, strict=True):

@@ -44,6 +44,23 @@ def test_shares_sizes_and_what_is_alike() -> None:
     assert list(found) == sorted(weighed, key=lambda cause: -weighed[cause])
 
 
+@pytest.mark.parametrize(("lead", "sure"), [(19.0, False), (24.0, True)])
+def test_a_third_of_the_evidence_counts(lead: float, sure: bool) -> None:
+    """If all of it counts, a lead of 7 will do: log(0.999 / 0.001), with equal priors."""
+    hypotheses = [Hypothesis("kT", 0.1), Hypothesis("fm", 0.1)]
+    first, second = CausePosterior(hypotheses, 1 / 3).shares(np.array([30.0, 30.0 - lead]))
+    assert (first.cause, first.probability > SURE_ENOUGH) == ("kT", sure)
+    assert math.log(first.probability / second.probability) == pytest.approx(lead / 3)
+
+
+def test_the_likeliest_cause_is_that_of_all_evidence() -> None:
+    """A last resort needs log(10) more evidence for that; for the larger probability three times as much."""
+    posterior = CausePosterior([Hypothesis("kT", 0.1), Hypothesis("noise", weight=0.1)], 1 / 3)
+    evidence = np.array([9.0, 9 / 8 * (9.0 + 2 * math.log(10))])
+    assert posterior.likeliest(evidence) == "noise"
+    assert posterior.shares(evidence)[0].cause == "kT"
+
+
 @pytest.mark.parametrize("factor", [0.8, 0.85, 1.16, 1.3, 1.5])
 def test_the_size_of_a_gain_is_exact_between_two_hypotheses(factor: float) -> None:
     """The evidence for a gain is c (2 x* x - x^2) with x a factor less one, no parabola over its logarithm."""
