@@ -78,7 +78,8 @@ class HypothesisBank:
         allowance: float | Floats = 0.0,
         evidence_share: float = 1.0,
     ) -> None:
-        self.model, self.settings, self._evidence_share = model, settings, evidence_share
+        self.model, self.settings = model, settings
+        self.evidence_share = evidence_share
         chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
         self.active_faults = ActiveFaults(model, settings, chosen)
         """Active faults"""
@@ -131,7 +132,7 @@ class HypothesisBank:
     def _build(self) -> None:
         """Build the lanes around the active faults."""
         self._hypotheses = self.active_faults.lanes()
-        self._causes = CausePosterior(self._hypotheses[1:], self._evidence_share)
+        self._causes = CausePosterior(self._hypotheses[1:], self.evidence_share)
         back_h = float(np.median(self.h)) if self.active_faults else math.inf
         parts = (self.allowance, self._tolerated, self.active_faults.unexplained())
         self._tests = Tests(

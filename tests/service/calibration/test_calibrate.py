@@ -101,6 +101,7 @@ def test_the_daemon_uses_the_file_and_then_the_multimodel_detector_alarms(
         (limit.cause, limit.alike) for limit in own
     ]
     np.testing.assert_allclose(bank.allowance, [limit.allowance for limit in own])
+    assert bank.evidence_share == pytest.approx(found.result.bank.evidence_share, rel=1e-9)
 
 
 @pytest.mark.parametrize("configured", ["report", "wait"])

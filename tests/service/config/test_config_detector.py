@@ -9,7 +9,7 @@ import pytest
 
 from monitor_core.drive import HEAT
 from monitor_core.settings import Threshold
-from service.config import Config, load
+from service.config import Config, ConfigErrors, load
 from service.config.axis_settings import AxisError, Detectors, alarm_source_of, axis_settings, detectors_of
 from service.config.drives import axis_model
 from tests.end_to_end.processes import edit
@@ -84,6 +84,21 @@ def test_with_thresholds_of_its_own_the_multimodel_detector_alarms(robot: Path) 
     assert "alarms: multimodel (h from its records)" in output
     assert "guarantee" not in output
     assert found(detector(robot, 'alarm_source = "cusum"')).alarm_source == "cusum"
+
+
+def test_the_file_has_the_share_of_the_evidence_that_counts_for_causes(robot: Path) -> None:
+    """In files of earlier versions it is not there, and all of the evidence counts."""
+    before = found(calibrated(robot, OWN)).multimodel
+    file = robot.parent / "thresholds.toml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(f"{text}[naming]\nevidence_share = 0.25\n", encoding="utf-8")
+    now = found(robot).multimodel
+    assert before is not None
+    assert now is not None
+    assert (before.bank.evidence_share, now.bank.evidence_share) == (1.0, 0.25)
+    file.write_text(f"{text}[naming]\nevidence_share = 0.0\n", encoding="utf-8")
+    with pytest.raises(ConfigErrors, match=r"thresholds.toml.*evidence_share.*greater than 0"):
+        found(robot)
 
 
 def test_a_file_of_thresholds_without_hypotheses_or_for_other_causes(robot: Path) -> None:

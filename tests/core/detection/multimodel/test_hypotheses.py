@@ -200,6 +200,13 @@ def test_thresholds_that_do_not_fit_are_refused(h: float | Floats) -> None:
         HypothesisBank(case.model, case.settings(), [Hypothesis("some")] * 2, h=h)
 
 
+@pytest.mark.parametrize("share", [0.0, 1.1])
+def test_a_share_of_the_evidence_that_cannot_be_is_refused(share: float) -> None:
+    case = CASES[0]
+    with pytest.raises(ValueError, match="evidence_share"):
+        HypothesisBank(case.model, case.settings(), [Hypothesis("some")], evidence_share=share)
+
+
 def test_a_closed_gate_tests_nothing_nor_do_unknown_conditions(seed: int) -> None:
     case = CASES[0]
     rec, gate = record(seed, case, SAMPLES), np.arange(SAMPLES) < SAMPLES // 2
