@@ -38,6 +38,14 @@ def coupling(robot: RobotConfig) -> Iterator[CheckFinding]:
                 yield CheckFinding(_key(k, name), problem)
 
 
+def may_be_coupled(axis: AxisConfig, other: AxisConfig) -> bool:
+    """Whether the motion of another axis of the same robot can be added to that of an axis."""
+    try:
+        return axis.name != other.name and not _no_partner(axis, other)
+    except Undecidable:
+        return False
+
+
 def _no_partner(axis: AxisConfig, other: AxisConfig) -> str:
     """Why the motion of another axis cannot be added; empty: it can."""
     if (axis.angle is None) == (axis.speed is None) or (other.angle is None) == (other.speed is None):

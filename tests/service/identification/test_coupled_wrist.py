@@ -14,11 +14,13 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, FitQuality
 from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.identification_retries import retry
 from service.commands.commissioning.axis.load_search import LoadSearch
 from service.commands.commissioning.axis.missing_motion import SuggestedMotion, within_arm
 from service.commands.excite import MotionRequest
 from service.config import load
+from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
 from tests.service.command_line import axiswatch
 
@@ -74,15 +76,15 @@ def motion(t: Floats, seed: int) -> Motion:
     )
 
 
-def written(folder: Path, seed: int, weight: float = 0.0) -> Path:
+def written(folder: Path, seed: int, weight: float = 0.0, factor: float = FACTOR) -> Path:
     """A table with the angles of the arm."""
     rng = np.random.default_rng(seed)
     t: Floats = H_S * np.arange(COUNT, dtype=float)
     angles = np.stack([motion(t, 2 * seed + axis).angle for axis in range(2)])
     # A torque is held from one sample to the next.
     bend, turn = (motion(t + H_S / 2, 2 * seed + axis) for axis in range(2))
-    speed = turn.speed + FACTOR * bend.speed
-    torque = TRUE["J"] * (turn.acceleration + FACTOR * bend.acceleration) + TRUE["fm"] * speed
+    speed = turn.speed + factor * bend.speed
+    torque = TRUE["J"] * (turn.acceleration + factor * bend.acceleration) + TRUE["fm"] * speed
     torque += TRUE["fc"] * np.tanh(speed / 0.05) + weight * np.cos(turn.angle) + rng.normal(scale=0.01, size=COUNT)
     bent, turned = angles + rng.normal(scale=2e-5, size=angles.shape)
     table = np.column_stack([t, 0.0 * t, bent, torque, turned])
@@ -185,3 +187,73 @@ def test_no_drive_with_a_weight_is_tried(coupling: str, drive: str, tmp_path: Pa
     again = retry(report, path.read_text(encoding="utf-8"), axis, (), nothing)
     assert again is not None
     assert [change.value for change in again.changes if change.key == ("model", "drive")] == [drive]
+
+
+# --- Commissioning finds the factor -----------------------------------------------------------------------------------
+
+BEFORE = Outcome("cell.turn", notes=("before",))
+
+
+def order(folder: Path, record: Path, coupling: str = "", yes: bool = True) -> Order:
+    """To commission the last axis."""
+    text = robot(folder, coupling).read_text(encoding="utf-8")
+    return Order(text, "cell.turn", (str(record),), folder, CalibrationOptions(600.0), Provenance.now(), yes)
+
+
+def coupled(task: Order) -> tuple[Order, Outcome]:
+    return with_coupling(task, BEFORE, lambda *_: None)
+
+
+def coupling_in(text: str, folder: Path) -> dict[str, float]:
+    path = folder / "found.toml"
+    path.write_text(text, encoding="utf-8")
+    return next(axis.config.coupling for axis in load(path, {}).axes if axis.id == "cell.turn")
+
+
+def test_the_coupling_is_set_with_its_evidence(tmp_path: Path, seed: int) -> None:
+    found, outcome = coupled(order(tmp_path, written(tmp_path, seed)))
+    assert coupling_in(found.text, tmp_path) == pytest.approx({"bend": FACTOR}, rel=0.1)
+    assert outcome.notes == BEFORE.notes
+    (change,) = outcome.corrections
+    assert change.key == ("coupling", "bend")
+    assert change.value == float(f"{change.value:.3g}")
+    assert "by its friction the motor also moves with bend, by a factor of -0." in change.reason
+    assert "% of the squared errors, with values from the other half of the records" in change.reason
+
+
+def test_without_consent_it_is_only_proposed(tmp_path: Path, seed: int) -> None:
+    task = order(tmp_path, written(tmp_path, seed), yes=False)
+    found, outcome = coupled(task)
+    assert found == task
+    assert not outcome.corrections
+    assert "By its friction the motor also moves with bend" in outcome.notes[-1]
+    assert "--yes applies coupling = { bend = -0." in outcome.notes[-1]
+
+
+def test_where_the_motor_does_not_move_with_another_axis_nothing_is_set(tmp_path: Path, seed: int) -> None:
+    task = order(tmp_path, written(tmp_path, seed, factor=0.0))
+    assert coupled(task) == (task, BEFORE)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (COUPLING, ""),
+        ("coupling = { bend = 0.3 }", "with the factor 0.3 that is given. The coupling is kept as it is given"),
+    ],
+)
+def test_a_given_coupling_is_kept_and_doubted_where_the_records_contradict_it(
+    given: str, words: str, tmp_path: Path, seed: int
+) -> None:
+    task = order(tmp_path, written(tmp_path, seed), given)
+    found, outcome = coupled(task)
+    assert found == task
+    assert not outcome.corrections
+    notes = outcome.notes[len(BEFORE.notes) :]
+    assert [words in note and "coupling = { bend = -0." in note for note in notes] == ([True] if words else [])
+
+
+def test_a_drive_with_a_weight_stays_without_coupling(tmp_path: Path, seed: int) -> None:
+    task = order(tmp_path, written(tmp_path, seed))
+    task = task._replace(text=task.text.replace('drive = "one-mass"', 'drive = "one-mass-weight"'))
+    assert coupled(task) == (task, BEFORE)

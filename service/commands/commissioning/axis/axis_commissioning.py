@@ -15,6 +15,7 @@ from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_calibration import calibrated, tested
 from service.commands.commissioning.axis.axis_identification import identified
 from service.commands.commissioning.axis.axis_order import CommissioningProgress, Order
+from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.output_files import replace_text
 from service.config import AxisConfig
@@ -31,9 +32,10 @@ def commission_axis(
     The steps, each of which adds to the outcome and writes its files:
 
     1. An axis with faults of its signals is refused.
-    2. Identification gives nominal values; a motion is planned for what the records do not show.
-    3. Calibration gives thresholds.
-    4. The axis is monitored in its own records: what could not be tested there is noted.
+    2. If the friction shows that the motor also moves with other axes, it is coupled with them.
+    3. Identification gives nominal values; a motion is planned for what the records do not show.
+    4. Calibration gives thresholds.
+    5. The axis is monitored in its own records: what could not be tested there is noted.
 
     ``order``: its configuration has the corrections of ``review``, the findings about its signals.
     """
@@ -46,7 +48,8 @@ def commission_axis(
     if review.faults:
         return replace(outcome, refusal=f"not identified: {'; '.join(review.faults)}")
     order = order._replace(records=tuple(r for r in order.records if r not in review.standing))
-    outcome = identified(order, replace(outcome, notes=tuple(_open_points(review))), progress)
+    order, outcome = with_coupling(order, replace(outcome, notes=tuple(_open_points(review))), progress)
+    outcome = identified(order, outcome, progress)
     if outcome.found is not None:
         outcome = calibrated(order, outcome, progress)
         if outcome.thresholds_file is not None:
