@@ -26,6 +26,7 @@ from monitor_core.identification import (
     between,
     check_record,
     identify,
+    motor_coupling,
     scheduled_terms,
     speed_scales,
     with_terms,
@@ -136,16 +137,19 @@ def test_a_weight_that_the_drive_lacks_is_named_and_refused(
     assert (result.rejection is Rejection.POOR) == (quality is FitQuality.POOR)
 
 
-def of_whole_robot(joint: int, pose: tuple[str, ...], records_dir: Path, folder: Path) -> IdentificationResult:
-    """A joint while all six move, fitted to the first half and validated on the second; tau0 follows the pose."""
+def while_all_move(joint: int, records_dir: Path, folder: Path) -> Record:
+    """The record of a joint with the angles of all six as signals, q1 to q6."""
     columns = {"time": 0, "angle": joint, "torque": 12 + joint}
     path = records_dir / "ur10e" / "ur-20_02_19_14harm50sec.csv"
-    source = loaded(path, folder, INTERVAL_S, {n: {"column": str(c)} for n, c in columns.items()})
+    record = loaded(path, folder, INTERVAL_S, {n: {"column": str(c)} for n, c in columns.items()}).record
     rows = np.genfromtxt(path, delimiter=",")
-    record = source.record
     angles = np.stack([np.interp(record.t, rows[:, 0] - rows[0, 0], rows[:, k]) for k in range(1, 7)])
-    signals = {f"q{k + 1}": angle for k, angle in enumerate(angles)}
-    record = replace(record, signals=signals)
+    return replace(record, signals={f"q{k + 1}": angle for k, angle in enumerate(angles)})
+
+
+def of_whole_robot(joint: int, pose: tuple[str, ...], records_dir: Path, folder: Path) -> IdentificationResult:
+    """A joint while all six move, fitted to the first half and validated on the second; tau0 follows the pose."""
+    record = while_all_move(joint, records_dir, folder)
     scheduled = scheduled_terms({"tau0": pose}, [record]) if pose else ()
     record = with_terms(record, scheduled)
     middle = record.duration_s / 2
@@ -182,6 +186,13 @@ def test_what_other_joints_do_to_a_joint_is_named(records_dir: Path, tmp_path: P
     result = of_whole_robot(3, (), records_dir, tmp_path)
     assert result.verdict.quality is FitQuality.POOR
     assert result.verdict.missing == (Effect.FOREIGN,)
+
+
+@pytest.mark.parametrize("joint", range(1, 7))
+def test_no_motor_moves_with_another_joint(joint: int, records_dir: Path, tmp_path: Path) -> None:
+    """Each joint of this arm has its motor."""
+    record, others = while_all_move(joint, records_dir, tmp_path), [f"q{k}" for k in range(1, 7) if k != joint]
+    assert motor_coupling([record], others) is None
 
 
 def test_the_jitter_is_used_as_it_is(record: Record, found: Estimate) -> None:
