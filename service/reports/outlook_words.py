@@ -56,7 +56,8 @@ _MISSING = {
         " let the controller send the output of its gripper, too, or record a program without parts; where other axes"
         " accelerate it, `commission` does the same if all axes move in the record; or record this axis alone, and let"
         " a gate monitor it only then ([[robot.axis.gate]] on a signal of the controller, such as the number of its"
-        " program); or something is in contact"
+        " program); or something is in contact: where the robot grinds, presses or joins, give its axes in the same way"
+        " the output that tells when its tool is in contact, and `commission` leaves that time out"
     ),
 }
 

@@ -6,7 +6,8 @@ that it presses, by an output of two values.  With that part left out, one mass 
 
 A load that is carried is another case: it adds to the torque and to the inertia, and both parts can be used.  A spring
 gives way with the torque, so as one mass the axis has no inertia or a negative one while it presses.  So has a
-pendulum: a weight that turns must be looked for as well (arm_links.py).
+pendulum: a weight that turns must be looked for as well (arm_links.py).  An axis of an arm that presses holds its
+links, too (arm_contact.py).
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,10 +20,10 @@ from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import SIGNAL, USUAL, TorqueTerm, leaves_much_less
 
-_MIN_FREE = 0.2
+MIN_FREE = 0.2
 """Least share of the time in which the axis must move freely."""
-_MIN_EXPLAINED = 0.85
-"""Least share of the torque that one mass explains in that time."""
+MIN_EXPLAINED = 0.85
+"""Least share of the torque that one mass, or one mass with the load of links, explains in that time."""
 _MIN_SIGMAS = 5.0
 """The inertia of that mass exceeds so many of its standard deviations; while it presses, the apparent one does not."""
 
@@ -36,7 +37,7 @@ class ContactForce(NamedTuple):
     pressing: float
     """Value while that force acts"""
     explained: float
-    """Share of the torque that one mass explains there"""
+    """Share of the torque that is explained while the axis moves freely"""
 
 
 def contact_force(records: Sequence[Record], signals: Sequence[str]) -> ContactForce | None:
@@ -44,26 +45,31 @@ def contact_force(records: Sequence[Record], signals: Sequence[str]) -> ContactF
 
     ``records``: of the axis, with these signals.
     """
-    found = [force for name in signals for force in _forces(records, name)]
+    found = [force for name, values in two_values(records, signals) for force in _forces(records, name, values)]
     return max(found, key=lambda force: force.explained, default=None)
 
 
-def _forces(records: Sequence[Record], name: str) -> Iterator[ContactForce]:
-    known = [values[np.isfinite(values)] for record in records for values in [record.signals[name]]]
-    values = np.unique(np.concatenate(known))
-    if len(values) != 2:
-        return
+def two_values(records: Sequence[Record], signals: Sequence[str]) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Those of these signals that have only two values in the records, with these values, the smaller one first."""
+    for name in signals:
+        known = [values[np.isfinite(values)] for record in records for values in [record.signals[name]]]
+        values = np.unique(np.concatenate(known))
+        if len(values) == 2:
+            yield name, (float(values[0]), float(values[1]))
+
+
+def _forces(records: Sequence[Record], name: str, values: tuple[float, float]) -> Iterator[ContactForce]:
     loaded = [replace(record, signals={SIGNAL: record.signals[name]}) for record in records]
     constant = _explained(_rigid(loaded, (*USUAL, "signal")))
     parts = [[_where(record, name, value) for record in records] for value in values]
     for k, (during, beside) in enumerate((parts, parts[::-1])):
         fit = _rigid(during, USUAL)
-        force = ContactForce(name, float(values[k]), float(values[1 - k]), _explained(fit))
-        if fit is None or force.explained < _MIN_EXPLAINED or not leaves_much_less(force.explained, constant):
+        force = ContactForce(name, values[k], values[1 - k], _explained(fit))
+        if fit is None or force.explained < MIN_EXPLAINED or not leaves_much_less(force.explained, constant):
             continue
         pressing = _rigid(beside, USUAL)
         share = np.mean(np.concatenate([record.judged for record in during]))
-        if share > _MIN_FREE and _has_inertia(fit) and not (pressing and _has_inertia(pressing)):
+        if share > MIN_FREE and _has_inertia(fit) and not (pressing and _has_inertia(pressing)):
             yield force
 
 

@@ -1,6 +1,6 @@
 """What commissioning tries next if an axis was not identified, or cannot be monitored as it is."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.drive import Term, split_name
@@ -80,7 +80,8 @@ def retry(
     load = search.links if (replaceable or one_mass) and not tried else None
     gate = search.pressing if (unfit or fair) and not tried else None
     if gate and (load is None or leaves_much_less(gate.force.explained, load.weights.explained)):
-        return Retry(corrected(text, axis.id, gate.changes), gate.changes)
+        gated = corrected(text, axis.id, gate.changes)
+        return _with_links(gated, axis, gate.links, gate.changes) if gate.links else Retry(gated, gate.changes)
     if load and (unfit or fair or load.weights.explains_much_more):
         return _with_links(text, axis, load)
     if unfit:
@@ -154,10 +155,10 @@ def _gear_ratio(found: TurningWeight | None) -> float | None:
     return None if found is None or found.least < 1 < found.most else float(f"{found.ratio:.3g}")
 
 
-def _with_links(text: str, axis: NamedAxis, load: LinkLoad) -> Retry:
-    """One mass with a torque offset that follows the pose of the arm."""
+def _with_links(text: str, axis: NamedAxis, load: LinkLoad, gate: Sequence[Correction] = ()) -> Retry:
+    """One mass with a torque offset that follows the pose of the arm; ``gate``: changes that this text has already."""
     text = with_drive(text, axis.id, *_ONE_MASS)
-    changes = list(load.changes)
+    changes = [*gate, *load.changes]
     if axis.config.model.drive != _ONE_MASS.name:
         changes.insert(0, Correction(("model", "drive"), _ONE_MASS.name, "the torque shows a weight"))
     motions = {change.key[1] for change in load.changes if change.key[-1] in ("speed", "acceleration")}

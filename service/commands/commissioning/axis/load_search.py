@@ -1,8 +1,9 @@
 """What loads an axis beside its own mass: the links of an arm, a measured load, or a contact force.
 
 For links and loads a torque offset follows the angles of axes, their speeds and accelerations, and the signals of the
-axis; a gate leaves out the time in which the axis presses.  The core finds them (``arm_load``, ``contact_force``); this
-file reads the records with the signals that they may need, and makes changes of the configuration of what is found.
+axis; a gate leaves out the time in which the axis presses.  The core finds them (``arm_load``, ``contact_force``,
+``arm_contact``); this file reads the records with the signals that they may need, and makes changes of the
+configuration of what is found.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from monitor_core.identification import (
     MotionSignals,
     Record,
     TurningWeight,
+    arm_contact,
     arm_load,
     contact_force,
     motor_angles,
@@ -52,6 +54,8 @@ class PressingGate(NamedTuple):
 
     force: ContactForce
     changes: tuple[Correction, ...]
+    links: LinkLoad | None = None
+    """The load of links in the rest of the time; None: one mass explains the torque there"""
 
 
 class LoadSearch:
@@ -93,13 +97,23 @@ class LoadSearch:
 
     @cached_property
     def pressing(self) -> PressingGate | None:
-        """The force that acts while a signal has one of its two values; None: no signal tells of such a force."""
-        _, candidates = self._candidates
+        """The force that acts while a signal has one of its two values; None: no signal tells of such a force.
+
+        Where one mass does not explain the rest of the time, the load of links is looked for there, too.
+        """
+        motions, candidates = self._candidates
         if not candidates.loads:
             return None
         records, signals = self._recorded
         found = contact_force(records, signals.loads)
-        return None if found is None else PressingGate(found, _gate(found))
+        if found is not None:
+            return PressingGate(found, _gate(found, "one mass explains"))
+        explained = self.links.weights.explained if self.links else 0.0
+        contact = arm_contact(records, signals, explained, _SETTLE_S)
+        if contact is None:
+            return None
+        links = LinkLoad(contact.load.weights, tuple(_changes(motions, contact.load)))
+        return PressingGate(contact.force, _gate(contact.force, "one mass with the load of links explains"), links)
 
     @cached_property
     def turn(self) -> TurningWeight | None:
@@ -265,12 +279,12 @@ def _changes(motions: Sequence[_MotionSignal], found: ArmLoad) -> Iterator[Corre
                 yield Correction((SIGNAL, motion.name, "factor"), float(f"{ratio:.3g}"), reason)
 
 
-def _gate(found: ContactForce) -> tuple[Correction, Correction]:
-    """The gate that is open while the axis does not press."""
+def _gate(found: ContactForce, explains: str) -> tuple[Correction, Correction]:
+    """The gate that is open while the axis does not press; ``explains``: what explains the torque in the rest."""
     key = "below" if found.free < found.pressing else "above"
     reason = (
         f"while {found.signal} is {found.pressing:g}, a force acts that no motion of the axis explains; without that"
-        f" part one mass explains {100 * found.explained:.0f} % of the torque"
+        f" part {explains} {100 * found.explained:.0f} % of the torque"
     )
     settling = "then the force has gone, and the prediction has forgotten it"
     return (

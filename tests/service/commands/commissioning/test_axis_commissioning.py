@@ -274,6 +274,23 @@ def test_what_presses_is_left_out_unless_a_load_explains_it_as_well(tmp_path: Pa
     assert second is None or "gate" not in second.words
 
 
+def test_beside_what_presses_the_load_of_links_is_followed_in_the_rest(tmp_path: Path) -> None:
+    signal = 'signal = [{ name = "closed", column = "c" }]\n'
+    text = MASS.replace("angle =", f"{signal}angle =", 1)
+    gate = Correction(("gate", "closed", "below"), 0.5, "it presses")
+    angle = Correction(("signal", "a1", "axis"), "a1", "a weight")
+    rest = load_of((angle,), "cos(a1)", explained=0.93)
+    found = PressingGate(ContactForce("closed", 0.0, 1.0, 0.93), (gate,), rest)
+    load = load_of((), "closed", explained=0.8)
+    again = next_try(tmp_path, report(rejection="poor"), text, links=load, pressing=found)
+    assert again is not None
+    assert again.changes == (gate, angle)
+    assert again.schedule == ("tau0: cos(a1)",)
+    config = configured(again.text, NAME, tmp_path)[1].config
+    assert [(g.signal, g.below) for g in config.gate] == [("closed", 0.5)]
+    assert [s.name for s in config.signal] == ["closed", "a1"]
+
+
 def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:
     """A good fit needs none that explain little more, and a drive of several masses that was chosen is kept."""
     axis = Correction(("signal", "a2-acceleration", "axis"), "a2", "links")

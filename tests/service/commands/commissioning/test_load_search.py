@@ -11,6 +11,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
+from monitor_core.identification import LinkWeights
 from service.commands import commission
 from service.commands.commissioning.axis import axis_identification
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
@@ -280,7 +281,8 @@ def test_a_gate_leaves_out_what_presses(pressing: int, key: str, tmp_path: Path,
     records = [str(tmp_path / "a.csv")]
     found = LoadSearch(GUN, "arm.gun", records, tmp_path).pressing
     assert found is not None
-    force, (gate, settling) = found
+    assert found.links is None
+    force, (gate, settling) = found.force, found.changes
     assert gate.change == f"gate.GUN.{key} = 0.5"
     assert settling.change == "gate.GUN.settle_s = 0.1"
     assert gate.reason.startswith(f"while GUN is {pressing}, a force acts that no motion of the axis explains")
@@ -296,6 +298,55 @@ def test_a_gate_leaves_out_what_presses(pressing: int, key: str, tmp_path: Path,
     assert search.pressing is None
     assert search.links is None
     assert force.explained > 0.85
+
+
+GRINDER = arm_of("base", "lift").replace(
+    "[[robot.axis]]",
+    'signal = [{ name = "SPINDLE", column = "s" }, { name = "CONTACT", column = "c" }]\n[[robot.axis]]',
+    1,
+)
+
+
+def grinding(rng: np.random.Generator, path: Path, carried: float = 0.0) -> None:
+    """A record of an arm whose tool presses with a varying force for two fifths of the time, "c"; its spindle is on
+    longer, "s".  ``carried``: it bears this share of its own weight instead, from standstill to standstill."""
+    swing = Swing.drawn(rng, 240.0, 1.5, 1.2)
+    t, q, w, a = swing
+    contact, spindle = (np.sin(2 * np.pi * t / 13.7) > limit for limit in (0.3, -0.3))
+    if carried:
+        turns = np.flatnonzero(np.diff(np.sign(w[1])))
+        contact = contact[turns[np.clip(np.searchsorted(turns, np.arange(t.size)) - 1, 0, None)]]
+    slow = np.interp(t, np.arange(0, 241.0), rng.uniform(2, 25, 241))
+    u = np.array([2 * a[0], 4 * a[1] + 40 * np.cos(q[1])])
+    u += np.array([0 * t, carried * u[1]] if carried else [0.2 * slow, slow * np.sin(q[1] - 0.4)]) * contact
+    u += 0.8 * w + np.tanh(w / 0.05) + rng.normal(0, 0.1, q.shape)
+    table = np.column_stack([t, u[0], q[0], u[1], q[1], spindle, contact])
+    np.savetxt(path, table, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2,s,c", comments="")
+
+
+def test_what_presses_is_left_out_of_an_arm_that_holds_its_links(tmp_path: Path, seed: int) -> None:
+    """The weight hides that one mass explains the rest; and the spindle, which is on longer, is not taken for it."""
+    grinding(np.random.default_rng(seed), tmp_path / "a.csv")
+    records = [str(tmp_path / "a.csv")]
+    found = LoadSearch(GRINDER, "arm.lift", records, tmp_path).pressing
+    assert found is not None
+    assert found.links is not None
+    assert (found.force.signal, found.force.free, found.force.pressing) == ("CONTACT", 0.0, 1.0)
+    assert [change.change for change in found.changes] == ["gate.CONTACT.below = 0.5", "gate.CONTACT.settle_s = 0.1"]
+    assert "without that part one mass with the load of links explains" in found.changes[0].reason
+    assert found.links.weights.terms == ("cos(lift)",)
+    assert [change.change for change in found.links.changes] == ['signal.lift.axis = "lift"']
+    assert found.force.explained == found.links.weights.explained > 0.9
+    explained_as_well = LoadSearch(GRINDER, "arm.lift", records, tmp_path)
+    explained_as_well.links = LinkLoad(LinkWeights(("CONTACT * cos(lift)",), 0.99, 0.5), ())
+    assert explained_as_well.pressing is None
+
+
+def test_what_an_arm_carries_is_not_left_out(tmp_path: Path, seed: int) -> None:
+    grinding(np.random.default_rng(seed), tmp_path / "a.csv", carried=0.3)
+    search = LoadSearch(GRINDER, "arm.lift", [str(tmp_path / "a.csv")], tmp_path)
+    search.links = None  # also if no load explained it at all times
+    assert search.pressing is None
 
 
 BASE = arm_of("base", "lift")
