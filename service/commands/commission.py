@@ -27,7 +27,7 @@ from service.reports.formats import Provenance
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
-    from service.commands.commissioning.axis.axis_order import Order
+    from service.commands.commissioning.axis.axis_job import AxisJob
     from service.commands.commissioning.signals.signal_proposals import Review
 
 CONFIG = "axiswatch.toml"
@@ -90,14 +90,14 @@ def commission(
         if minutes is not None:
             record_live(read, text, output, 60 * minutes, yes)
         used = tuple(records or map(str, recorded(output)))
-        orders, silent = _orders(text, read, used, output, options_for(budget_s), yes)
-        reviews = _reviewed(orders, yes, console, _command(records or (), config, output, budget))
-        outcomes = [*_carried_out(orders, reviews, console), *silent]
+        jobs, silent = _jobs(text, read, used, output, options_for(budget_s), yes)
+        reviews = _reviewed(jobs, yes, console, _command(records or (), config, output, budget))
+        outcomes = [*_carried_out(jobs, reviews, console), *silent]
     motion_minutes = max(1, math.ceil(recording_s(outcomes) / 60))
     given, minutes_again = ((*records, "RECORD"), None) if records else ((), motion_minutes)
     again = _command(given, config, output, budget, minutes_again, yes)
     words = next_step(outcomes, output / CONFIG, bool(read.bus), again)
-    _write(config, orders[0], outcomes, words)
+    _write(config, jobs[0], outcomes, words)
     for step in (motion_step(outcome, output / CONFIG) for outcome in outcomes):
         if step:
             console.print(step, markup=False)
@@ -127,32 +127,32 @@ def _check_source(records: Sequence[str] | None, minutes: float | None, output: 
         )
 
 
-def _orders(
+def _jobs(
     text: str,
     config: Config,
     records: Sequence[str],
     output: Path,
     options: CalibrationOptions,
     shorten: bool,
-) -> tuple[list[Order], list[Outcome]]:
-    """An order for each axis that has records, and the outcomes of axes that have none."""
-    from service.commands.commissioning.axis.axis_order import Order
+) -> tuple[list[AxisJob], list[Outcome]]:
+    """A job for each axis that has records, and the outcomes of axes that have none."""
+    from service.commands.commissioning.axis.axis_job import AxisJob
     from service.ingest.axis_records import silent_in, wanted
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}
-    orders, refused = list[Order](), list[Outcome]()
+    jobs, refused = list[AxisJob](), list[Outcome]()
     for axis in config.axes:
         own = tuple(record for record in records if axis.id not in silent[record])
         if own:
-            orders.append(Order(text, axis.id, own, output, options, Provenance.now(), shorten))
+            jobs.append(AxisJob(text, axis.id, own, output, options, Provenance.now(), shorten))
             continue
         lost = sum((Counter(silent[record][axis.id]) for record in records), Counter[str]())
         dropped = ", ".join(f"{count} {reason}" for reason, count in lost.items() if count) or "nothing"
         words = f"not identified: no samples of it in {', '.join(records)}; dropped: {dropped}"
         refused.append(Outcome(axis.id, refusal=words))
-    if not orders:
+    if not jobs:
         raise RecordError(f"no samples of any axis: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}")
-    return orders, refused
+    return jobs, refused
 
 
 def options_for(budget_s: float) -> CalibrationOptions:
@@ -162,14 +162,14 @@ def options_for(budget_s: float) -> CalibrationOptions:
     return CalibrationOptions(budget_s)
 
 
-def _reviewed(orders: Sequence[Order], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
+def _reviewed(jobs: Sequence[AxisJob], yes: bool, console: Console, command: str) -> Mapping[str, Review]:
     """Review the signals of each axis; the corrections in it are those to which the user agrees."""
     from service.commands.commissioning.signals.exchanged_torques import exchanged
     from service.commands.commissioning.signals.signal_proposals import review
 
-    text, folder = orders[0].text, orders[0].folder
+    text, folder = jobs[0].text, jobs[0].folder
     proposals = _Proposals(yes, console)
-    records = {order.axis_id: order.records for order in orders}
+    records = {job.axis_id: job.records for job in jobs}
     others = {axis_id: proposals.agreed(axis_id, found) for axis_id, found in exchanged(text, records, folder).items()}
     for axis_id, corrections in others.items():
         text = corrected(text, axis_id, corrections)
@@ -232,38 +232,38 @@ class _Proposals:
             )
 
 
-def _carried_out(orders: Sequence[Order], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
+def _carried_out(jobs: Sequence[AxisJob], reviews: Mapping[str, Review], console: Console) -> list[Outcome]:
     """Commission the axes in parallel and show the progress; returns their outcomes.
 
     Each axis sees the corrections of all axes, as the motion of one may be a signal of another.
     """
     from service.commands.commissioning.axis.axis_processes import outcomes
 
-    text = orders[0].text
+    text = jobs[0].text
     for axis_id, looked in reviews.items():
         text = corrected(text, axis_id, looked.corrections)
-    orders = [order._replace(text=text) for order in orders]
+    jobs = [job._replace(text=text) for job in jobs]
     found: dict[str, Outcome] = {}
-    with axes_bars([order.axis_id for order in orders]) as bars:
-        for number, outcome in enumerate(outcomes(orders, reviews, lambda step: bars.show(*step)), 1):
+    with axes_bars([job.axis_id for job in jobs]) as bars:
+        for number, outcome in enumerate(outcomes(jobs, reviews, lambda step: bars.show(*step)), 1):
             found[outcome.axis_id] = outcome
             bars.end(outcome.axis_id)
             words = outcome.refusal or f"{outcome.finding} {outcome.outlook} {outcome.verdict}".strip()
-            console.print(f"[{number}/{len(orders)}] {outcome.axis_id}: {words}", markup=False)
-    return [found[order.axis_id] for order in orders]
+            console.print(f"[{number}/{len(jobs)}] {outcome.axis_id}: {words}", markup=False)
+    return [found[job.axis_id] for job in jobs]
 
 
-def _write(path: Path, order: Order, outcomes: Sequence[Outcome], words: str) -> None:
+def _write(path: Path, job: AxisJob, outcomes: Sequence[Outcome], words: str) -> None:
     """Write the report, and the configuration to this path if any axis was commissioned."""
     found = {outcome.axis_id: outcome.found for outcome in outcomes if outcome.found is not None}
-    text, written = order.text, [order.folder / REPORT]
-    write(order.folder / REPORT, as_html(outcomes, words, order.folder / CONFIG, order.provenance))
+    text, written = job.text, [job.folder / REPORT]
+    write(job.folder / REPORT, as_html(outcomes, words, job.folder / CONFIG, job.provenance))
     if found:
         for outcome in outcomes:
             text = corrected(text, outcome.axis_id, outcome.corrections)
-        heading = [f"Made from {path.name} by `axiswatch commission`, {order.provenance.date}."]
-        write(order.folder / CONFIG, commissioned(text, found, heading))
-        written.insert(0, order.folder / CONFIG)
+        heading = [f"Made from {path.name} by `axiswatch commission`, {job.provenance.date}."]
+        write(job.folder / CONFIG, commissioned(text, found, heading))
+        written.insert(0, job.folder / CONFIG)
     print(f"written: {', '.join(map(str, written))}", file=sys.stderr)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 
-from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.config.commissioned import Correction
 from service.reports.commissioning_report import Outcome
@@ -14,16 +14,16 @@ from tests.conftest import ROOT
 COMMISSIONED = ROOT / "config" / "demo" / "axiswatch.toml"
 
 
-def as_shipped(order: Order, review: Review, _progress: Callable[[str, str, float], None] = lambda *_: None) -> Outcome:
+def as_shipped(job: AxisJob, review: Review, _progress: Callable[[str, str, float], None] = lambda *_: None) -> Outcome:
     """The axis with the values of the shipped demo, in place of half a minute of its own identification."""
     assert not review.faults
-    assert order.records
-    files = {what: f"{order.axis_id}-{what}.toml" for what in ("nominal", "thresholds")}
+    assert job.records
+    files = {what: f"{job.axis_id}-{what}.toml" for what in ("nominal", "thresholds")}
     for what, name in files.items():
-        shutil.copy(COMMISSIONED.with_name(f"demo.axis1-{what}.toml"), order.folder / name)
+        shutil.copy(COMMISSIONED.with_name(f"demo.axis1-{what}.toml"), job.folder / name)
     drive = Correction(("model", "drive"), "three-mass", "as shipped")
     return Outcome(
-        order.axis_id,
+        job.axis_id,
         outlook="Can be watched: kT, 1/Ja, fm",
         watched=("kT", "1/Ja", "fm"),
         corrections=(*review.corrections, drive),

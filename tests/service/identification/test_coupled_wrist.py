@@ -13,7 +13,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import Effect, FitQuality
-from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.identification_retries import retry
 from service.commands.commissioning.axis.load_search import LoadSearch
@@ -168,9 +168,9 @@ def test_a_planned_motion_stays_within_that_of_the_arm(tmp_path: Path, seed: int
     """The motor moves farther, and faster, as the other axis moves it, too."""
     record = written(tmp_path, seed)
     text = robot(tmp_path, COUPLING).read_text(encoding="utf-8")
-    order = Order(text, "cell.turn", (str(record),), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    job = AxisJob(text, "cell.turn", (str(record),), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
     far = SuggestedMotion(("fm",), MotionRequest(torque=2.0, speed=99.0, angle=99.0))
-    request = within_arm(far, order).request
+    request = within_arm(far, job).request
     turn = motion(H_S * np.arange(COUNT, dtype=float), 2 * seed + 1)
     assert request.torque == 2.0
     assert request.angle == pytest.approx(np.ptp(turn.angle) / 2, rel=0.01)
@@ -194,13 +194,13 @@ def test_no_drive_with_a_weight_is_tried(coupling: str, drive: str, tmp_path: Pa
 BEFORE = Outcome("cell.turn", notes=("before",))
 
 
-def order(folder: Path, record: Path, coupling: str = "", yes: bool = True) -> Order:
+def job(folder: Path, record: Path, coupling: str = "", yes: bool = True) -> AxisJob:
     """To commission the last axis."""
     text = robot(folder, coupling).read_text(encoding="utf-8")
-    return Order(text, "cell.turn", (str(record),), folder, CalibrationOptions(600.0), Provenance.now(), yes)
+    return AxisJob(text, "cell.turn", (str(record),), folder, CalibrationOptions(600.0), Provenance.now(), yes)
 
 
-def coupled(task: Order) -> tuple[Order, Outcome]:
+def coupled(task: AxisJob) -> tuple[AxisJob, Outcome]:
     return with_coupling(task, BEFORE, lambda *_: None)
 
 
@@ -211,7 +211,7 @@ def coupling_in(text: str, folder: Path) -> dict[str, float]:
 
 
 def test_the_coupling_is_set_with_its_evidence(tmp_path: Path, seed: int) -> None:
-    found, outcome = coupled(order(tmp_path, written(tmp_path, seed)))
+    found, outcome = coupled(job(tmp_path, written(tmp_path, seed)))
     assert coupling_in(found.text, tmp_path) == pytest.approx({"bend": FACTOR}, rel=0.1)
     assert outcome.notes == BEFORE.notes
     (change,) = outcome.corrections
@@ -222,7 +222,7 @@ def test_the_coupling_is_set_with_its_evidence(tmp_path: Path, seed: int) -> Non
 
 
 def test_without_consent_it_is_only_proposed(tmp_path: Path, seed: int) -> None:
-    task = order(tmp_path, written(tmp_path, seed), yes=False)
+    task = job(tmp_path, written(tmp_path, seed), yes=False)
     found, outcome = coupled(task)
     assert found == task
     assert not outcome.corrections
@@ -231,7 +231,7 @@ def test_without_consent_it_is_only_proposed(tmp_path: Path, seed: int) -> None:
 
 
 def test_where_the_motor_does_not_move_with_another_axis_nothing_is_set(tmp_path: Path, seed: int) -> None:
-    task = order(tmp_path, written(tmp_path, seed, factor=0.0))
+    task = job(tmp_path, written(tmp_path, seed, factor=0.0))
     assert coupled(task) == (task, BEFORE)
 
 
@@ -245,7 +245,7 @@ def test_where_the_motor_does_not_move_with_another_axis_nothing_is_set(tmp_path
 def test_a_given_coupling_is_kept_and_doubted_where_the_records_contradict_it(
     given: str, words: str, tmp_path: Path, seed: int
 ) -> None:
-    task = order(tmp_path, written(tmp_path, seed), given)
+    task = job(tmp_path, written(tmp_path, seed), given)
     found, outcome = coupled(task)
     assert found == task
     assert not outcome.corrections
@@ -254,6 +254,6 @@ def test_a_given_coupling_is_kept_and_doubted_where_the_records_contradict_it(
 
 
 def test_a_drive_with_a_weight_stays_without_coupling(tmp_path: Path, seed: int) -> None:
-    task = order(tmp_path, written(tmp_path, seed))
+    task = job(tmp_path, written(tmp_path, seed))
     task = task._replace(text=task.text.replace('drive = "one-mass"', 'drive = "one-mass-weight"'))
     assert coupled(task) == (task, BEFORE)

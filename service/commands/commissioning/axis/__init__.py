@@ -2,5 +2,5 @@
 
 ``axis_processes`` does this for all axes in parallel, each by ``commission_axis``: ``coupling_search``,
 ``axis_identification`` (with ``identification_retries`` and ``load_search``), ``missing_motion``, ``axis_calibration``.
-The task is ``axis_order``.
+The job is an ``axis_job``.
 """

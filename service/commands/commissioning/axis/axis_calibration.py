@@ -6,7 +6,7 @@ from typing import NamedTuple
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.wording import rounded_down
 from service.commands.calibrate import as_identified, calibrate_axis
-from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order, as_found, within
+from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, as_found, within
 from service.commands.output_files import replace_text
 from service.config.commissioned import Correction, pages_of
 from service.config.conditions import needed
@@ -21,17 +21,17 @@ _AT_ONCE = 10_000
 """Number of samples between two reports of progress"""
 
 
-def calibrated(order: Order, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
+def calibrated(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
     """The outcome with thresholds, written into the folder; with ``shorten``, changes are made until there are some."""
-    options, found, step = order.options, None, within("calibrate", progress)
+    options, found, step = job.options, None, within("calibrate", progress)
     for _ in range(_MOST_REMEDIES):
         try:
-            config, axis = as_identified(*as_found(order, outcome), order.records)
-            found = calibrate_axis(config, axis, order.records, options, order.provenance, step)
+            config, axis = as_identified(*as_found(job, outcome), job.records)
+            found = calibrate_axis(config, axis, job.records, options, job.provenance, step)
             break
         except CalibrationError as error:
             remedy = _remedy_for(error, outcome, options)
-            if remedy is None or not order.shorten:
+            if remedy is None or not job.shorten:
                 taken = "" if remedy is None else f"; --yes applies {remedy.words}"
                 return replace(outcome, refusal=f"not calibrated: {error}{taken}")
             outcome, options = remedy.outcome, remedy.options
@@ -39,9 +39,9 @@ def calibrated(order: Order, outcome: Outcome, progress: CommissioningProgress) 
             return replace(outcome, refusal=f"not calibrated: {error}")
     if found is None:
         return replace(outcome, refusal="not calibrated: the records are too short, or move the axis too little")
-    page, values = pages_of(order.axis_id)[1], f"{order.axis_id}-thresholds.toml"
-    replace_text(order.folder / page, calibration_files.as_html(found))
-    replace_text(order.folder / values, calibration_files.as_toml(found))
+    page, values = pages_of(job.axis_id)[1], f"{job.axis_id}-thresholds.toml"
+    replace_text(job.folder / page, calibration_files.as_html(found))
+    replace_text(job.folder / values, calibration_files.as_toml(found))
     first = found.detectors[0]
     return replace(
         outcome,
@@ -85,13 +85,13 @@ def _remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationO
 # --- The test in its own records --------------------------------------------------------------------------------------
 
 
-def tested(order: Order, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
+def tested(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
     """Add the parameters that the daemon could not test in these records, as the axis temperature is unknown."""
     from service.pipeline.axis_monitors import AxisMonitors
 
-    config, axis = as_found(order, outcome)
-    monitors, many = AxisMonitors([axis]), len(order.records)
-    for number, record in enumerate(order.records):
+    config, axis = as_found(job, outcome)
+    monitors, many = AxisMonitors([axis]), len(job.records)
+    for number, record in enumerate(job.records):
         block, _ = samples_in(record, config, axis, needed(axis))
         for k in range(0, block.size, _AT_ONCE):
             progress("calibrate", "replaying the records", (number + k / block.size) / many)

@@ -14,7 +14,7 @@ from monitor_core.drive import split_name
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_calibration import calibrated, tested
 from service.commands.commissioning.axis.axis_identification import identified
-from service.commands.commissioning.axis.axis_order import CommissioningProgress, Order
+from service.commands.commissioning.axis.axis_job import AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.output_files import replace_text
@@ -25,7 +25,7 @@ from service.reports.commissioning_report import Outcome
 
 
 def commission_axis(
-    order: Order, review: Review, progress: CommissioningProgress = lambda _phase, _work, _share: None
+    job: AxisJob, review: Review, progress: CommissioningProgress = lambda _phase, _work, _share: None
 ) -> Outcome:
     """Identify and calibrate an axis, unless both are done already with the same configuration and records.
 
@@ -37,24 +37,24 @@ def commission_axis(
     4. Calibration gives thresholds.
     5. The axis is monitored in its own records: what could not be tested there is noted.
 
-    ``order``: its configuration has the corrections of ``review``, the findings about its signals.
+    ``job``: its configuration has the corrections of ``review``, the findings about its signals.
     """
-    name = order.axis_id
-    kept, digest = order.folder / f"{name}.json", _digest(order)
-    if (before := _read(kept, digest, order.folder)) is not None:
+    name = job.axis_id
+    kept, digest = job.folder / f"{name}.json", _digest(job)
+    if (before := _read(kept, digest, job.folder)) is not None:
         return before
-    (order.folder / motion_file(name)).unlink(missing_ok=True)
+    (job.folder / motion_file(name)).unlink(missing_ok=True)
     outcome = Outcome(name, corrections=review.corrections)
     if review.faults:
         return replace(outcome, refusal=f"not identified: {'; '.join(review.faults)}")
-    order = order._replace(records=tuple(r for r in order.records if r not in review.standing))
-    order, outcome = with_coupling(order, replace(outcome, notes=tuple(_open_points(review))), progress)
-    outcome = identified(order, outcome, progress)
+    job = job._replace(records=tuple(r for r in job.records if r not in review.standing))
+    job, outcome = with_coupling(job, replace(outcome, notes=tuple(_open_points(review))), progress)
+    outcome = identified(job, outcome, progress)
     if outcome.found is not None:
-        outcome = calibrated(order, outcome, progress)
+        outcome = calibrated(job, outcome, progress)
         if outcome.thresholds_file is not None:
-            outcome = tested(order, outcome, progress)
-        _, axis = order.configured()
+            outcome = tested(job, outcome, progress)
+        _, axis = job.configured()
         outcome = replace(outcome, notes=(*outcome.notes, *unmonitored_words(axis.config, outcome.watched)))
     replace_text(kept, json.dumps({"digest": digest, "outcome": asdict(outcome)}, indent=1) + "\n")
     return outcome
@@ -85,9 +85,9 @@ def unmonitored_words(axis: AxisConfig, watched: Sequence[str]) -> Iterator[str]
 # --- The outcome of an earlier call -----------------------------------------------------------------------------------
 
 
-def _digest(order: Order) -> str:
-    parts = [order.provenance.version, order.text, order.axis_id, repr(order.options), repr(order.shorten)]
-    parts += [f"{record} {sha256_of(wanted(record).path)}" for record in order.records]
+def _digest(job: AxisJob) -> str:
+    parts = [job.provenance.version, job.text, job.axis_id, repr(job.options), repr(job.shorten)]
+    parts += [f"{record} {sha256_of(wanted(record).path)}" for record in job.records]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 

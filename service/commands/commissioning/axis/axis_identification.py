@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from monitor_core.identification import FitQuality
 from monitor_core.wording import listed
-from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order, within
+from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, within
 from service.commands.commissioning.axis.identification_retries import (
     Retry,
     followers_monitored,
@@ -32,10 +32,10 @@ _MOST_LEFT_OUT = 2
 """Terms of the load of links that are left out, one after the other, if the fit does not converge: each takes a fit"""
 
 
-def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
+def identified(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
     """The outcome with nominal values, and with a motion for what the records do not show, written into the folder."""
     progress("identify", "reading the records", 0.0)
-    attempts = _Attempts(order, outcome)
+    attempts = _Attempts(job, outcome)
     try:
         found = attempts.run(progress)
         outcome = replace(found.outcome, notes=(*found.outcome.notes, *_unknown_gears(found)))
@@ -47,17 +47,17 @@ def identified(order: Order, outcome: Outcome, progress: CommissioningProgress) 
         return outcome
     progress("identify", "planning a motion", 0.0)
     if found.axis.config.coupling:
-        motion = within_arm(motion, found.order)
-    return with_motion(found.order, outcome, motion)
+        motion = within_arm(motion, found.job)
+    return with_motion(found.job, outcome, motion)
 
 
 # --- The attempts -----------------------------------------------------------------------------------------------------
 
 
 class _Attempt(NamedTuple):
-    """An identification with a configuration, that of its order, and the outcome before it."""
+    """An identification with a configuration, that of its job, and the outcome before it."""
 
-    order: Order
+    job: AxisJob
     axis: NamedAxis
     task: IdentificationTask
     report: IdentificationReport
@@ -73,8 +73,8 @@ class _Attempt(NamedTuple):
 class _Attempts:
     """Identifications of an axis, each with the configuration that the one before suggests."""
 
-    def __init__(self, order: Order, outcome: Outcome) -> None:
-        self._order = order
+    def __init__(self, job: AxisJob, outcome: Outcome) -> None:
+        self._job = job
         """With the configuration of the next attempt"""
         self.outcome = outcome
         """The outcome so far: changes that were tried, and notes"""
@@ -108,13 +108,13 @@ class _Attempts:
 
     def _attempt(self, progress: CommissioningProgress) -> tuple[_Attempt, Retry | None]:
         """Identify with the present configuration; also the changes that the result suggests."""
-        order, text = self._order, self._order.text
-        config, axis = order.configured()
+        job, text = self._job, self._job.text
+        config, axis = job.configured()
         request = Request(schedule=self._schedule, memories_s=memories_of(axis.config))
-        task = prepare(config, axis, order.records, [], request)
-        provenance = order.provenance._replace(drawing=drawing_of(axis.config))
-        search = LoadSearch(text, axis.id, order.records, order.folder, [item.record for item in task.estimation])
-        is_guess = order.shorten and not self._drives  # the first drive may be one
+        task = prepare(config, axis, job.records, [], request)
+        provenance = job.provenance._replace(drawing=drawing_of(axis.config))
+        search = LoadSearch(text, axis.id, job.records, job.folder, [item.record for item in task.estimation])
+        is_guess = job.shorten and not self._drives  # the first drive may be one
         for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
             report = part.run(provenance, within("identify", progress))
             if self._schedule and report.rejection:
@@ -123,17 +123,17 @@ class _Attempts:
                 again = retry(report, text, axis, self._drives, search)
             if report.rejection and again:  # the complete records would not help
                 break
-        return _Attempt(order, axis, task, report, self.outcome, search), again
+        return _Attempt(job, axis, task, report, self.outcome, search), again
 
     def _agreed(self, found: _Attempt, again: Retry | None) -> Retry | None:
         """What is tried next: without --yes nothing that changes more than which parameters are monitored."""
-        if again is None or not again.changes or self._order.shorten:
+        if again is None or not again.changes or self._job.shorten:
             return again
         self.offer = self.offer or f"; --yes applies {again.words}"
-        return None if found.report.rejection else followers_monitored(found.report, self._order.text, found.axis)
+        return None if found.report.rejection else followers_monitored(found.report, self._job.text, found.axis)
 
     def _apply(self, again: Retry) -> None:
-        self._order = self._order._replace(text=again.text)
+        self._job = self._job._replace(text=again.text)
         self._schedule = again.schedule or self._schedule
         notes = self.outcome.notes
         if again.left_out:
@@ -175,7 +175,7 @@ def _with_values(found: _Attempt, outcome: Outcome, offer: str, lacks: str) -> O
 
     ``offer``: what --yes would apply, as the end of a sentence; ``lacks``: see ``lacks_of``.
     """
-    folder, axis, report = found.order.folder, found.axis, found.report
+    folder, axis, report = found.job.folder, found.axis, found.report
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     better = [f"A better fit can be tried{offer}."] if offer and not report.rejection and watched_in(report) else []
     replace_text(folder / page, identification_html.as_html(report))

@@ -14,7 +14,7 @@ from multiprocessing.process import BaseProcess
 from typing import NamedTuple
 
 from service.commands.commissioning.axis.axis_commissioning import commission_axis
-from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.reports.commissioning_report import Outcome
 
@@ -34,20 +34,20 @@ class AxisStep(NamedTuple):
 
 
 def outcomes(
-    orders: Sequence[Order],
+    jobs: Sequence[AxisJob],
     reviews: Mapping[str, Review],
     show: Callable[[AxisStep], None],
 ) -> Iterator[Outcome]:
     """The outcome of each axis as soon as it is known; ``show`` is called with the steps in between."""
-    workers = min(len(orders), os.cpu_count() or 1)
+    workers = min(len(jobs), os.cpu_count() or 1)
     if workers == 1:
-        for order in orders:
-            yield _outcome(order, reviews[order.axis_id], show)
+        for job in jobs:
+            yield _outcome(job, reviews[job.axis_id], show)
         return
     context = get_context("spawn")  # not forked: this process has threads
     steps: SimpleQueue[AxisStep] = context.SimpleQueue()
     with ProcessPoolExecutor(workers, context, initializer=_connect, initargs=(steps,)) as pool:
-        axes = {pool.submit(_in_own_process, order, reviews[order.axis_id]): order.axis_id for order in orders}
+        axes = {pool.submit(_in_own_process, job, reviews[job.axis_id]): job.axis_id for job in jobs}
         waiting = set(axes)
         try:
             while waiting:
@@ -111,18 +111,18 @@ def _end_after(parent: BaseProcess) -> None:
     os._exit(1)
 
 
-def _in_own_process(order: Order, review: Review) -> Outcome:
-    return _outcome(order, review, _queues[0].put)
+def _in_own_process(job: AxisJob, review: Review) -> Outcome:
+    return _outcome(job, review, _queues[0].put)
 
 
-def _outcome(order: Order, review: Review, show: Callable[[AxisStep], None]) -> Outcome:
+def _outcome(job: AxisJob, review: Review, show: Callable[[AxisStep], None]) -> Outcome:
     """The outcome of an axis; a file that cannot be written, or an internal error, ends only this axis."""
     try:
-        return commission_axis(order, review, _steps(order.axis_id, show))
+        return commission_axis(job, review, _steps(job.axis_id, show))
     except OSError as error:  # such as a full disk
-        reason = f"{error.filename or order.folder}: {error.strerror}"
-        return Outcome(order.axis_id, refusal=f"not commissioned: {reason}")
+        reason = f"{error.filename or job.folder}: {error.strerror}"
+        return Outcome(job.axis_id, refusal=f"not commissioned: {reason}")
     except Exception as error:
         traceback.print_exc()
         reason = f"a fault of the program ({type(error).__name__}: {error}), please report it"
-        return Outcome(order.axis_id, refusal=f"not commissioned: {reason}", fault=True)
+        return Outcome(job.axis_id, refusal=f"not commissioned: {reason}", fault=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from monitor_core.identification import CouplingFactor, MotorCoupling, motor_coupling
 from monitor_core.wording import percent
-from service.commands.commissioning.axis.axis_order import REFUSALS, CommissioningProgress, Order
+from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.load_search import LoadSearch
 from service.config import AxisConfig
 from service.config.commissioned import SIGNAL, Correction, configured, corrected, uncoupled
@@ -22,58 +22,58 @@ _INTERVALS = 3.0
 """.. and by so many halves of its 90 % interval."""
 
 
-def with_coupling(order: Order, outcome: Outcome, progress: CommissioningProgress) -> tuple[Order, Outcome]:
-    """The order and the outcome with the coupling of the motor, if the friction in the records shows one.
+def with_coupling(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) -> tuple[AxisJob, Outcome]:
+    """The job and the outcome with the coupling of the motor, if the friction in the records shows one.
 
     A coupling that is given is kept; a note says so if the records contradict it.  Without --yes a note says what would
     be set.
     """
     try:
-        _, axis = order.configured()
+        _, axis = job.configured()
         if axis.config.output != "angle":
-            return order, outcome
+            return job, outcome
         progress("identify", "looking for coupled motors", 0.0)
-        found = _found(order, axis.config.coupling)
+        found = _found(job, axis.config.coupling)
     except REFUSALS:  # the drive has a weight, so it cannot be coupled; or identification says what is wrong
-        return order, outcome
+        return job, outcome
     if found is None:
-        return order, outcome
+        return job, outcome
     if axis.config.coupling:
         notes = _contradictions(axis.config.coupling, found)
-        return order, replace(outcome, notes=(*outcome.notes, *notes))
+        return job, replace(outcome, notes=(*outcome.notes, *notes))
     changes = tuple(_changes(found))
-    if not order.shorten:
+    if not job.shorten:
         words = f"{changes[0].reason[0].upper()}{changes[0].reason[1:]}. --yes applies {_line(_rounded(found))}."
-        return order, replace(outcome, notes=(*outcome.notes, words))
-    text = corrected(order.text, order.axis_id, changes)
-    return order._replace(text=text), replace(outcome, corrections=(*outcome.corrections, *changes))
+        return job, replace(outcome, notes=(*outcome.notes, words))
+    text = corrected(job.text, job.axis_id, changes)
+    return job._replace(text=text), replace(outcome, corrections=(*outcome.corrections, *changes))
 
 
 # --- The search in the records ----------------------------------------------------------------------------------------
 
 
-def _found(order: Order, given: Mapping[str, float]) -> MotorCoupling | None:
+def _found(job: AxisJob, given: Mapping[str, float]) -> MotorCoupling | None:
     """The factors by the names of axes or signals, found one by one, with the load of links that each makes known."""
-    plain = uncoupled(order.text, order.axis_id)
+    plain = uncoupled(job.text, job.axis_id)
     factors, found = dict(given), None
     while True:
-        text = corrected(plain, order.axis_id, [Correction((COUPLING, n), c, "") for n, c in factors.items()])
-        again = _one_more(order, plain, text, list(factors))
+        text = corrected(plain, job.axis_id, [Correction((COUPLING, n), c, "") for n, c in factors.items()])
+        again = _one_more(job, plain, text, list(factors))
         if again is None or again.factors.keys() == factors.keys():
             return again or found
         factors, found = _rounded(again), again
 
 
-def _one_more(order: Order, plain: str, text: str, known: list[str]) -> MotorCoupling | None:
+def _one_more(job: AxisJob, plain: str, text: str, known: list[str]) -> MotorCoupling | None:
     """The coupling with one axis more than are known; texts of the configuration without and with the known factors."""
-    links = LoadSearch(text, order.axis_id, order.records, order.folder).links
-    config, axis = configured(plain, order.axis_id, order.folder)
+    links = LoadSearch(text, job.axis_id, job.records, job.folder).links
+    config, axis = configured(plain, job.axis_id, job.folder)
     partners = [o for o in config.axes if o.robot == axis.robot and may_be_coupled(axis.config, o.config)]
     signals = {other.config.name: _signal(other.config.name, axis.config) for other in partners}
     changes = [Correction((SIGNAL, signal, "axis"), name, "") for name, signal in signals.items()]
     changes += links.changes if links else ()
-    config, _ = configured(corrected(plain, order.axis_id, changes), order.axis_id, order.folder)
-    records = [load(name, config, order.axis_id).record for name in order.records]
+    config, _ = configured(corrected(plain, job.axis_id, changes), job.axis_id, job.folder)
+    records = [load(name, config, job.axis_id).record for name in job.records]
     signals |= {name: name for name in known if name not in signals}
     used = {n: s for n, s in signals.items() if all(np.isfinite(r.signals.get(s, np.nan)).any() for r in records)}
     if not used or not used.keys() >= {*known}:

@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive import OF_ANGLE
 from monitor_core.identification import Obstacle, Record, top_speed
-from service.commands.commissioning.axis.axis_order import REFUSALS, Order
+from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob
 from service.commands.excite import MotionRequest, angle_columns, planned, torque_columns
 from service.commands.output_files import replace_text
 from service.config.commissioned import Found, commissioned, corrected, motion_file, uncoupled
@@ -54,7 +54,7 @@ def motion_for(report: IdentificationReport, records: Sequence[Record]) -> Sugge
     return SuggestedMotion(lost, request)
 
 
-def within_arm(motion: SuggestedMotion, order: Order) -> SuggestedMotion:
+def within_arm(motion: SuggestedMotion, job: AxisJob) -> SuggestedMotion:
     """The motion with the limits of the arm in the records, for an axis whose motor also moves with other axes.
 
     While the axis is moved alone, the motor moves as the arm does.
@@ -62,8 +62,8 @@ def within_arm(motion: SuggestedMotion, order: Order) -> SuggestedMotion:
     Raises:
         RecordError: a record cannot be read.
     """
-    config, axis = order._replace(text=uncoupled(order.text, order.axis_id)).configured()
-    records = [load(name, config, axis.id).record for name in order.records]
+    config, axis = job._replace(text=uncoupled(job.text, job.axis_id)).configured()
+    records = [load(name, config, axis.id).record for name in job.records]
     return motion._replace(request=motion.request._replace(speed=_speed(records), angle=_angle_limit(records)))
 
 
@@ -87,22 +87,22 @@ def _angle(record: Record) -> Floats:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.diff(t) * (y[1:] + y[:-1]) / 2)]))
 
 
-def with_motion(order: Order, outcome: Outcome, motion: SuggestedMotion) -> Outcome:
+def with_motion(job: AxisJob, outcome: Outcome, motion: SuggestedMotion) -> Outcome:
     """Add a file with a motion of the axis that shows what its records do not.
 
-    ``order``: with the configuration with which its nominal values were identified.
+    ``job``: with the configuration with which its nominal values were identified.
     """
-    name, file = order.axis_id, motion_file(order.axis_id)
+    name, file = job.axis_id, motion_file(job.axis_id)
     assert outcome.nominal_file is not None
-    changed = corrected(order.text, name, outcome.corrections)
+    changed = corrected(job.text, name, outcome.corrections)
     own = commissioned(changed, {name: outcome.found or Found(outcome.nominal_file, None, motion.lost)})
     if outcome.found is None:  # no part of what is commissioned, but a motion is planned with its values
-        replace_text(order.folder / own_config(name), own)
+        replace_text(job.folder / own_config(name), own)
     outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
-    path = order.folder / file
+    path = job.folder / file
     path.parent.mkdir(exist_ok=True)
     try:
-        _, axis = order._replace(text=own).configured()
+        _, axis = job._replace(text=own).configured()
         experiment = planned(axis, motion.request, np.random.default_rng(_PHASES))
     except REFUSALS as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))

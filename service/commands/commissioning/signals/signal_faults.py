@@ -9,7 +9,7 @@ from monitor_core.identification import UNITS, Record, Span, held_for, samples_l
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
 from service.can.user_errors import left_out_words
-from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked, values_of
+from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis, values_of
 from service.config.schema import MOST_LATE
 from service.ingest.loaded_records import RecordOrigin
 from service.ingest.recorded_units import Signal
@@ -25,24 +25,24 @@ _MAX_NAMED_SPANS = 3
 # --- Stuck signals, and those whose values are held for several samples -----------------------------------------------
 
 
-def faults(checked: Checked, texts: tuple[str, ...]) -> Iterator[str]:
+def faults(recorded: RecordedAxis, texts: tuple[str, ...]) -> Iterator[str]:
     """Faults of the signals and their remedies, in sentences without their full stop.
 
     ``texts``: the records as the user gave them.
     """
-    for record, source, text in zip(checked.records, checked.sources, texts, strict=True):
-        yield from _out_of_range(checked, source, text)
-        yield from _restarted(checked, source, text)
-        yield from _stuck(checked, record, text)
-        yield from _stuck_motion(checked, record, text)
-    yield from _too_late(checked)
+    for record, source, text in zip(recorded.records, recorded.sources, texts, strict=True):
+        yield from _out_of_range(recorded, source, text)
+        yield from _restarted(recorded, source, text)
+        yield from _stuck(recorded, record, text)
+        yield from _stuck_motion(recorded, record, text)
+    yield from _too_late(recorded)
 
 
-def _out_of_range(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
+def _out_of_range(recorded: RecordedAxis, source: RecordOrigin, text: str) -> Iterator[str]:
     """Values that no motor reaches, so that the unit must be another one."""
     lost = source.dropped.get("absurd", 0)
     if lost > _MAX_STUCK_SHARE * (source.samples + lost):
-        quantity = checked.output
+        quantity = recorded.output
         yield sentence(
             "values beyond",
             "{lost} values of {record} are beyond {torque} N m or {motion}, which no motor reaches: set torque.factor"
@@ -55,10 +55,10 @@ def _out_of_range(checked: Checked, source: RecordOrigin, text: str) -> Iterator
         )
 
 
-def _restarted(checked: Checked, source: RecordOrigin, text: str) -> Iterator[str]:
+def _restarted(recorded: RecordedAxis, source: RecordOrigin, text: str) -> Iterator[str]:
     """Times of a table that start again, so that the rows with smaller ones are left out."""
     lost = source.dropped.get("out_of_order", 0)
-    if checked.in_tables and lost > _MAX_STUCK_SHARE * (source.samples + lost):
+    if recorded.in_tables and lost > _MAX_STUCK_SHARE * (source.samples + lost):
         yield sentence(
             "times restart",
             "the times of {record} start again, so that {lost} of {rows} rows are not after those above: cut the file"
@@ -69,10 +69,10 @@ def _restarted(checked: Checked, source: RecordOrigin, text: str) -> Iterator[st
         )
 
 
-def _too_late(checked: Checked) -> Iterator[str]:
+def _too_late(recorded: RecordedAxis) -> Iterator[str]:
     """A torque that comes later than a correction may be."""
-    late = checked.axis.config.torque.late_samples
-    if late and late + (more := samples_late(checked.records)) > MOST_LATE:
+    late = recorded.axis.config.torque.late_samples
+    if late and late + (more := samples_late(recorded.records)) > MOST_LATE:
         yield sentence(
             "torque too late",
             "the torque comes {samples} samples or more later than the motion that it has caused, and at most {most}"
@@ -82,9 +82,9 @@ def _too_late(checked: Checked) -> Iterator[str]:
         )
 
 
-def _stuck(checked: Checked, record: Record, text: str) -> Iterator[str]:
+def _stuck(recorded: RecordedAxis, record: Record, text: str) -> Iterator[str]:
     for signal in SIGNALS:
-        name, values = _name(checked, signal), values_of(record, signal)
+        name, values = _name(recorded, signal), values_of(record, signal)
         nearly = signal == "motion" and values.size > _FEWEST and _same(values)
         if values.size and (np.ptp(values) == 0 or nearly):
             yield sentence(
@@ -117,14 +117,14 @@ def _same(values: Floats) -> bool:
     return bool(low == high)
 
 
-def _stuck_motion(checked: Checked, record: Record, text: str) -> Iterator[str]:
+def _stuck_motion(recorded: RecordedAxis, record: Record, text: str) -> Iterator[str]:
     """Stuck values of the motion; a held torque has really acted so."""
     count = held_for(record.y[record.measured])
     if count > 1:
         other = held_for(record.u) == count
         signals = "torque and motion come" if other else "the motion comes"
         interval = f"{count * record.interval_s:.5g}"
-        if checked.in_tables:
+        if recorded.in_tables:
             rows, way = "rows", f"keep every {_ordinal(count)} row, and set sample_interval_s = {interval}"
         else:
             rows = "frames"
@@ -133,7 +133,7 @@ def _stuck_motion(checked: Checked, record: Record, text: str) -> Iterator[str]:
             "signal held",
             "{name} changes only in every {nth} sample of {record}: {signals} {count} times as slowly as the {rows};"
             " {way}",
-            name=_name(checked, "motion"),
+            name=_name(recorded, "motion"),
             nth=_ordinal(count),
             record=text,
             signals=signals,
@@ -144,12 +144,12 @@ def _stuck_motion(checked: Checked, record: Record, text: str) -> Iterator[str]:
         )
 
 
-def _name(checked: Checked, signal: Signal) -> Sentence:
-    source = checked.source(signal)
-    place = f"column {source.column}" if checked.in_tables else f"signal {source.signal} of {source.message}"
-    column = source.column if checked.in_tables else f"{source.message}.{source.signal}"
+def _name(recorded: RecordedAxis, signal: Signal) -> Sentence:
+    source = recorded.source(signal)
+    place = f"column {source.column}" if recorded.in_tables else f"signal {source.signal} of {source.message}"
+    column = source.column if recorded.in_tables else f"{source.message}.{source.signal}"
     words = "{place} (the {quantity})"
-    return sentence("place", words, place=place, signal=column, quantity=checked.quantity(signal))
+    return sentence("place", words, place=place, signal=column, quantity=recorded.quantity(signal))
 
 
 def _words(spans: list[Span]) -> str:
@@ -172,29 +172,29 @@ def _ordinal(count: int) -> str:
 # --- What records leave open, with the key and the value that settle it -----------------------------------------------
 
 
-def unknown_units(checked: Checked) -> Iterator[str]:
+def unknown_units(recorded: RecordedAxis) -> Iterator[str]:
     """Open questions about the units, with the key and the value that settle each."""
-    for source in checked.sources:
+    for source in recorded.sources:
         if source.left_out:
             yield left_out_words(source.path, source.left_out)
     # If both are counts, the inertia may agree with the nominal one by chance.
-    if not checked.agrees or all(_counts(signal, checked) for signal in SIGNALS):
-        yield from _unknown_torque(checked)
-        yield from _unknown_motion(checked)
-    if (times := checked.times_nominal) is not None and not checked.agrees:
+    if not recorded.agrees or all(_counts(signal, recorded) for signal in SIGNALS):
+        yield from _unknown_torque(recorded)
+        yield from _unknown_motion(recorded)
+    if (times := recorded.times_nominal) is not None and not recorded.agrees:
         yield sentence(
             "inertia off",
             "as one mass the drive shows {times} times the nominal inertia: check units, the gear ratio and"
             " [robot.axis.model.nominal]; if the {quantity} is that of the arm, {key}.factor is the gear ratio, motor"
             " over arm",
             times=f"{times:.3g}",
-            quantity=checked.output,
-            key=checked.output,
+            quantity=recorded.output,
+            key=recorded.output,
         )
 
 
-def _unknown_torque(checked: Checked) -> Iterator[Sentence]:
-    if checked.axis.config.torque.kT_Nm_per_A is None and _counts("torque", checked):
+def _unknown_torque(recorded: RecordedAxis) -> Iterator[Sentence]:
+    if recorded.axis.config.torque.kT_Nm_per_A is None and _counts("torque", recorded):
         yield sentence(
             "torque counted",
             "the torque is in whole numbers, as in per mille of the rated torque (CiA 402, object 6077h): set"
@@ -203,9 +203,9 @@ def _unknown_torque(checked: Checked) -> Iterator[Sentence]:
         )
 
 
-def _unknown_motion(checked: Checked) -> Iterator[Sentence]:
-    if _counts("motion", checked):
-        weighed = any(p.name == "gc" for p in checked.drive.drawn)
+def _unknown_motion(recorded: RecordedAxis) -> Iterator[Sentence]:
+    if _counts("motion", recorded):
+        weighed = any(p.name == "gc" for p in recorded.drive.drawn)
         until = (
             "the weight of the arm cannot be found"
             if weighed
@@ -215,11 +215,11 @@ def _unknown_motion(checked: Checked) -> Iterator[Sentence]:
             "motion counted",
             "the {quantity} is in whole numbers, as counts are: set {key}.factor to 2 pi / counts of a turn of the"
             " motor (data sheet of the encoder) [rad]; until then {until}",
-            quantity=checked.output,
-            key=checked.output,
+            quantity=recorded.output,
+            key=recorded.output,
             until=until,
         )
-    elif checked.output == "speed" and (speed := top_speed(checked.records)) > FASTEST:
+    elif recorded.output == "speed" and (speed := top_speed(recorded.records)) > FASTEST:
         yield sentence(
             "speed beyond",
             "no motor turns at {speed} rad/s: set speed.factor to 0.10472 for revolutions per minute, 0.0174533 for"
@@ -228,18 +228,18 @@ def _unknown_motion(checked: Checked) -> Iterator[Sentence]:
         )
 
 
-def _counts(signal: Signal, checked: Checked) -> bool:
+def _counts(signal: Signal, recorded: RecordedAxis) -> bool:
     """Whether a signal consists of whole numbers of unknown unit."""
-    counted = checked.in_whole_numbers(signal) and abs(checked.factor(signal)) == 1
-    return counted and not checked.is_as_recorded(signal)
+    counted = recorded.in_whole_numbers(signal) and abs(recorded.factor(signal)) == 1
+    return counted and not recorded.is_as_recorded(signal)
 
 
-def unchecked(checked: Checked) -> str:
+def unchecked(recorded: RecordedAxis) -> str:
     """Units that nothing in the records could have checked; empty: everything configured has been compared."""
-    if checked.known.inertia is not None:
+    if recorded.known.inertia is not None:
         return ""
-    ratio = "" if checked.ratio is None else f", and of the gear ratio r = {checked.ratio:g}"
+    ratio = "" if recorded.ratio is None else f", and of the gear ratio r = {recorded.ratio:g}"
     return (
-        f"Units of torque and {checked.output} are taken as configured{ratio}: records show them beside the nominal"
+        f"Units of torque and {recorded.output} are taken as configured{ratio}: records show them beside the nominal"
         " inertias of [robot.axis.model.nominal], or where a weight acts."
     )

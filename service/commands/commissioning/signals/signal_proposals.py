@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from monitor_core.identification import check_record, moves, samples_late, wrap_of
 from monitor_core.wording import sentence
-from service.commands.commissioning.signals.checked_axis import Checked
+from service.commands.commissioning.signals.recorded_axis import RecordedAxis
 from service.commands.commissioning.signals.signal_faults import faults, unchecked, unknown_units
 from service.commands.commissioning.signals.signal_times import clock, interval, unit_of_time
 from service.commands.commissioning.signals.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
@@ -48,12 +48,12 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
     """
     found: list[Correction] = []
     while True:
-        checked, used = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
-        new, wrong = _first(checked, used)
+        recorded, used = _checked(*configured(corrected(text, axis_id, found), axis_id, folder), records)
+        new, wrong = _first(recorded, used)
         if new is None or len(found) == _MAX_ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
-            doubts = () if wrong else tuple(unknown_units(checked))
+            doubts = () if wrong else tuple(unknown_units(recorded))
             standing = tuple(text for text in records if text not in used)
-            return Review(tuple(found), wrong, doubts, unchecked(checked), standing)
+            return Review(tuple(found), wrong, doubts, unchecked(recorded), standing)
         found.append(new)
 
 
@@ -63,46 +63,46 @@ def first_review(config: Config, axis: NamedAxis, record: str) -> Review:
     Raises:
         RecordError, DescriptionError, IngestError: the record cannot be read.
     """
-    checked, used = _checked(config, axis, [record])
-    new, wrong = _first(checked, used)
-    doubts = () if new or wrong else tuple(unknown_units(checked))
-    return Review((new,) if new else (), wrong, doubts, unchecked(checked))
+    recorded, used = _checked(config, axis, [record])
+    new, wrong = _first(recorded, used)
+    doubts = () if new or wrong else tuple(unknown_units(recorded))
+    return Review((new,) if new else (), wrong, doubts, unchecked(recorded))
 
 
-def _first(checked: Checked, used: tuple[str, ...]) -> tuple[Correction | None, tuple[str, ...]]:
+def _first(recorded: RecordedAxis, used: tuple[str, ...]) -> tuple[Correction | None, tuple[str, ...]]:
     """The first correction, or the faults that no correction repairs."""
-    new = next(_corrections(_FIRST_CHECKS, checked), None)
+    new = next(_corrections(_FIRST_CHECKS, recorded), None)
     if new is not None:
         return new, ()
-    wrong = tuple(faults(checked, used))
-    return (None if wrong else next(_corrections(_SIGNAL_CHECKS, checked), None)), wrong
+    wrong = tuple(faults(recorded, used))
+    return (None if wrong else next(_corrections(_SIGNAL_CHECKS, recorded), None)), wrong
 
 
-def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[Checked, tuple[str, ...]]:
+def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[RecordedAxis, tuple[str, ...]]:
     """An axis with the records in which it moves, if there are any, and the names of these records."""
     loaded = {record: load_record(record, config, axis.id) for record in records}
     moving = {text: item for text, item in loaded.items() if moves(item.record.y, item.record.quantity)} or loaded
-    return Checked(config, axis, list(moving.values()), is_table(wanted(records[0]).path)), tuple(moving)
+    return RecordedAxis(config, axis, list(moving.values()), is_table(wanted(records[0]).path)), tuple(moving)
 
 
 # --- The checks, in the order in which their corrections are to be made -----------------------------------------------
 
 
-def _sign(checked: Checked) -> Iterator[Correction]:
-    for finding in (f for record in checked.records for f in check_record(record)):
+def _sign(recorded: RecordedAxis) -> Iterator[Correction]:
+    for finding in (f for record in recorded.records for f in check_record(record)):
         if finding.kind == "wrong-sign":
             words = "{finding} (or turn that of the motion)"
             reason = sentence("wrong sign", words, finding=finding.sentence)
-            yield Correction(("torque", "factor"), -checked.axis.config.torque.factor, reason)
+            yield Correction(("torque", "factor"), -recorded.axis.config.torque.factor, reason)
 
 
-def _wrap(checked: Checked) -> Iterator[Correction]:
+def _wrap(recorded: RecordedAxis) -> Iterator[Correction]:
     """An angle that starts again after each turn, or after each overflow of a counter."""
-    angle = checked.axis.config.angle
-    if angle is None or checked.output != "angle":
+    angle = recorded.axis.config.angle
+    if angle is None or recorded.output != "angle":
         return
     if angle.wrap_period is None:
-        record = checked.records[0]
+        record = recorded.records[0]
         period = wrap_of((record.y[record.measured] - angle.offset) / angle.factor)
         if period is not None:
             reason = sentence("wraps", "the angle starts again after {period}", period=f"{period:.6g}")
@@ -118,10 +118,10 @@ def _wrap(checked: Checked) -> Iterator[Correction]:
 _TURNS = {360.0: "degrees", 1.0: "revolutions"}
 
 
-def _late(checked: Checked) -> Iterator[Correction]:
+def _late(recorded: RecordedAxis) -> Iterator[Correction]:
     """A torque that comes later than the motion that it has caused."""
-    if found := samples_late(checked.records):
-        config = checked.axis.config
+    if found := samples_late(recorded.records):
+        config = recorded.axis.config
         reason = sentence(
             "late torque",
             "the torque comes {seconds} s later than the motion that it has caused, as a filtered current does",
@@ -130,11 +130,11 @@ def _late(checked: Checked) -> Iterator[Correction]:
         yield Correction(("torque", "late_samples"), config.torque.late_samples + found, reason)
 
 
-def _corrections(checks: Sequence[_Check], checked: Checked) -> Iterator[Correction]:
-    return (correction for check in checks for correction in check(checked))
+def _corrections(checks: Sequence[_Check], recorded: RecordedAxis) -> Iterator[Correction]:
+    return (correction for check in checks for correction in check(recorded))
 
 
-_Check = Callable[[Checked], Iterator[Correction]]
+_Check = Callable[[RecordedAxis], Iterator[Correction]]
 _FIRST_CHECKS: tuple[_Check, ...] = (unit_of_time, interval, clock, _wrap)
 """Checked before faults: an angle that jumps back looks like one that is stuck in between."""
 _SIGNAL_CHECKS: tuple[_Check, ...] = (by_name, _sign, _late, by_ratio, by_weight, by_inertia, by_speed)

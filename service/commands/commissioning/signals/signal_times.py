@@ -9,7 +9,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import is_smoother_evenly, received_interval
 from monitor_core.wording import sentence
 from service.can.messages import find_counter
-from service.commands.commissioning.signals.checked_axis import Checked
+from service.commands.commissioning.signals.recorded_axis import RecordedAxis
 from service.commands.identification_task import SAME_INTERVAL, TIME_UNITS
 from service.config.commissioned import Correction
 from service.ingest.bus_samples import Ingest
@@ -22,46 +22,46 @@ _MAX_INTERVAL_RATIO = 2.5
 """Factor by which the interval may differ from the configured one if the times are in another unit."""
 
 
-def unit_of_time(checked: Checked) -> Iterator[Correction]:
+def unit_of_time(recorded: RecordedAxis) -> Iterator[Correction]:
     """Times of a table in another unit than seconds."""
-    if checked.axis.config.time.column is None:
+    if recorded.axis.config.time.column is None:
         return
-    ratio = _interval_s(checked)[0] / checked.axis.config.sample_interval_s
+    ratio = _interval_s(recorded)[0] / recorded.axis.config.sample_interval_s
     for factor, unit in TIME_UNITS.items():
         if 1 / _MAX_INTERVAL_RATIO < ratio / factor < _MAX_INTERVAL_RATIO:
             yield Correction(("time", "factor"), 1 / factor, f"the times look like {unit}")
 
 
-def interval(checked: Checked) -> Iterator[Correction]:
+def interval(recorded: RecordedAxis) -> Iterator[Correction]:
     """A sample interval that is not the configured one."""
-    configured_s, (measured_s, off) = checked.axis.config.sample_interval_s, _interval_s(checked)
+    configured_s, (measured_s, off) = recorded.axis.config.sample_interval_s, _interval_s(recorded)
     if not math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL + off):
         words = "the samples of the records are {found} s apart, not {configured} s"
         reason = sentence("samples apart", words, found=f"{measured_s:.6g}", configured=f"{configured_s:g}")
         yield Correction(("sample_interval_s",), float(f"{measured_s:.5g}"), reason)
 
 
-def _interval_s(checked: Checked) -> tuple[float, float]:
+def _interval_s(recorded: RecordedAxis) -> tuple[float, float]:
     """The median of the records, and its relative uncertainty.
 
     Times from a counter always have the configured interval; only the receive times show the true one.
     """
-    counted = checked.axis.config.time.counter_signal is not None
+    counted = recorded.axis.config.time.counter_signal is not None
     intervals = []
-    for record, source in zip(checked.records, checked.sources, strict=True):
-        if not checked.in_tables and (counted or _crowded(source) > _MIN_BUNCHED_SHARE):
-            intervals.append(received_interval(*_receipts(checked, source)))
+    for record, source in zip(recorded.records, recorded.sources, strict=True):
+        if not recorded.in_tables and (counted or _crowded(source) > _MIN_BUNCHED_SHARE):
+            intervals.append(received_interval(*_receipts(recorded, source)))
         else:
             intervals.append((record.mean_interval_s, 0.0))
     known = [found for found in intervals if math.isfinite(found[1])] or intervals
     return sorted(known)[len(known) // 2]
 
 
-def _receipts(checked: Checked, source: RecordOrigin) -> tuple[Floats, Floats]:
+def _receipts(recorded: RecordedAxis, source: RecordOrigin) -> tuple[Floats, Floats]:
     """Times at which torque or counter were received [s], even if they became no sample, and their cycles (N,)."""
-    config, bus, signals = checked.config, checked.axis.config.bus, {checked.axis.id: ()}
+    config, bus, signals = recorded.config, recorded.axis.config.bus, {recorded.axis.id: ()}
     assert bus is not None  # else there is no log of it
-    time = checked.axis.config.time
+    time = recorded.axis.config.time
     log, ingest = LogRecord(source.path, config, signals), Ingest(config, bus, signals)
     wanted = "torque" if time.counter_signal is None else "counter"
     frames = (of_bus[bus] for of_bus, _ in log.frames() if bus in of_bus)
@@ -81,18 +81,18 @@ def _crowded(source: RecordOrigin) -> float:
     return source.dropped.get("repeated", 0) / 2 / source.samples
 
 
-def clock(checked: Checked) -> Iterator[Correction]:
+def clock(recorded: RecordedAxis) -> Iterator[Correction]:
     """Times of receipt that are not those of the samples: in bunches, as of some adapters, or the motion shows it."""
-    time = checked.axis.config.time
-    if checked.in_tables or time.counter_signal is not None or time.clock != "receipt":
+    time = recorded.axis.config.time
+    if recorded.in_tables or time.counter_signal is not None or time.clock != "receipt":
         return
-    if max(map(_crowded, checked.sources)) > _MIN_BUNCHED_SHARE:
+    if max(map(_crowded, recorded.sources)) > _MIN_BUNCHED_SHARE:
         reason = sentence(
             "bunches",
             "frames are received in bunches, so the times of receipt are not those of the samples: the clock of the"
             " controller is fitted to them",
         )
-    elif all(is_smoother_evenly(record, checked.axis.config.sample_interval_s) for record in checked.records):
+    elif all(is_smoother_evenly(record, recorded.axis.config.sample_interval_s) for record in recorded.records):
         reason = sentence(
             "scatter",
             "the motion is smoother with even times than with those of receipt, which scatter: the clock of the"

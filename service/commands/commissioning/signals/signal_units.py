@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from monitor_core.identification import TurningWeight, is_about_nominal, top_speed, turning_weight
 from monitor_core.wording import Sentence, sentence
-from service.commands.commissioning.signals.checked_axis import FASTEST, SIGNALS, Checked
+from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis
 from service.config.commissioned import Correction
 from service.config.unit_names import unit_in, unit_passed_over
 from service.ingest.recorded_units import Signal
@@ -45,36 +45,36 @@ _ANGLES: Mapping[str, Mapping[str, float]] = {
 # --- By the names -----------------------------------------------------------------------------------------------------
 
 
-def by_name(checked: Checked) -> Iterator[Correction]:
+def by_name(recorded: RecordedAxis) -> Iterator[Correction]:
     """The name of the column or the description of the bus states a unit that the configured factor contradicts."""
-    if checked.agrees:
+    if recorded.agrees:
         return
     for signal in SIGNALS:
-        quantity = checked.quantity(signal)
-        unit = unit_passed_over(checked.unit_text(signal), quantity, checked.factor(signal))
+        quantity = recorded.quantity(signal)
+        unit = unit_passed_over(recorded.unit_text(signal), quantity, recorded.factor(signal))
         if unit is None or unit.factor is None:
             continue
-        place = "the column" if checked.in_tables else "the description of the bus"
+        place = "the column" if recorded.in_tables else "the description of the bus"
         reason = sentence(
             "unit in name",
             "{place} says that the {quantity} is in {words}: {text}",
             place=place,
             quantity=quantity,
             words=unit.words,
-            text=checked.unit_text(signal),
+            text=recorded.unit_text(signal),
         )
-        yield Correction(checked.key(signal), checked.factor(signal) * unit.factor, reason)
+        yield Correction(recorded.key(signal), recorded.factor(signal) * unit.factor, reason)
 
 
 # --- By a weight, which hangs on the true angle -----------------------------------------------------------------------
 
 
-def by_weight(checked: Checked) -> Iterator[Correction]:
+def by_weight(recorded: RecordedAxis) -> Iterator[Correction]:
     """The torque of a weight repeats after another turn than the configured angle and gear give."""
-    ratio = checked.ratio
+    ratio = recorded.ratio
     if ratio is None or ratio > _MIN_GEAR_RATIO:
         return
-    found = turning_weight(checked.records[0])
+    found = turning_weight(recorded.records[0])
     if found is None or found.least / _DOUBT_MARGIN < ratio < found.most * _DOUBT_MARGIN:
         return
     shows = sentence(
@@ -83,26 +83,26 @@ def by_weight(checked: Checked) -> Iterator[Correction]:
         low=f"{found.least / ratio:.2g}",
         high=f"{found.most / ratio:.2g}",
     )
-    if not checked.agrees and (unit := _unit_by_weight(checked, found, ratio, shows)) is not None:
+    if not recorded.agrees and (unit := _unit_by_weight(recorded, found, ratio, shows)) is not None:
         yield unit
-    elif found.most / found.least < _BETWEEN**2 and "r" in checked.axis.config.model.nominal:
+    elif found.most / found.least < _BETWEEN**2 and "r" in recorded.axis.config.model.nominal:
         words = "{shows}: the gear ratio is about 1/{gear}; its data sheet says it"
         reason = sentence("gear by weight", words, shows=shows, gear=f"{1 / found.ratio:.3g}")
-        sign = math.copysign(1.0, checked.values["r"])
+        sign = math.copysign(1.0, recorded.values["r"])
         yield Correction(("model", "nominal", "r"), sign * float(f"{found.ratio:.3g}"), reason)
 
 
-def _unit_by_weight(checked: Checked, found: TurningWeight, ratio: float, shows: str) -> Correction | None:
+def _unit_by_weight(recorded: RecordedAxis, found: TurningWeight, ratio: float, shows: str) -> Correction | None:
     """The unit with which the weight turns like the arm."""
-    before, width = checked.factor("motion"), found.most / found.least
+    before, width = recorded.factor("motion"), found.most / found.least
     counts = 2 * math.pi * ratio / found.ratio / abs(before)
-    if checked.in_whole_numbers("motion") and width < _BETWEEN**2 and counts > 2 * math.pi / _COUNTED:
-        return _counts(checked, counts, _whole(shows, checked.output))
-    units = {**_ANGLES[checked.output], "that of the arm": 1 / ratio}
+    if recorded.in_whole_numbers("motion") and width < _BETWEEN**2 and counts > 2 * math.pi / _COUNTED:
+        return _counts(recorded, counts, _whole(shows, recorded.output))
+    units = {**_ANGLES[recorded.output], "that of the arm": 1 / ratio}
     for words, factor in units.items():
         if width < _SAME_ANGLE and found.least < ratio * factor < found.most:
-            reason = sentence("is so", "{shows}: {what}", shows=shows, what=_unit(checked.output, words))
-            return Correction(checked.key("motion"), before * factor, reason)
+            reason = sentence("is so", "{shows}: {what}", shows=shows, what=_unit(recorded.output, words))
+            return Correction(recorded.key("motion"), before * factor, reason)
     return None
 
 
@@ -115,7 +115,7 @@ def _whole(shows: str, quantity: str) -> Sentence:
     return sentence("whole numbers", words, shows=shows, quantity=quantity)
 
 
-def _counts(checked: Checked, counts: float, shows: str) -> Correction:
+def _counts(recorded: RecordedAxis, counts: float, shows: str) -> Correction:
     power = round(math.log2(counts))
     reason = sentence(
         "counts",
@@ -126,8 +126,8 @@ def _counts(checked: Checked, counts: float, shows: str) -> Correction:
         power=power,
         likely=2**power,
     )
-    sign = math.copysign(1.0, checked.factor("motion"))
-    return Correction(checked.key("motion"), sign * 2 * math.pi / 2**power, reason)
+    sign = math.copysign(1.0, recorded.factor("motion"))
+    return Correction(recorded.key("motion"), sign * 2 * math.pi / 2**power, reason)
 
 
 # --- By the nominal inertia -------------------------------------------------------------------------------------------
@@ -142,28 +142,28 @@ class _Candidate(NamedTuple):
     value: float
 
 
-def by_inertia(checked: Checked) -> Iterator[Correction]:
+def by_inertia(recorded: RecordedAxis) -> Iterator[Correction]:
     """With one mass, the drive has another inertia than the nominal values give."""
-    times = checked.times_nominal
+    times = recorded.times_nominal
     if times is None:
         return
-    counted = {signal: checked.in_whole_numbers(signal) for signal in SIGNALS}
-    torque = _torque_times(checked, times) if counted["torque"] else 1.0
-    is_torque = checked.axis.config.torque.kT_Nm_per_A is None
+    counted = {signal: recorded.in_whole_numbers(signal) for signal in SIGNALS}
+    torque = _torque_times(recorded, times) if counted["torque"] else 1.0
+    is_torque = recorded.axis.config.torque.kT_Nm_per_A is None
     per_mille = counted["torque"] and is_torque and _PER_MILLE[0] < torque < _PER_MILLE[1]
     # If both are counts, the error of one may compensate that of the other.
     if is_about_nominal(times) and not per_mille:
         return
-    assert checked.shown is not None
-    shows = _shows_inertia(checked.shown[0], times)
+    assert recorded.shown is not None
+    shows = _shows_inertia(recorded.shown[0], times)
     if per_mille:
-        yield _per_mille(checked, torque, _whole(shows, "torque"))
+        yield _per_mille(recorded, torque, _whole(shows, "torque"))
     elif counted["motion"] and times < _COUNTED:
         yield _counts(
-            checked, 2 * math.pi / times / abs(checked.factor("motion")),
-            _whole(shows, checked.output),
+            recorded, 2 * math.pi / times / abs(recorded.factor("motion")),
+            _whole(shows, recorded.output),
         )  # fmt: skip
-    elif (found := _nearest(checked, times)) is not None:
+    elif (found := _nearest(recorded, times)) is not None:
         sure = 1 / _MAX_MATCH_RATIO < times / found.times < _MAX_MATCH_RATIO
         words = "{shows}: {what}" if sure else "{shows}: probably {what}"
         reason = sentence(
@@ -181,15 +181,15 @@ def _shows_inertia(inertia: float, times: float) -> Sentence:
     return sentence("shows inertia", words, inertia=f"{inertia:.3g}", times=f"{times:.3g}")
 
 
-def _torque_times(checked: Checked, times: float) -> float:
+def _torque_times(recorded: RecordedAxis, times: float) -> float:
     """Factor by which the torque is too large: by Coulomb friction if both signals may be wrong, or by the inertia."""
-    friction = checked.values.get("fc", 0.0)
-    shown = 0.0 if checked.shown is None else checked.shown[1]
-    return shown / friction if friction > 0 and shown > 0 and checked.in_whole_numbers("motion") else times
+    friction = recorded.values.get("fc", 0.0)
+    shown = 0.0 if recorded.shown is None else recorded.shown[1]
+    return shown / friction if friction > 0 and shown > 0 and recorded.in_whole_numbers("motion") else times
 
 
-def _per_mille(checked: Checked, times: float, shows: str) -> Correction:
-    before = checked.factor("torque")
+def _per_mille(recorded: RecordedAxis, times: float, shows: str) -> Correction:
+    before = recorded.factor("torque")
     rated = float(f"{1000 * abs(before) / times:.2g}")
     reason = sentence(
         "per mille",
@@ -198,28 +198,28 @@ def _per_mille(checked: Checked, times: float, shows: str) -> Correction:
         shows=shows,
         rated=f"{rated:g}",
     )
-    return Correction(checked.key("torque"), math.copysign(rated / 1000, before), reason)
+    return Correction(recorded.key("torque"), math.copysign(rated / 1000, before), reason)
 
 
-def _nearest(checked: Checked, times: float) -> _Candidate | None:
+def _nearest(recorded: RecordedAxis, times: float) -> _Candidate | None:
     """The mistake that explains this inertia; None: no common mistake does."""
-    found = min(_candidates(checked), key=lambda c: abs(math.log(times / c.times)))
+    found = min(_candidates(recorded), key=lambda c: abs(math.log(times / c.times)))
     return found if 1 / _MAX_NOMINAL_RATIO < times / found.times < _MAX_NOMINAL_RATIO else None
 
 
-def _candidates(checked: Checked) -> Iterator[_Candidate]:
-    motion, torque = checked.factor("motion"), checked.factor("torque")
-    key, name, ratio = checked.key("motion"), checked.output, checked.ratio
+def _candidates(recorded: RecordedAxis) -> Iterator[_Candidate]:
+    motion, torque = recorded.factor("motion"), recorded.factor("torque")
+    key, name, ratio = recorded.key("motion"), recorded.output, recorded.ratio
     for words, factor in _ANGLES[name].items():
         yield _Candidate(factor, _unit(name, words), key, motion * factor)
-    yield _Candidate(1e3, _unit("torque", "in N mm"), checked.key("torque"), torque * 1e-3)
+    yield _Candidate(1e3, _unit("torque", "in N mm"), recorded.key("torque"), torque * 1e-3)
     times: dict[Signal, float] = {"torque": abs(torque), "motion": 1 / abs(motion)}
     for signal, factor in times.items():
         if not 1 / _MIN_GEAR_RATIO < factor < _MIN_GEAR_RATIO:
-            quantity = checked.quantity(signal)
+            quantity = recorded.quantity(signal)
             what = sentence("no factor", "the {quantity} needs no factor", quantity=quantity)
-            value = math.copysign(1.0, checked.factor(signal))
-            yield _Candidate(factor, what, checked.key(signal), value)
+            value = math.copysign(1.0, recorded.factor(signal))
+            yield _Candidate(factor, what, recorded.key(signal), value)
     if ratio is None or 1 / _MIN_GEAR_RATIO < ratio < _MIN_GEAR_RATIO:
         return
     yield _Candidate(1 / ratio, _unit(name, "that of the arm"), key, motion / ratio)
@@ -230,12 +230,12 @@ def _candidates(checked: Checked) -> Iterator[_Candidate]:
 # --- By the gear ratio, where it can be seen --------------------------------------------------------------------------
 
 
-def by_ratio(checked: Checked) -> Iterator[Correction]:
+def by_ratio(recorded: RecordedAxis) -> Iterator[Correction]:
     """The configured gear makes the arm faster than the motor, or does not agree with the nominal inertias."""
-    given, key = checked.axis.config.model.nominal.get("r"), ("model", "nominal", "r")
-    if given is None or checked.ratio is None:
+    given, key = recorded.axis.config.model.nominal.get("r"), ("model", "nominal", "r")
+    if given is None or recorded.ratio is None:
         return
-    if checked.ratio > _MIN_GEAR_RATIO:
+    if recorded.ratio > _MIN_GEAR_RATIO:
         reason = sentence(
             "r turned",
             "r = {r} would turn the arm faster than the motor; r is the angle of the arm over that of the motor,"
@@ -244,24 +244,24 @@ def by_ratio(checked: Checked) -> Iterator[Correction]:
         )
         yield Correction(key, 1 / given, reason)
         return
-    times = checked.times_nominal
-    if times is None or _nearest(checked, times) is not None or any(map(checked.in_whole_numbers, SIGNALS)):
+    times = recorded.times_nominal
+    if times is None or _nearest(recorded, times) is not None or any(map(recorded.in_whole_numbers, SIGNALS)):
         return
-    assert checked.shown is not None
-    found = _fitting_ratio(checked, checked.shown[0])
-    if found is not None and not 1 / _RATIO_OFF < found / checked.ratio < _RATIO_OFF:
+    assert recorded.shown is not None
+    found = _fitting_ratio(recorded, recorded.shown[0])
+    if found is not None and not 1 / _RATIO_OFF < found / recorded.ratio < _RATIO_OFF:
         reason = sentence(
             "gear by inertia",
             "{shows}: with the nominal inertias of motor and arm that is a gear of 1/{gear}; its data sheet says it",
-            shows=_shows_inertia(checked.shown[0], times),
+            shows=_shows_inertia(recorded.shown[0], times),
             gear=f"{1 / found:.3g}",
         )
         yield Correction(key, math.copysign(float(f"{found:.3g}"), given), reason)
 
 
-def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
+def _fitting_ratio(recorded: RecordedAxis, inertia: float) -> float | None:
     """The ratio with which the nominal inertias, motor + r^2 arm, give this one; None: no ratio below 1 does."""
-    low, high = (checked.inertia_with({"r": ratio}) for ratio in _TRIED)
+    low, high = (recorded.inertia_with({"r": ratio}) for ratio in _TRIED)
     arm = (high - low) / (_TRIED[1] ** 2 - _TRIED[0] ** 2)
     motor = low - arm * _TRIED[0] ** 2
     if not (0 < motor < inertia and arm > 0):
@@ -273,18 +273,18 @@ def _fitting_ratio(checked: Checked, inertia: float) -> float | None:
 # --- By how fast a motor can turn -------------------------------------------------------------------------------------
 
 
-def by_speed(checked: Checked) -> Iterator[Correction]:
+def by_speed(recorded: RecordedAxis) -> Iterator[Correction]:
     """No motor turns as fast as the motion would be if it were in radians."""
-    if checked.agrees or checked.in_whole_numbers("motion") or checked.output == "speed":
+    if recorded.agrees or recorded.in_whole_numbers("motion") or recorded.output == "speed":
         return
-    unit = unit_in(checked.unit_text("motion"), checked.output)
+    unit = unit_in(recorded.unit_text("motion"), recorded.output)
     if unit is not None and unit.linear:
         return  # of a linear axis: fast in mm/s
-    speed = top_speed(checked.records)
+    speed = top_speed(recorded.records)
     if FASTEST < speed < FASTEST * 180 / math.pi:
         reason = sentence(
             "too fast",
             "the motor would turn at {speed} revolutions per minute, which none does: the angle is likely in degrees",
             speed=f"{speed * 30 / math.pi:.3g}",
         )
-        yield Correction(checked.key("motion"), checked.factor("motion") * math.pi / 180, reason)
+        yield Correction(recorded.key("motion"), recorded.factor("motion") * math.pi / 180, reason)

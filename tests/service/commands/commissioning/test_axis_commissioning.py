@@ -26,7 +26,7 @@ from monitor_core.identification.parameter_selection import ScheduledTerm
 from service.commands.commissioning.axis import axis_identification, axis_processes
 from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
 from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
-from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.axis.identification_retries import (
     Retry,
     followers_monitored,
@@ -368,10 +368,10 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
     monkeypatch.setattr(axis_identification, "verdict_line", lambda _: "")
     monkeypatch.setattr(axis_identification, "as_toml", lambda _: "")
     (tmp_path / "a.csv").touch()
-    order = Order(
+    job = AxisJob(
         TWO, NAME, (str(tmp_path / "a.csv"),), tmp_path, CalibrationOptions(600.0), Provenance.now(), shorten=True
     )
-    outcome = axis_identification.identified(order, Outcome(NAME, ""), lambda *_: None)
+    outcome = axis_identification.identified(job, Outcome(NAME, ""), lambda *_: None)
     assert not reports
     assert [len(schedule) for schedule in schedules] == [0, 1, 1, 1]
     assert "a2-acceleration, " not in schedules[-1][0]
@@ -406,8 +406,8 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     monkeypatch.setattr(axis_identification, "as_toml", lambda _: "")
     (tmp_path / "a.csv").touch()
     records = (str(tmp_path / "a.csv"),)
-    order = Order(TWO, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
-    outcome = commission_axis(order, Review((), (), (), ""))
+    job = AxisJob(TWO, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    outcome = commission_axis(job, Review((), (), (), ""))
     assert outcome.refusal.startswith("not calibrated: "), "no values are in that file"
     ((chosen, axis),) = taken
     better = with_links.rejection is None and with_links.result.watched == (KT,)
@@ -429,22 +429,22 @@ def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatc
         NAME: Review((Correction(("angle", "factor"), 0.5, "degrees"),), (), (), ""),
         "cell.a2": Review((Correction(("sample_interval_s",), 0.008, "as measured"),), (), (), ""),
     }
-    seen = list[Order]()
+    seen = list[AxisJob]()
 
-    def outcomes(given: Sequence[Order], *_: object) -> Iterator[Outcome]:
+    def outcomes(given: Sequence[AxisJob], *_: object) -> Iterator[Outcome]:
         seen.extend(given)
-        yield from (Outcome(order.axis_id) for order in given)
+        yield from (Outcome(job.axis_id) for job in given)
 
     monkeypatch.setattr(axis_processes, "outcomes", outcomes)
     monkeypatch.setattr(exchanged_torques, "exchanged", lambda *_: {})
     monkeypatch.setattr(signal_proposals, "review", lambda _text, axis_id, *_: reviews[axis_id])
     monkeypatch.chdir(tmp_path)
     assert axiswatch("commission", "record.csv", "--config", "axes.toml", "--yes").exit_code == MISTAKE
-    for order in seen:
-        first, second = configured(order.text, order.axis_id, tmp_path)[0].axes
+    for job in seen:
+        first, second = configured(job.text, job.axis_id, tmp_path)[0].axes
         assert first.config.motion.factor == 0.5
         assert (first.config.sample_interval_s, second.config.sample_interval_s) == (0.005, 0.008)
-    assert [order.axis_id for order in seen] == [NAME, "cell.a2"]
+    assert [job.axis_id for job in seen] == [NAME, "cell.a2"]
 
 
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:

@@ -18,7 +18,7 @@ import pytest
 from monitor_core.arrays import Floats
 from service.commands import commission
 from service.commands.commissioning.axis import axis_processes
-from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.live import live_recording
 from service.commands.commissioning.live.live_look import LiveLook, look_at
 from service.commands.commissioning.live.live_recording import recorded
@@ -304,8 +304,8 @@ def test_a_planned_motion_may_be_recorded_at_once(
     monkeypatch.setattr(exchanged_torques, "exchanged", lambda *_: {})
     monkeypatch.setattr(signal_proposals, "review", lambda *_: Review((), (), (), ""))
 
-    def outcomes(orders: Sequence[Order], *_: object) -> list[Outcome]:
-        return [next(results), *(replace(found, axis_id=order.axis_id) for order in orders[1:])]
+    def outcomes(jobs: Sequence[AxisJob], *_: object) -> list[Outcome]:
+        return [next(results), *(replace(found, axis_id=job.axis_id) for job in jobs[1:])]
 
     monkeypatch.setattr(axis_processes, "outcomes", outcomes)
     ours, theirs = pty.openpty()

@@ -12,7 +12,7 @@ from monitor_core.arrays import Floats
 from service.can.user_errors import IngestError
 from service.commands.commissioning.axis import axis_identification
 from service.commands.commissioning.axis.axis_commissioning import commission_axis
-from service.commands.commissioning.axis.axis_order import Order
+from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.signals.exchanged_torques import exchanged
 from service.commands.commissioning.signals.signal_proposals import review
 from service.config import Config, NamedAxis
@@ -121,8 +121,8 @@ def test_a_record_in_which_the_axis_stands_is_left_out(
         raise IngestError("seen")
 
     monkeypatch.setattr(axis_identification, "prepare", prepare)
-    order = Order(text, "cell.a1", (moving, standing), tmp_path, FEW, Provenance("", "", ""), shorten=False)
-    outcome = commission_axis(order, found)
+    job = AxisJob(text, "cell.a1", (moving, standing), tmp_path, FEW, Provenance("", "", ""), shorten=False)
+    outcome = commission_axis(job, found)
     assert (used, outcome.refusal) == ([(moving,)], "not identified: seen")
     assert f"{standing} is left out: the axis does not move in it." in outcome.notes
 

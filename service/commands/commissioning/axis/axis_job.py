@@ -1,4 +1,4 @@
-"""The task to commission one axis, and what its steps share: progress, refusals, the configuration so far."""
+"""The job of commissioning one axis, and what its steps share: progress, refusals, the configuration so far."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,8 +25,8 @@ CommissioningProgress = Callable[[str, str, float], None]
 """Called with the phase, "identify" or "calibrate", the present work, and the completed share of it, 0 to 1"""
 
 
-class Order(NamedTuple):
-    """The task for one axis; it can be sent to another process."""
+class AxisJob(NamedTuple):
+    """The job for one axis; it can be sent to another process."""
 
     text: str
     """Text of the configuration, valid in ``folder``"""
@@ -43,11 +43,11 @@ class Order(NamedTuple):
         return configured(self.text, self.axis_id, self.folder)
 
 
-def as_found(order: Order, outcome: Outcome) -> tuple[Config, NamedAxis]:
+def as_found(job: AxisJob, outcome: Outcome) -> tuple[Config, NamedAxis]:
     """The configuration with all that was found until now, and the axis."""
     assert outcome.found is not None
-    changed = corrected(order.text, order.axis_id, outcome.corrections)
-    return order._replace(text=commissioned(changed, {order.axis_id: outcome.found})).configured()
+    changed = corrected(job.text, job.axis_id, outcome.corrections)
+    return job._replace(text=commissioned(changed, {job.axis_id: outcome.found})).configured()
 
 
 def within(phase: str, progress: CommissioningProgress) -> Callable[[str, float, float], None]:

@@ -29,7 +29,7 @@ FASTEST = 2000.0
 """Speed [rad/s] (19 000 revolutions per minute) that no motor of a robot reaches."""
 
 
-class Checked:
+class RecordedAxis:
     """An axis to check: its records as configured, and the known values of its drive."""
 
     def __init__(self, config: Config, axis: NamedAxis, loaded: Sequence[Loaded], in_tables: bool) -> None:
