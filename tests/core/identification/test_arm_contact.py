@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -56,3 +58,17 @@ def test_no_signal_tells_where_loads_explain_the_torque_as_well(seed: int) -> No
     left = 1 - found.force.explained
     assert arm_contact([record], signals, 1 - 1.5 * left, 0.1) is not None
     assert arm_contact([record], signals, 1 - 1.3 * left, 0.1) is None
+
+
+def test_what_is_left_of_the_force_when_the_signal_has_changed_is_left_out(seed: int) -> None:
+    """The signal changes 0.3 s before the force comes and goes."""
+    record = grinding(np.random.default_rng(seed))
+    early = np.roll(record.signals["contact"], -round(0.3 / STEP_S))
+    record = replace(record, signals={**record.signals, "contact": early})
+    signals = ArmSignals("lift", ["lift", "base"], ["contact"])
+    left = []
+    for settle_s in (0.0, 0.4):
+        found = arm_contact([record], signals, 0.0, settle_s)
+        assert found is not None
+        left.append((1 - found.force.explained) ** 2)
+    assert left[1] < left[0] / 2
