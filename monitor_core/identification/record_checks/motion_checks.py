@@ -128,16 +128,17 @@ def shown_inertia(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> Rigid | 
 def has_wrong_sign(record: Record) -> bool:
     """Whether torque or motion has the wrong sign, for any units.
 
-    If the signs of inertia and friction of one mass agree, they decide; otherwise the work of the torque does, as a
-    weight gives back its energy.
+    If the signs of inertia and friction of one mass agree, they decide; otherwise the work of the torque does, if it is
+    clear, as a weight gives back its energy.  Where one mass explains nothing and the work is about as often taken as
+    given, as on an axis of an arm that the other axes push, nothing speaks against the sign.
     """
     mass = shown_inertia(record)
     if mass is not None and mass.inertia * mass.torques["coulomb"] > 0:
         return mass.inertia < 0
     falls, rises = _given_and_taken(record)
-    if mass is None or max(falls, rises) > _BACK * min(falls, rises):
+    if max(falls, rises) > _BACK * min(falls, rises):
         return falls > rises
-    return mass.inertia < 0
+    return mass is not None and mass.inertia < 0
 
 
 def _given_and_taken(record: Record) -> tuple[float, float]:

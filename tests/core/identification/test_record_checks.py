@@ -254,6 +254,19 @@ def test_the_sign_of_an_axis_that_repeats_its_motion(inertia: float, weight: flo
         assert mass.inertia == pytest.approx(inertia, rel=0.15)
 
 
+def test_the_sign_of_an_axis_that_others_push(seed: int) -> None:
+    """Of an arm with little friction, whose other axes turn the load: the work tells nothing, so nothing is turned."""
+    t = np.asarray(0.004 * np.arange(10_000), np.float64)
+    for k in range(6):
+        rng = np.random.default_rng([seed, k])
+        phase = rng.uniform(0, 2 * np.pi, 4)
+        q = 0.5 * np.sin(0.63 * t + phase[0]) + 0.2 * np.sin(1.26 * t + phase[1])
+        other = 0.9 * np.sin(0.83 * t + phase[2]) + 0.5 * np.sin(1.71 * t + phase[3])
+        speed = np.gradient(q, t)
+        u = 0.5 * np.gradient(speed, t) + 0.3 * speed + 0.4 * np.tanh(speed / 0.01) + 12 * np.sin(q + 2 * other)
+        assert not has_wrong_sign(Record(t, u + 0.05 * rng.standard_normal(t.size), q, "angle"))
+
+
 def test_an_inertia_against_all_work_is_not_believed(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
     """Should a fit go wrong: an axis that only takes work, and again and again, is driven by its torque."""
     record = picks(np.random.default_rng(seed), 0.026, 0.0)
