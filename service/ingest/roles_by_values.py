@@ -102,6 +102,27 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
         if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
     )
     pairs = sorted(candidate_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
+    axes = _chosen(pairs, found, values, named, step)
+    alike = [pair for pair in pairs if named[pair.motion].role or pair.output == _usual_quantity(axes)]
+    again = _chosen(alike, found, values, named, step) if len(alike) < len(pairs) else axes
+    axes = again if len(again) == len(axes) else axes
+    sure = {pair.motion for pair in axes if pair.explained >= SURE}
+    axes = [pair._replace(better=_better(pair, pairs, sure)) for pair in axes]
+    order = list(values)
+    axes.sort(key=lambda pair: order.index(pair.motion))
+    if len({pair.name for pair in axes}) < len(axes):
+        axes = [pair._replace(name=f"axis{k}") for k, pair in enumerate(axes, 1)]
+    return axes
+
+
+def _chosen(
+    pairs: Sequence[SignalPair],
+    found: "_CandidateColumns",
+    values: Mapping[str, Floats],
+    named: Mapping[str, Named],
+    step: int | None,
+) -> list[SignalPair]:
+    """The best pairs, each column in one of them; ``pairs``: the best first."""
     taken, axes = set[str](), list[SignalPair]()
     motions_of = Counter(named[name].number for name in found.motions)
     for pair in pairs:
@@ -116,13 +137,16 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
         torques = (f"torque {name}" for name in best.rivals)
         motions = (f"{best.output} {name}" for name in found.alike.get(best.motion, ()))
         axes.append(best._replace(exchanged=_exchanged(best, named), rivals=(*torques, *motions)))
-    sure = {pair.motion for pair in axes if pair.explained >= SURE}
-    axes = [pair._replace(better=_better(pair, pairs, sure)) for pair in axes]
-    order = list(values)
-    axes.sort(key=lambda pair: order.index(pair.motion))
-    if len({pair.name for pair in axes}) < len(axes):
-        axes = [pair._replace(name=f"axis{k}") for k, pair in enumerate(axes, 1)]
     return axes
+
+
+def _usual_quantity(axes: Sequence[SignalPair]) -> Literal["angle", "speed"]:
+    """The quantity that most motions are.
+
+    A table has one quantity of all axes.  Of an axis that carries a weight, an angle taken for a speed may explain the
+    torque better: what follows the pose then passes for friction.
+    """
+    return "speed" if 2 * sum(pair.output == "speed" for pair in axes) > len(axes) else "angle"
 
 
 def _better(pair: SignalPair, pairs: Sequence[SignalPair], sure: Collection[str]) -> tuple[str, float] | None:

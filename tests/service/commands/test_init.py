@@ -377,6 +377,22 @@ def test_an_angle_under_a_weight_is_no_speed(record: Path, seed: int) -> None:
     assert "torque 1, angle 2" in shown("init", record)
 
 
+def test_all_motions_of_a_table_are_one_quantity(record: Path, seed: int) -> None:
+    """Three axes without names.  A weight on one of them makes its angle a better speed than angle; the others tell."""
+    rng = np.random.default_rng(seed)
+    t = 0.005 * np.arange(6000)
+    angles = np.array([[0.5 * np.sin(w * t + p), 0.2 * np.sin(2.3 * w * t)] for w, p in ((0.7, 0), (0.9, 1), (1.1, 2))])
+    q = angles.sum(axis=1)
+    speed = np.gradient(q, t, axis=1)
+    u = np.gradient(speed, t, axis=1) + 0.5 * speed + 2 * np.tanh(speed / 0.02) + 0.1 * rng.standard_normal(q.shape)
+    u[1] += 40 * np.sin(q[1])
+    write_rows(record, np.vstack([q, u]).T, "")
+    text = shown("init", record)
+    for axis in range(3):
+        assert f"axis{axis + 1}: torque {axis + 3}, angle {axis}: " in text
+    assert [axis.torque.factor for axis in proposed()] == [1, 1, 1]
+
+
 @pytest.mark.parametrize("faulty_rows", [0, 30])
 def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: int) -> None:
     """Angles, speeds, measured and wanted torques, each of all axes: the measured torque in step with its angle.
