@@ -184,6 +184,11 @@ def _verdict(verdict: Verdict) -> Json:
         "validation": verdict.basis.value,
         "compared": verdict.measure.value,
         "missing": [effect.value for effect in verdict.missing],
+        **(
+            {}
+            if verdict.repeats_s is None
+            else {"repeats_s": Fact(verdict.repeats_s, "of the motion in all records", rough=True)}
+        ),
     }
 
 

@@ -294,7 +294,8 @@ def masses_table(growth: Growth) -> TextTable:
 def verdict_line(report: IdentificationReport) -> str:
     """Quality of the fit: the second line of every report."""
     verdict = report.result.verdict
-    return f"{report.axis_id}: {verdict.quality.value} fit: {verdict_words(verdict)}."
+    repeated = "" if verdict.repeats_s is None else " of one motion"
+    return f"{report.axis_id}: {verdict.quality.value} fit{repeated}: {verdict_words(verdict)}."
 
 
 class Tested(NamedTuple):

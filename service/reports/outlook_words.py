@@ -68,7 +68,19 @@ def verdict_words(verdict: Verdict) -> str:
     figure = f"{verdict.validation:.0f} %" if verdict.validation > 0 else "nothing"
     own = f"{verdict.own:.0f} %" if verdict.own > 0 else "nothing"
     words = f"{what} explains {figure} of the {of_what} {BASIS[verdict.basis]}"
-    return words if verdict.basis is VerdictBasis.NONE else f"{words}, and {own} of that of the fitted ones"
+    if verdict.basis is not VerdictBasis.NONE:
+        words = f"{words}, and {own} of that of the fitted ones"
+    return f"{words}{_repeated(verdict)}"
+
+
+def _repeated(verdict: Verdict) -> str:
+    """That other data of the same motion do not test the values; empty: the motion does not repeat itself."""
+    if verdict.repeats_s is None:
+        return ""
+    return (
+        f"; all records repeat one motion of {verdict.repeats_s:.2g} s, so this does not show that inertia and friction"
+        " are right, nor that they hold in another motion: records of others, too, would"
+    )
 
 
 def missing_words(verdict: Verdict) -> str:

@@ -31,6 +31,7 @@ from monitor_core.identification.greybox import (
 )
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record, between
+from monitor_core.identification.torque_balance.repeated_motion import repeated_after
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.standstill import slow_motion
 from monitor_core.identification.torque_balance.torque_windows import TorqueTerm, moves_one_way
@@ -117,6 +118,9 @@ class Verdict(NamedTuple):
     measure: Measure = Measure.MOTION
     slow: float = 0.0
     """With Effect.SLOW: speed below which the motion is slow [rad/s]"""
+    repeats_s: float | None = None
+    """Time after which the motion in all records repeats itself [s]: what was not fitted is the same motion; None: it
+    does not repeat"""
 
     @property
     def per_cent(self) -> float:
@@ -147,6 +151,17 @@ def verdict_of(
 
     If there are no validation records, the fitted ones are divided.
     """
+    found = _verdict_of(estimate, records, validation, traces, validated)
+    return found._replace(repeats_s=repeated_after([*records, *validation]))
+
+
+def _verdict_of(
+    estimate: Estimate,
+    records: Sequence[Record],
+    validation: Sequence[Record],
+    traces: Sequence[ComparedRecord],
+    validated: Sequence[ComparedRecord],
+) -> Verdict:
     own: list[_Tried] = [(estimate.problem, records)]
     basis, others = VerdictBasis.RECORDS, [(estimate.problem, validation)]
     if not validation:

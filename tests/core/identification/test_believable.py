@@ -116,6 +116,14 @@ def test_an_axis_in_a_closed_loop_is_found_from_values_far_off(weight: bool, see
     assert result.rejection is None
 
 
+def test_a_motion_that_is_repeated_is_reported_with_the_verdict(seed: int) -> None:
+    """A half of the records is then the motion of the other half."""
+    assert usual(seed).verdict.repeats_s is None
+    once = record(seed)
+    again = replace(once, u=np.tile(once.u, 2), y=np.tile(once.y, 2), t=H * np.arange(2.0 * len(once)), valid=None)
+    assert found([again]).verdict.repeats_s == pytest.approx(once.duration_s + H, rel=0.01)
+
+
 def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A part of it tells only where the fit starts."""
     rec = record(seed)

@@ -22,7 +22,7 @@ from service.config.nominal_file import NominalFile, structure_of
 from service.reports.formats import plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
-from service.reports.identification_report import IdentificationReport, print_text, residual_words
+from service.reports.identification_report import IdentificationReport, print_text, residual_words, verdict_line
 from service.reports.outlook_words import watched_table
 from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
@@ -209,6 +209,18 @@ def test_a_long_line_is_drawn_with_few_points_and_keeps_its_peaks(seed: int) -> 
 
 
 # --- What can be watched is first, then the verdict -------------------------------------------------------------------
+
+
+def test_a_repeated_motion_is_no_test_of_the_values(found: IdentificationReport, tmp_path: Path) -> None:
+    assert "one motion" not in verdict_line(found)
+    again = replace(found, result=replace(found.result, verdict=found.result.verdict._replace(repeats_s=10.02)))
+    line = verdict_line(again)
+    assert line.startswith("demo.axis1: good fit of one motion: the simulation explains ")
+    assert "; all records repeat one motion of 10 s, so this does not show that inertia and friction are right" in line
+    assert tomllib.loads(as_toml(again))["verdict"]["repeats_s"] == 10.02
+    assert "repeats_s" not in tomllib.loads(as_toml(found))["verdict"]
+    (tmp_path / "nominal.toml").write_text(as_toml(again), encoding="utf-8")
+    assert read_found(NominalFile, tmp_path / "nominal.toml").values.keys() == found.result.estimate.values.keys()
 
 
 def test_what_can_be_watched_is_first_and_the_verdict_second(found: IdentificationReport, page: str) -> None:
