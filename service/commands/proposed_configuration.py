@@ -259,17 +259,17 @@ def _source(axis: AxisRoles, role: SignalRole) -> str:
         keys.append(f"wrap_period = {role.wrap_period:.10g}")
     confidence = role.confidence if axis.explained is None else axis.confidence
     turned = "; the sign is turned, since the motion goes against it" if role.turned else ""
-    return f"{{ {', '.join(keys)} }}  # {confidence}: {_unit_words(role)}{turned}"
+    return f"{{ {', '.join(keys)} }}  # {confidence}: {_unit_words(role, axis.by_place)}{turned}"
 
 
-def _unit_words(role: SignalRole) -> str:
+def _unit_words(role: SignalRole, by_place: bool) -> str:
     if role.current:
         return "a current: add kT_Nm_per_A, the torque constant"
     unit = unit_in(role.unit, role.quantity) or (None if role.message else unit_in(role.signal, role.quantity))
     if unit is None and role.factor is not None:
         return "by its values, which start again after a turn"
     if unit is None and role.confidence == "guess":
-        return f"by its values; factor makes it {UNITS[role.quantity]}"
+        return f"{'' if by_place else 'by its values; '}factor makes it {UNITS[role.quantity]}"
     if unit is None:
         return f"by its name; it has no unit, so {UNITS[role.quantity]} is assumed"
     if unit.factor is not None:

@@ -10,10 +10,10 @@ K = TypeVar("K", bound=Hashable)
 
 _TABLE = """
 time: t time times timestamp zeit sec secs seconds s ms us
-torque: trq torque torques tau moment drehmoment tq nm mot effort couple coppia
+torque: trq torque torques tau taum moment drehmoment tq nm mot effort couple coppia
 current: i cur curr current currents amp strom iq isq courant corrente
 angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad posizione posicion
-speed: vel velo velocity velocities speed spd omega w qd dq qdot rpm drehzahl vitesse velocita velocidad
+speed: vel velo velocity velocities speed spd omega w qd dq qdm dqm qdot rpm drehzahl vitesse velocita velocidad
 temperature: temp temperature temperatur
 wanted: ref reference cmd des set soll target wanted desired command commanded qg setpoint consigne consigna
 other: error err deviation diff disturb disturbance ff limit limits gravity schleppfehler validity quality

@@ -106,6 +106,7 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
     alike = [pair for pair in pairs if named[pair.motion].role or pair.output == _usual_quantity(axes)]
     again = _chosen(alike, found, values, named, step) if len(alike) < len(pairs) else axes
     axes = again if len(again) == len(axes) else axes
+    axes += _in_place(axes, found, values, named, t)
     sure = {pair.motion for pair in axes if pair.explained >= SURE}
     axes = [pair._replace(better=_better(pair, pairs, sure)) for pair in axes]
     order = list(values)
@@ -138,6 +139,36 @@ def _chosen(
         motions = (f"{best.output} {name}" for name in found.alike.get(best.motion, ()))
         axes.append(best._replace(exchanged=_exchanged(best, named), rivals=(*torques, *motions)))
     return axes
+
+
+def _in_place(
+    axes: Sequence[SignalPair],
+    found: "_CandidateColumns",
+    values: Mapping[str, Floats],
+    named: Mapping[str, Named],
+    t: Floats | None,
+) -> list[SignalPair]:
+    """Further axes whose columns have no names, but are as far apart in the table as those of all other axes.
+
+    On an arm, the load of other links may hide that a motion belongs to its torque.
+    """
+    steps = {_distance(named, pair.torque, pair.motion) for pair in axes}
+    step = steps.pop() if len(axes) > 1 and len(steps) == 1 else None
+    if not step or any(named[pair.torque].role for pair in axes):
+        return []
+    taken = {name for pair in axes for name in (pair.torque, pair.motion)}
+    return [
+        _pair(values, torque, motion, axes[0].output, named, t)
+        for motion in found.motions
+        for torque in found.torques
+        if _distance(named, torque, motion) == step and not {torque, motion} & taken
+    ]
+
+
+def _distance(named: Mapping[str, Named], torque: str, motion: str) -> int | None:
+    """How many columns after its motion a torque is; None: unknown."""
+    places = named[torque].place, named[motion].place
+    return None if places[0] is None or places[1] is None else places[0] - places[1]
 
 
 def _usual_quantity(axes: Sequence[SignalPair]) -> Literal["angle", "speed"]:
@@ -200,6 +231,8 @@ def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[s
     if torques and (alike := angles | speeds):
         return _CandidateColumns(torques, list(alike), {}, alike)
     slope_of = _speeds(values, unnamed, t)
+    # The speed of an angle with a name is no torque, however well a motion explains it.
+    unnamed = [n for n in unnamed if not any(_likeness(_slope(values[a], t), values[n]) > _SAME for a in angles)]
     alike = angles | speeds or _alike(values, list(slope_of) or unnamed, named)
     motions = list(alike)
     # A column may repeat a speed, e.g. as a command; a friction torque is less similar to it.
@@ -347,12 +380,16 @@ def _speeds(values: Mapping[str, Floats], names: Sequence[str], t: Floats | None
     """Columns (angles) of which another column is the slope, each with that column (its speed)."""
     found = dict[str, str]()
     for angle in names:
-        slope = np.asarray(np.gradient(values[angle], 1.0 if t is None else t))
+        slope = _slope(values[angle], t)
         alike = {name: _likeness(slope, values[name]) for name in names if name != angle}
         best = max(alike, key=alike.__getitem__, default=None)
         if best is not None and alike[best] > _SLOPE:
             found[angle] = best
     return found
+
+
+def _slope(angle: Floats, t: Floats | None) -> Floats:
+    return np.asarray(np.gradient(angle, 1.0 if t is None else t))
 
 
 def _likeness(a: Floats, b: Floats) -> float:

@@ -84,12 +84,19 @@ class AxisRoles(NamedTuple):
     """Share of the torque that a rigid mass explains if torque and motion change places; None: they need not"""
 
     @property
+    def by_place(self) -> bool:
+        """Whether the columns have no names, and values that do not show either that they belong together."""
+        return self.torque.confidence == "guess" and self.explained is not None and self.explained < LIKELY
+
+    @property
     def confidence(self) -> str:
         """How sure the roles are: by the values, if they were compared; otherwise as sure as the less sure signal."""
         if self.rivals:
             return f"likely; or {', '.join(self.rivals)}"
         if self.explained is not None:
-            return "sure" if self.explained >= SURE else "likely" if self.explained >= LIKELY else "by name only"
+            if self.explained >= LIKELY:
+                return "sure" if self.explained >= SURE else "likely"
+            return "by place in the table only" if self.by_place else "by name only"
         grades: tuple[Confidence, ...] = ("guess", "likely", "sure")
         return min((self.torque.confidence, self.motion.confidence), key=grades.index)
 

@@ -393,6 +393,35 @@ def test_all_motions_of_a_table_are_one_quantity(record: Path, seed: int) -> Non
     assert [axis.torque.factor for axis in proposed()] == [1, 1, 1]
 
 
+def test_axes_of_an_arm_in_a_table_without_names(record: Path, seed: int) -> None:
+    """Angles, speeds and torques of four axes; the links hide which torque belongs to the motions of two of them."""
+    rng = np.random.default_rng(seed)
+    t = 0.005 * np.arange(6000)
+    phases, rates = ((0, 1), (2, 3), (4, 5), (6, 7)), (0.8, 0.9, 1.1, 1.3)
+    q = np.array(
+        [0.5 * np.sin(w * t + a) + 0.2 * np.sin(2.3 * w * t + b) for w, (a, b) in zip(rates, phases, strict=True)]
+    )
+    speed = np.gradient(q, t, axis=1)
+    u = np.gradient(speed, t, axis=1) + 0.5 * speed + 2 * np.tanh(speed / 0.02) + 0.1 * rng.standard_normal(q.shape)
+    u[1] += 30 * np.sin(4 * q[0] + 6 * q[2])
+    u[2] += 30 * np.sin(6 * q[3] - 4 * q[0])
+    write_rows(record, np.vstack([q, speed, u]).T, "")
+    text = shown("init", record)
+    for axis, sure in enumerate(("sure", "by place in the table only", "by place in the table only", "sure")):
+        assert f"axis{axis + 1}: torque {axis + 8}, angle {axis}: {sure} (" in text
+    assert "# by place in the table only: factor makes it N m\n" in Path("axis.toml").read_text("utf-8")
+    write_rows(record, np.vstack([q, speed, u[0], u[3], u[1], u[2]]).T, "")
+    assert "by place" not in shown("init", record, "--force")  # the torques of two axes are elsewhere
+
+
+def test_the_speed_of_an_angle_with_a_name_is_no_torque(record: Path) -> None:
+    """A motion explains its own speed as friction, all of it."""
+    rows = read_rows(record)
+    columns = [rows[:, 0], rows[:, 2], np.gradient(rows[:, 2], 0.005), rows[:, 1]]
+    write_rows(record, np.column_stack(columns), "t,q_1,b_1,c_1")
+    assert "axis1: torque c_1, angle q_1: sure" in shown("init", record)
+
+
 @pytest.mark.parametrize("faulty_rows", [0, 30])
 def test_columns_in_blocks_without_names(record: Path, faulty_rows: int, seed: int) -> None:
     """Angles, speeds, measured and wanted torques, each of all axes: the measured torque in step with its angle.
