@@ -38,7 +38,7 @@ from monitor_core.identification import (
 )
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
-from service.config.conditions import term_of
+from service.config.conditions import term_of, varying_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
 from service.ingest.loaded_records import Loaded, load, loaded_part
@@ -237,6 +237,11 @@ def _start(unknown: Sequence[str], selection: ParameterSelection, requested: Sta
 
 
 # --- parameters that follow signals -----------------------------------------------------------------------
+
+
+def configured_schedule(axis: AxisConfig) -> tuple[str, ...]:
+    """The schedules of the configuration and of its nominal file, as a user writes them; not those of the heat."""
+    return tuple(f"{v.parameter}: {v.signal}" for _, v in varying_of(axis) if v.signal != HEAT)
 
 
 def read_schedule(texts: Sequence[str], axis: AxisConfig) -> ScheduledTerms:

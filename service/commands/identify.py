@@ -44,7 +44,8 @@ Varying = Annotated[
         "--schedule",
         metavar="NAME:SIGNALS",
         help='This parameter follows signals of [[robot.axis.signal]]: "fm: temperature"; "tau0: cos(angle2),'
-        ' cos(angle2 + angle3)". Of a signal or a sum there are cos, sin and square; * multiplies.',
+        ' cos(angle2 + angle3)". Of a signal or a sum there are cos, sin and square; * multiplies. Default: as'
+        " configured, and as in the nominal file that the configuration names.",
     ),
 ]
 Validate = Annotated[
@@ -122,7 +123,7 @@ def identify(
     read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)
     with explained():
-        from service.commands.identification_task import Request, drawing_of, prepare
+        from service.commands.identification_task import Request, configured_schedule, drawing_of, prepare
         from service.reports.formats import Provenance
         from service.reports.identification_files import as_json, as_toml
         from service.reports.identification_html import as_html
@@ -136,7 +137,7 @@ def identify(
             disturbance_s=disturbance,
             robust=robust,
             start=start,
-            schedule=tuple(varying or ()),
+            schedule=tuple(varying or ()) or configured_schedule(chosen.config),
             masses=_masses(masses),
             thermal=thermal,
         )

@@ -42,7 +42,8 @@ def rigid_inertia(drive: Drive, values: Mapping[str, float]) -> float:
     """
     A, torque, C = _from_torque(drive, values)
     poles = abs(np.linalg.eigvals(A))
-    s = 1e-4j * poles[poles > 1e-6 * poles.max()].min()
+    # One mass without friction has its poles at zero only: its response is that of the inertia at any frequency.
+    s = 1e-4j * poles[poles > 1e-6 * poles.max()].min(initial=poles.max() or 1.0)
     G = complex(C @ np.linalg.solve(s * np.eye(len(A)) - A, torque))
     return float((1 / G / (s if drive.output == "angle" else 1)).imag / s.imag)
 

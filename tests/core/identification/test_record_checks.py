@@ -27,8 +27,10 @@ from monitor_core.identification.record_checks.findings import RecordFinding
 from monitor_core.identification.record_checks.known_axis import antiresonance_s, rigid_inertia
 from monitor_core.identification.record_checks.sample_checks import outliers
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fit
+from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.simulated_axis import simulate_linear
-from monitor_core.modeling.standard_drives import EXAMPLE_VALUES, three_mass, two_mass
+from monitor_core.modeling.standard_drives import DRAWINGS, EXAMPLE_VALUES, three_mass, two_mass
+from monitor_core.modeling.statespace import drive_of
 from tests.core.identification.record_cases import VALUES, H, healthy, with_u, with_y
 
 HEALTHY = 3
@@ -369,6 +371,10 @@ def test_the_rigid_inertia_is_the_sum_of_all(output: Output) -> None:
     assert rigid_inertia(three_mass(output), {**VALUES, "kT": 2.0, "fm": 0.0}) == pytest.approx(total / 2, rel=1e-6)
     two = {**EXAMPLE_VALUES["two-mass"], "Jm": VALUES["Jm"], "Ja": VALUES["Ja"], "r": r}
     assert rigid_inertia(two_mass(output), two) == pytest.approx(VALUES["Jm"] + r**2 * VALUES["Ja"], rel=1e-6)
+    alone = {"kT": 1.0, "J": 0.03, "fm": 0.0, "fc": 0.4, "tau0": 0.0}
+    assert rigid_inertia(drive_of(eliminate(DRAWINGS["one-mass"].flat(), output)), alone) == pytest.approx(
+        0.03, rel=1e-6
+    )
 
 
 def test_the_lowest_antiresonance() -> None:

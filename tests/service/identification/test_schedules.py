@@ -115,6 +115,20 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(direct
     assert "at 32.5, " in page
 
 
+def test_the_schedule_of_the_configuration_is_the_default(directory: Path) -> None:
+    """As of an axis that has been commissioned: without it, its records would seem not to be explained."""
+    schedule = 'parameter = "fm"\nsignal = "temperature"\nslope = -0.001\nreference = 32.5\n'
+    text = (directory / "robot.toml").read_text("utf-8") + f"[[robot.axis.model.schedule]]\n{schedule}"
+    sent = text.replace('column = "warm"\n', 'column = "warm"\nmessage = "Axis1State"\nsignal = "Counter"\n')
+    (directory / "scheduled.toml").write_text(sent, encoding="utf-8")
+    words = ("--config", "scheduled.toml", "--free", "fm", "--json", "all.json")
+    for more, signals in (((), ["temperature"]), (("--schedule", "fm: angle2"), ["angle2"])):
+        result = identify(*words, *more)
+        assert result.exit_code == 0, result.output
+        followed = json.loads((directory / "all.json").read_text(encoding="utf-8"))["schedule"]
+        assert [entry["signal"] for entry in followed] == signals
+
+
 def test_a_long_term_has_a_number_in_tables(directory: Path) -> None:
     term = "cos(angle2) - 0.5 * square(angle2) * sin(angle2)"
     result = identify("--free", "Jm", "--free", "fm", "--schedule", "fm: temperature", "--schedule", f"Jm: {term}")
