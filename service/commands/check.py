@@ -11,11 +11,10 @@ from rich.text import Text
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
-from service.config.axis_settings import detectors_in_words
+from service.config.axis_settings import awaits_identification, detectors_in_words
 from service.config.base_table import SUFFIX
 from service.config.bus_messages import messages_of
 from service.config.certificates import expiries
-from service.config.drives import not_identified
 from service.config.remarks import remarks
 from service.config.schema import AxisConfig, SignalConfig
 from service.texts.instants import now_us
@@ -80,7 +79,7 @@ def _cells(axis: NamedAxis) -> tuple[str, ...]:
     found = [file for file in (config.model.nominal_file, config.model.thresholds_file) if file is not None]
     files = [line for file in found for line in (file.path.name, f"of {file.date[:10]}")]
     watched = ", ".join(config.model.monitor)
-    detectors = "not identified yet" if not_identified(config) else detectors_in_words(axis)
+    detectors = "not identified yet" if awaits_identification(config) else detectors_in_words(axis)
     return (
         axis.id,
         config.bus or "tables",

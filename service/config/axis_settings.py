@@ -16,7 +16,7 @@ from monitor_core.monitoring import MonitoringOptions, recommended_settings
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
 from service.config.conditions import thermal_of, varying_of
-from service.config.drives import axis_model, lacking, watched_drive, watched_values
+from service.config.drives import axis_model, lacking, not_identified, watched_drive, watched_values
 from service.config.schema import AxisConfig, NamedAxis
 from service.config.thresholds_file import with_thresholds
 
@@ -89,6 +89,19 @@ def predictor_of(axis: AxisConfig) -> PredictorSettings:
         e.torque_noise or noise.torque or None, e.output_noise or noise.output or None,
         p.torque_delay_s, found.drive.friction_speed_scale,
     )  # fmt: skip
+
+
+def awaits_identification(axis: AxisConfig) -> bool:
+    """Whether an identification has to find values of the drive or, for an axis of tables, the noises beside them.
+
+    Values that are given to start an identification from have no noises.
+    """
+    known = predictor_of(axis)
+    if known.kind == "output-error":
+        noises = known.innovation_variance is not None or known.output_noise is not None
+    else:
+        noises = bool(known.gain) or (known.torque_noise is not None and known.output_noise is not None)
+    return not_identified(axis) or (axis.to_be_identified and axis.records_only and not noises)
 
 
 def step_noise(axis: AxisConfig) -> float | None:

@@ -13,6 +13,7 @@ from service.can.frames import CLASSIC_BYTES
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
 from service.config.axis_settings import (
     Detectors,
+    awaits_identification,
     axis_settings,
     detectors_of,
     predictor_of,
@@ -22,7 +23,7 @@ from service.config.axis_settings import (
 )
 from service.config.bus_messages import messages_of
 from service.config.conditions import load_torques, varying_of
-from service.config.drives import axis_model, not_identified
+from service.config.drives import axis_model
 from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.unit_names import UNITS, MeasuredQuantity, unit_passed_over
 
@@ -48,14 +49,14 @@ def remarks(config: Config) -> Iterator[str]:
     yield from _long_frames(config, known_on)
     for axis in config.axes:
         yield from _other_unit(axis, known_on)
-    if unknown := [axis.id for axis in config.axes if not_identified(axis.config)]:
+    if unknown := [axis.id for axis in config.axes if awaits_identification(axis.config)]:
         yield (
             f"{listed(unknown)}: not identified yet; `axiswatch commission` or `identify` finds"
             f" {'its' if len(unknown) == 1 else 'their'} values in a record of the healthy"
             f" {'axis' if len(unknown) == 1 else 'axes'}, `run` needs them"
         )
     for axis in config.axes:
-        if not_identified(axis.config):
+        if awaits_identification(axis.config):
             continue
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)

@@ -160,6 +160,17 @@ def test_an_axis_that_is_not_identified_yet() -> None:
     assert "cell1.axis1: not identified yet; `axiswatch commission` or `identify` finds its values" in result.stdout
 
 
+def test_values_to_start_an_identification_from_need_no_noises(directory: Path) -> None:
+    """A record whose motion gives no start is refused with the advice to give them."""
+    values = "{ J = 0.01, fm = 0.006, fc = 0.7, tau0 = 0, kT = 1 }"
+    model = f'model = {{ drive = "one-mass", monitor = ["kT"], nominal = {values} }}\n'
+    text = TABLES[: TABLES.index("model = ")] + model
+    (directory / "axis.toml").write_text(text, encoding="utf-8")
+    result = call("check")
+    assert result.exit_code == 0, result.stderr
+    assert "cell1.axis1: not identified yet; `axiswatch commission` or `identify` finds its values" in result.stdout
+
+
 @pytest.mark.parametrize("command", ["replay", "calibrate"])
 def test_a_table_is_watched_only_with_nominal_values(command: str, directory: Path) -> None:
     (directory / "r.csv").write_text("t,torque,angle\n0,0,0\n0.005,0.1,0\n", encoding="utf-8")
