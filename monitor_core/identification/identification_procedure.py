@@ -55,6 +55,9 @@ _LOAD_MEMORIES = 2
 """Factor on the longest memory: to distinguish load and torque constant, a memory must span several motions."""
 _BETTER = 0.8
 """A repeated fit must leave less than this part of what the first fit leaves unexplained."""
+_TOO_LARGE = 2.0
+"""An inertia is too large that is this multiple of what the torque balance shows, in which both halves of the records
+agree within the same factor."""
 _BALANCED = "the one-step prediction hardly depends on it; value of the torque balance"
 
 IdentificationProgress = Callable[[str, int, int], None]
@@ -119,23 +122,31 @@ def _with_repeats(problem: Problem, given: _Given) -> IdentificationResult:
         faster = replace(problem, min_speed=found.verdict.slow)
         if again := _unless_rejected(faster, given):
             return again
-    doubtful = found.rejection in (None, Rejection.POOR) and found.verdict.quality is not FitQuality.GOOD
-    if doubtful and given.options.start == "records":
+    doubtful = found.verdict.quality is not FitQuality.GOOD or bool(_torque_terms(problem, given.options))
+    if doubtful and found.rejection in (None, Rejection.POOR) and given.options.start == "records":
         return _with_balanced_inertia(found, problem, given)
     return found
 
 
 def _with_balanced_inertia(found: IdentificationResult, problem: Problem, given: _Given) -> IdentificationResult:
-    """The fit repeated with the inertia of the torque balance, if that explains clearly more; else ``found``."""
-    options = given.options
-    rigid = hold_balanced_inertia(problem, given.records, _torque_terms(problem, options))
+    """The fit repeated with the inertia of the torque balance, if it is better; else ``found``.
+
+    It is better if it explains clearly more.  Where a torque follows signals, it is if the fit has an inertia that is
+    several times larger: the acceleration of the axis may be in these signals, and the measured one explains its motion
+    by itself.  So a large inertia with as large a torque for the acceleration explains it, whatever the motor does.
+    """
+    options, terms = given.options, _torque_terms(problem, given.options)
+    rigid = hold_balanced_inertia(problem, given.records, terms)
     if rigid is None:
         return found
     held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
+    too_large = bool(terms) and any(found.estimate.values[J] > _TOO_LARGE * rigid.nominal[J] for J in held)
+    if found.verdict.quality is FitQuality.GOOD and not too_large:
+        return found
     unknown = tuple(name for name in options.unknown if name not in held)
     known = replace(options, start="values", unknown=unknown)
     again = _unless_rejected(rigid, given._replace(options=known))
-    if again is None or not (found.rejection or _is_better(again.verdict, found.verdict)):
+    if again is None or not (found.rejection or too_large or _is_better(again.verdict, found.verdict)):
         return found
     return replace(again, held={**held, **again.held})
 

@@ -124,6 +124,33 @@ def test_a_motion_that_is_repeated_is_reported_with_the_verdict(seed: int) -> No
     assert found([again]).verdict.repeats_s == pytest.approx(once.duration_s + H, rel=0.01)
 
 
+def test_an_axis_is_not_moved_by_its_own_measured_acceleration() -> None:
+    """The inertia follows the pose of another axis, beside a torque of other links that no term describes.
+
+    The measured acceleration, of which half is later, explains the motion by itself: with an inertia many times too
+    large, and as large a torque for that acceleration, hardly any torque of the motor is needed.
+    """
+    plain = record(3)
+    t, y = plain.t, plain.y
+    other = np.asarray(0.4 * np.sin(t / 2.3), np.float64)
+    lag = 3
+    later, before = np.roll(y, -lag), np.roll(y, lag)
+    acceleration = (later - 2 * y + before) / (lag * H) ** 2
+    acceleration[: 2 * lag] = acceleration[-2 * lag :] = 0.0
+    links = 3.0 * np.sin(3.1 * t) * np.cos(1.7 * t)
+    signals = {"other": other, "own": acceleration}
+    moved = replace(plain, u=plain.u + links + 0.8 * acceleration * np.cos(other), signals=signals)
+    term = "own * cos(other)"
+    scheduled = scheduled_terms({"tau0": (term,)}, [moved])
+    nominal = {**dict.fromkeys(VALUES, 0.0), "kT": 1.0, "J": 1.0}
+    problem = Problem(one_mass(), nominal, ALL, speed_scale=SCALE, varying={"tau0": (term,)})
+    options = IdentificationOptions(start="records", monitored=("kT", "fc"), scheduled=scheduled, unknown=ALL)
+    found = identify(problem, [with_terms(moved, scheduled)], (), options)
+    assert found.rejection is None
+    assert found.estimate.values["J"] == pytest.approx(VALUES["J"], rel=0.3)
+    assert "J" in found.held
+
+
 def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A part of it tells only where the fit starts."""
     rec = record(seed)
