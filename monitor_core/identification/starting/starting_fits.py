@@ -85,13 +85,18 @@ def fit_from(problem: Problem, records: Sequence[Record], *, progress: SearchPro
 def fit_from_torque_balance(problem: Problem, records: Sequence[Record]) -> Estimate:
     """The fit of a rigid drive from its torque balance: where a slow motion under a weight gives no frequency response.
 
+    The signals that act on the drive as torques are in the balance, too.
+
     Raises:
         ValueError: the drive is not one free inertia, or the torque balance explains nothing; as ``fit``.
     """
-    (found,) = rigid_fits(records, [POSE], problem.speed_scale)
-    if _rigid_inertia_of(problem) is None or found is None or found.inertia <= 0:
-        raise ValueError("the torque balance of the records gives no starting values of this drive")
-    nominal = _with_rigid_mass(problem, found.inertia, max(found.torques["viscous"], 0.0))
+    terms = [signal for _, signal in problem.followed_torques]
+    nominal = _balanced_values(problem, records, terms) if terms else None
+    if nominal is None:
+        (found,) = rigid_fits(records, [POSE], problem.speed_scale)
+        if _rigid_inertia_of(problem) is None or found is None or found.inertia <= 0:
+            raise ValueError("the torque balance of the records gives no starting values of this drive")
+        nominal = _with_rigid_mass(problem, found.inertia, max(found.torques["viscous"], 0.0))
     fitted = fit(replace(problem, nominal=nominal), records)
     return replace(fitted, started_from="Started from the torque balance of the records as one mass.")
 
@@ -105,16 +110,22 @@ def hold_balanced_inertia(problem: Problem, records: Sequence[Record], terms: Se
 
     ``terms``: signals that act on the drive as torques, too.
     """
+    nominal = _balanced_values(problem, records, terms)
+    if nominal is None:
+        return None
     inertia = _rigid_inertia_of(problem)
+    free = tuple(name for name in problem.free if split_name(name)[0] != inertia)
+    return replace(problem, nominal=nominal, free=free)
+
+
+def _balanced_values(problem: Problem, records: Sequence[Record], terms: Sequence[str]) -> Mapping[str, float] | None:
+    """The nominal values with the rigid mass of the torque balance; None: as of ``hold_balanced_inertia``."""
     parts, window = slow_parts(records, terms)
-    if inertia is None or not parts:
+    if _rigid_inertia_of(problem) is None or not parts:
         return None
     balance = WeightBalance(parts, window, speed_scales(records)[1])
     found = balance.rigid_mass([balance.column(part.signals[term] for part in parts) for term in terms])
-    if found is None:
-        return None
-    free = tuple(name for name in problem.free if split_name(name)[0] != inertia)
-    return replace(problem, nominal=_with_rigid_mass(problem, *found), free=free)
+    return None if found is None else _with_rigid_mass(problem, *found)
 
 
 def _rigid_inertia_of(problem: Problem) -> str | None:

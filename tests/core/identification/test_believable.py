@@ -38,6 +38,7 @@ from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
+from monitor_core.identification.starting import fit_from_torque_balance
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.torque_windows import POSE
 from monitor_core.modeling.simulated_axis import SimulatedAxis
@@ -149,6 +150,21 @@ def test_an_axis_is_not_moved_by_its_own_measured_acceleration() -> None:
     assert found.rejection is None
     assert found.estimate.values["J"] == pytest.approx(VALUES["J"], rel=0.3)
     assert "J" in found.held
+
+
+def test_the_torque_balance_gives_a_start_beside_the_torque_of_links() -> None:
+    """That torque goes against the acceleration most of the time, so that alone the axis has a negative inertia."""
+    plain = record(3)
+    t = plain.t
+    change = np.gradient(np.gradient(np.convolve(plain.y, np.full(15, 1 / 15), mode="same"), H), H)
+    change[:40] = change[-40:] = 0.0
+    load = np.asarray(-8.0 * change * (1 + 0.8 * np.sin(t / 1.7)), np.float64)
+    loaded = replace(plain, u=plain.u + load, signals={"load": load})
+    problem = Problem(one_mass(), VALUES, ALL, speed_scale=SCALE)
+    with pytest.raises(ValueError, match="gives no starting values"):
+        fit_from_torque_balance(problem, [loaded])
+    found = fit_from_torque_balance(replace(problem, varying={"tau0": ("load",)}), [loaded])
+    assert found.values["J"] == pytest.approx(VALUES["J"], rel=0.2)
 
 
 def test_a_long_record_is_fitted_as_it_is(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
