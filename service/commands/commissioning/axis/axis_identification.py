@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-from monitor_core.identification import FitQuality
+from monitor_core.identification import FitQuality, IdentificationError
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, within
 from service.commands.commissioning.axis.identification_retries import (
@@ -14,6 +14,7 @@ from service.commands.commissioning.axis.identification_retries import (
     memory_change,
     retry,
     watched_in,
+    without_fit,
     without_unsettled,
 )
 from service.commands.commissioning.axis.load_search import LoadSearch
@@ -116,7 +117,15 @@ class _Attempts:
         search = LoadSearch(text, axis.id, job.records, job.folder, [item.record for item in task.estimation])
         is_guess = job.shorten and not self._drives  # the first drive may be one
         for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
-            report = part.run(provenance, within("identify", progress))
+            try:
+                report = part.run(provenance, within("identify", progress))
+            except IdentificationError:
+                first = job.shorten and not self._schedule and not self._drives
+                if (with_links := without_fit(text, axis, search) if first else None) is None:
+                    raise
+                self._drives.append(axis.config.model.drive)
+                self._apply(with_links)
+                return self._attempt(progress)
             if self._schedule and report.rejection:
                 again = without_unsettled(report, text) if self._left_out < _MOST_LEFT_OUT else None
             else:

@@ -89,6 +89,15 @@ def retry(
     return followers_monitored(report, text, axis)
 
 
+def without_fit(text: str, axis: NamedAxis, search: LoadSearch) -> Retry | None:
+    """The load of links, where without it nothing can be fitted; None: the torque shows none, or the drive is drawn.
+
+    ``text``: the configuration of that identification.
+    """
+    known = axis.config.model.drive.removesuffix(_WEIGHT) in _LIBRARY
+    return _with_links(text, axis, search.links) if known and search.links else None
+
+
 def without_unsettled(report: IdentificationReport, text: str) -> Retry | None:
     """Repeat it without one term of the torque offset, if only such terms keep the fit from converging.
 

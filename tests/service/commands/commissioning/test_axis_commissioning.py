@@ -16,6 +16,7 @@ from monitor_core.identification import (
     ContactForce,
     Effect,
     FitQuality,
+    IdentificationError,
     LinkWeights,
     Obstacle,
     Rejection,
@@ -419,6 +420,44 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
         "The angles of a1 and a2 turn by more than two turns, so they are those of motors"
     )
     assert (len(outcome.corrections), len(outcome.notes) - 1) == ((1, 1) if better else (0, 0))
+
+
+@pytest.mark.parametrize("links", [True, False])
+def test_links_are_looked_for_where_nothing_can_be_fitted_without_them(
+    links: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As where a slow motion under the weight of other links gives no frequency response."""
+    schedules = list[tuple[str, ...]]()
+
+    def run(*_: Any) -> Any:
+        if not schedules[-1]:
+            raise IdentificationError("no fit: the records do not give a frequency response")
+        return report(KT)
+
+    task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=run)
+    task.with_most_moving_parts = lambda: task
+
+    def prepare(*given: Any) -> Any:
+        schedules.append(given[-1].schedule)
+        return task
+
+    monkeypatch.setattr(axis_identification, "prepare", prepare)
+    load = load_of((Correction(("signal", "a2", "axis"), "a2", "links"),), "cos(a2)") if links else None
+    search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=())
+    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
+    monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
+    monkeypatch.setattr(identification_html, "as_html", lambda _: "")
+    monkeypatch.setattr(axis_identification, "verdict_line", lambda _: "")
+    monkeypatch.setattr(axis_identification, "as_toml", lambda _: "")
+    (tmp_path / "a.csv").touch()
+    records = (str(tmp_path / "a.csv"),)
+    job = AxisJob(TWO, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), shorten=True)
+    outcome = axis_identification.identified(job, Outcome(NAME, ""), lambda *_: None)
+    if links:
+        assert (outcome.watched, outcome.refusal) == (("kT",), "")
+        assert schedules == [(), ("tau0: cos(a2)",)]
+    else:
+        assert outcome.refusal.startswith("not identified: no fit: the records do not give a frequency response")
 
 
 def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
