@@ -258,6 +258,24 @@ def named(stage: Stage, fm_alarm: Alarm) -> int:
     return number
 
 
+MESSAGES_AT_FIRST_CONTENT = """
+    new MutationObserver((_, observer) => {
+        if (document.querySelector("main h1") === null) return;
+        window.messagesAtFirst = document.getElementById("messages") !== null;
+        observer.disconnect();
+    }).observe(document, { childList: true, subtree: true });
+"""
+
+
+def test_messages_do_not_move_what_is_about_to_be_clicked(page: Page, stage: Stage) -> None:
+    """They stand above the content, so it is not shown before them."""
+    page.clock.set_fixed_time(stage.now_us / 1e6)  # time without an answer would show the content
+    page.add_init_script(MESSAGES_AT_FIRST_CONTENT)
+    page.goto("/#/alarms")
+    expect(page.get_by_role("heading", name="Alarms")).to_be_visible()
+    assert page.evaluate("messagesAtFirst") is True
+
+
 def test_of_a_robot_with_a_long_name_each_tile_names_its_axis(page: Page, stage: Stage) -> None:
     robot = "Welding-cell-South_Handling-04_Station-7"
     axes = [replace(stage.snapshot.axes[0], id=f"{robot}.J{k}", robot=robot, name=f"J{k}") for k in range(1, 4)]

@@ -173,7 +173,7 @@ function Figures({ p, shadow }: { p: Parameter; shadow: boolean }) {
       <dt>{t.state}</dt><dd><span class={`pill ${kindOf(p)}`}>{stateOf(p)}</span>{p.not_tested_reason && <small>{t.notTestedReason[p.not_tested_reason]}</small>}</dd>
       <dt>{t.estimate}</dt><dd>{estimateText(p)}</dd>
       <dt>{t.nominal}</dt><dd>{numberWithUnit(p.nominal, p.unit)}</dd>
-      <dt>{t.deviation}</dt><dd class="share">{p.status === "waiting" ? "–" : deviationText(p)}</dd>
+      <dt>{t.deviation}</dt><dd class="share">{deviationText(p)}</dd>
       <dt>{t.tolerance}</dt><dd>± {numberWithUnit(p.tolerance, p.unit)}</dd>
       <dt>{t.test}</dt><dd>{t.ofThreshold(percent(evidence(p), false))}<small>▲ {number(p.cusum.up)} ▼ {number(p.cusum.down)} / {number(p.threshold)}</small>{shadow && <small>{t.testInShadow}</small>}</dd>
       <dt>{t.excitation}</dt><dd>{p.not_tested_reason === "no sample" ? "–" : t.observation[p.observation]}<small>{t.testedFor(span(p.tested_s ?? 0))}</small></dd>

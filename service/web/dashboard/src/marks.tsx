@@ -37,9 +37,9 @@ export function NeedMark({ need }: { need: Need }) {
 
 const HALF_WIDTH = 0.4; // the ends of a bar, in shares of nominal
 
-/** Estimate minus nominal; null if one of them is missing. */
+/** Estimate minus nominal; null if one of them is missing, or before the first sample. */
 export const deviationOf = (p: Parameter): number | null =>
-  p.estimate === null || p.nominal === null ? null : p.estimate - p.nominal;
+  p.status === "waiting" || p.estimate === null || p.nominal === null ? null : p.estimate - p.nominal;
 
 export const arrow = (direction: string): string => (direction === "up" ? "▲" : "▼");
 
@@ -74,7 +74,7 @@ export function Bar({ p }: { p: Parameter }) {
   const half = p.nominal ? HALF_WIDTH * Math.abs(p.nominal) : 5 * (p.tolerance || 1);
   const place = (d: number): number => Math.min(1, Math.max(0, 0.5 + d / (2 * half)));
   const part = (from: number, to: number) => ({ "margin-left": `${100 * place(from)}%`, width: `${100 * (place(to) - place(from))}%` });
-  const d = p.status === "waiting" ? null : deviationOf(p);
+  const d = deviationOf(p);
   const sd = p.standard_deviation ?? 0;
   const thick = p.status === "alarm" ? 6 : 4; // of the tick [px]
   return (
