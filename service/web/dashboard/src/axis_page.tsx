@@ -16,7 +16,7 @@ import { causeName, translated, Words } from "./sentences";
 import { evidence } from "./need";
 import { Plot, type Range } from "./plot";
 import { SignalPanel } from "./signal_panel";
-import { columnsOf, marksOf, rangeOf, Z95, type Columns, type History } from "./series";
+import { columnsOf, marksOf, rangeOf, Z90, type Columns, type History } from "./series";
 import { t } from "./texts";
 import { TimeRange, type Span } from "./time_range";
 import { Trends } from "./trends";
@@ -192,7 +192,7 @@ function Facts({ axis }: { axis: Axis }) {
             {detector.leading !== null && `; ${t.nearest(causeName(detector.leading), t.ofThreshold(percent(detector.evidence, false)))}`}
           </li>
         ))}
-        {axis.heat !== null && <li>{t.heat(`${withMargin(axis.heat.heat_w, Z95 * (axis.heat.sd_w ?? 0))} W`)}</li>}
+        {axis.heat !== null && <li>{t.heat(`${withMargin(axis.heat.heat_w, Z90 * (axis.heat.sd_w ?? 0))} W`)}</li>}
       </ul>
       <h2>{t.model}</h2>
       <p class="constants">
