@@ -1,6 +1,6 @@
 """What commissioning tries next if an axis was not identified, or cannot be monitored as it is."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.drive import Term, split_name
@@ -64,13 +64,15 @@ def retry(
     axis: NamedAxis,
     tried: Collection[str],
     search: LoadSearch,
+    turn: Callable[[], TurningWeight | None],
 ) -> Retry | None:
     """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
     The load of links is also considered if one mass without it is only a fair fit, or if it explains much more.  Parts
     with a force that no motion explains are left out, if that explains much more than loads do.
 
-    ``text``: the configuration of that identification; ``tried``: drives that were tried.
+    ``text``: the configuration of that identification; ``tried``: drives that were tried; ``turn``: finds how far a
+    weight turns with the motion of the axis.
     """
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
@@ -85,7 +87,7 @@ def retry(
     if load and (unfit or fair or load.weights.explains_much_more):
         return _with_links(text, axis, load)
     if unfit:
-        return _with_other_drive(report, text, axis, tried, search)
+        return _with_other_drive(report, text, axis, tried, turn)
     return followers_monitored(report, text, axis)
 
 
@@ -127,7 +129,7 @@ def _with_other_drive(
     text: str,
     axis: NamedAxis,
     tried: Collection[str],
-    search: LoadSearch,
+    turn: Callable[[], TurningWeight | None],
 ) -> Retry | None:
     """The drive that may explain what this one does not; see ``retry``."""
     config, missing = axis.config, report.result.verdict.missing
@@ -143,7 +145,7 @@ def _with_other_drive(
     why = report.rejection or "no parameter could be monitored"
     reason = f"as {config.model.drive} it was not identified: {why}"
     changes = [Correction(("model", "drive"), drive.name, reason)]
-    if bears_weight and "r" not in config.model.nominal and (ratio := _gear_ratio(search.turn)) is not None:
+    if bears_weight and "r" not in config.model.nominal and (ratio := _gear_ratio(turn())) is not None:
         reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet has the exact ratio"
         changes.append(Correction(("model", "nominal", "r"), ratio, reason))
         drive = drive._replace(values={**drive.values, "r": ratio})

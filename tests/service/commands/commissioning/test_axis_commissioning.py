@@ -23,7 +23,7 @@ from monitor_core.identification import (
     Watched,
 )
 from monitor_core.identification.parameter_selection import ScheduledTerm
-from service.commands.commissioning.axis import axis_identification, axis_processes
+from service.commands.commissioning.axis import axis_commissioning, axis_identification, axis_processes
 from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
 from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
 from service.commands.commissioning.axis.axis_job import AxisJob
@@ -108,8 +108,8 @@ def next_try(
     pressing: PressingGate | None = None,
 ) -> Retry | None:
     """What is tried after this identification with the configuration of this text."""
-    search: Any = SimpleNamespace(links=links, turn=turn, pressing=pressing)
-    return retry(found, text, configured(text, NAME, folder)[1], before, search)
+    search: Any = SimpleNamespace(links=links, pressing=pressing)
+    return retry(found, text, configured(text, NAME, folder)[1], before, search, lambda: turn)
 
 
 def retried(folder: Path, found: Any, text: str = TEXT, **given: Any) -> tuple[Retry, AxisConfig]:
@@ -361,7 +361,7 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
 
     monkeypatch.setattr(axis_identification, "prepare", prepare)
     search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=())
-    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
+    loads: Any = SimpleNamespace(search=lambda _: search)
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")
@@ -371,7 +371,7 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
     job = AxisJob(
         TWO, NAME, (str(tmp_path / "a.csv"),), tmp_path, CalibrationOptions(600.0), Provenance.now(), shorten=True
     )
-    outcome = axis_identification.identified(job, Outcome(NAME, ""), lambda *_: None)
+    outcome = axis_identification.identified(job, Outcome(NAME, ""), loads, lambda *_: None)
     assert not reports
     assert [len(schedule) for schedule in schedules] == [0, 1, 1, 1]
     assert "a2-acceleration, " not in schedules[-1][0]
@@ -392,7 +392,7 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     load = load_of(signals, "a2-acceleration")
     monkeypatch.setattr(axis_identification, "prepare", lambda *_: task)
     search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=("a1", "a2"))
-    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
+    monkeypatch.setattr(axis_commissioning, "LoadSearches", lambda *_: SimpleNamespace(search=lambda _: search))
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     taken = list[Any]()
 
