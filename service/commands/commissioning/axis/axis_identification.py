@@ -22,7 +22,8 @@ from service.commands.commissioning.axis.missing_motion import motion_for, with_
 from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import NamedAxis
-from service.config.commissioned import SIGNAL, pages_of
+from service.config.commissioned import pages_of
+from service.config.corrections import SIGNAL
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_files import as_toml

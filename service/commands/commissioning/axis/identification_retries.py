@@ -8,7 +8,8 @@ from monitor_core.identification import Effect, FitQuality, Rejection, TurningWe
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.config import AxisConfig, NamedAxis
-from service.config.commissioned import Correction, corrected, monitoring, with_drive
+from service.config.commissioned import corrected, monitoring, with_drive
+from service.config.corrections import Correction, changes_in
 from service.reports.identification_report import IdentificationReport
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
@@ -50,7 +51,7 @@ class Retry(NamedTuple):
     @property
     def words(self) -> str:
         """The changes together with the schedules."""
-        return ", ".join((*(change.change for change in self.changes), *self.schedule))
+        return ", ".join((*(change.written for change in changes_in(self.changes)), *self.schedule))
 
 
 def watched_in(report: IdentificationReport) -> tuple[str, ...]:

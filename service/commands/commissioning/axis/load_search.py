@@ -28,7 +28,8 @@ from monitor_core.identification import (
     recorded_signals,
 )
 from service.config import Config, NamedAxis, gear_ratio
-from service.config.commissioned import GATE, SIGNAL, Correction, configured, corrected
+from service.config.commissioned import configured, corrected
+from service.config.corrections import GATE, SIGNAL, Correction
 from service.config.unit_names import unit_in
 from service.ingest.loaded_records import load
 
@@ -264,7 +265,7 @@ def _geared(name: str, other: NamedAxis) -> Iterator[Correction]:
     """The given gear ratio of an axis as the factor of a signal; none if there is none."""
     ratio = gear_ratio(other.config)
     if ratio != 1.0:
-        reason = "the gear ratio: the motion of the arm, not of the motor"
+        reason = "the gear ratio, as it follows the motion of the arm, not of the motor"
         yield Correction((SIGNAL, name, "factor"), ratio, reason)
 
 

@@ -40,7 +40,8 @@ from service.commands.commissioning.signals import exchanged_torques, signal_pro
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE
 from service.config import AxisConfig
-from service.config.commissioned import Correction, configured
+from service.config.commissioned import configured
+from service.config.corrections import Correction
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
