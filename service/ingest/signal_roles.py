@@ -158,32 +158,47 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
     """The role of a signal by its unit and its name; None: it is no measurement of an axis."""
     if not may_be_measured(message, signal):
         return None
-    text = signal.unit or ""
-    named = role_of(signal.name) or role_of(message.name)
-    amperes = current_in(text)
-    current = amperes is not None or (not text and named == "current")
-    quantity: MeasuredQuantity | None = "torque" if current else None
-    unit = None
-    for candidate in _QUANTITIES:
-        if quantity is None and (unit := unit_in(text, candidate)) is not None:
-            quantity = candidate
-    if quantity is None and not text:
-        quantity = next((q for q in _QUANTITIES if q == named), None)
-    if quantity is None or (current and named not in ("current", "torque")):
+    text, named = signal.unit or "", role_of(signal.name) or role_of(message.name)
+    reading = _by_unit(text) if text else _by_name(named)
+    if reading is None:
         return None
-    if unit is not None and unit.linear and named != quantity:
-        return None  # a linear motion of a tool, or a distance
-    agrees = named == quantity or (current and named in ("current", "torque"))
-    known = unit is not None or current
-    confidence: Confidence = "sure" if agrees and known else "likely" if agrees else "guess"
-    factor = amperes if unit is None else unit.factor
+    agrees = named == reading.quantity or (reading.current and named == "current")
+    if not agrees and (reading.current or reading.linear):
+        return None  # the current of something else; the linear motion of a tool, or a distance
+    confidence: Confidence = "guess" if not agrees else "sure" if reading.known else "likely"
     return SignalRole(
-        message.name, signal.name, quantity, text, factor, current, confidence,
-        _wrap(signal) if quantity == "angle" else None,
+        message.name, signal.name, reading.quantity, text, reading.factor, reading.current, confidence,
+        _wrap(signal) if reading.quantity == "angle" else None,
     )  # fmt: skip
 
 
 _QUANTITIES: tuple[MeasuredQuantity, ...] = ("torque", "speed", "angle")
+
+
+class _Reading(NamedTuple):
+    """What the unit of a signal shows, or its name if it has no unit."""
+
+    quantity: MeasuredQuantity
+    known: bool
+    """Whether this is certain"""
+    factor: float | None = None
+    """Factor to SI units; None: not known"""
+    current: bool = False
+    linear: bool = False
+    """Whether it is in a unit of length"""
+
+
+def _by_unit(text: str) -> _Reading | None:
+    if (amperes := current_in(text)) is not None:
+        return _Reading("torque", True, amperes, current=True)
+    units = ((quantity, unit_in(text, quantity)) for quantity in _QUANTITIES)
+    return next((_Reading(q, True, unit.factor, linear=unit.linear) for q, unit in units if unit is not None), None)
+
+
+def _by_name(named: str) -> _Reading | None:
+    if named == "current":
+        return _Reading("torque", True, current=True)
+    return next((_Reading(quantity, False) for quantity in _QUANTITIES if quantity == named), None)
 
 
 def _wrap(signal: Signal) -> float | None:
