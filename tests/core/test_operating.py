@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.operating_conditions import MARGIN, Conditions, Follow, Gate, Operating
+from monitor_core.drive.gates import Gate
+from monitor_core.drive.operating_conditions import MARGIN, Conditions, Follow, Operating
 from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.drive.operating_conditions import Conditions, Follow, Gate
+from monitor_core.drive.gates import Gate
+from monitor_core.drive.operating_conditions import Conditions, Follow
 from monitor_core.drive.signal_terms import Term
 from monitor_core.kernel.tables import WEIGHT as WEIGHT_INPUT
 from service.config import AxisConfig, Config, ConfigErrors, conditions_of, load, needed

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.drive.operating_conditions import Gate
+from monitor_core.drive.gates import Gate
 from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling import EXAMPLE_VALUES
 from monitor_core.samples import SampleBlock
