@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.injection import changed_values, equivalent_load
-from monitor_core.detection.multimodel.candidates import default_hypotheses, quantity_of
+from monitor_core.detection.multimodel.candidates import quantity_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.naming import CauseIdentified, Share
 from monitor_core.drive import LOAD, AxisModel, Conditions, Follow, Operating, Term
 from monitor_core.kernel.tables import ONE, WEIGHT

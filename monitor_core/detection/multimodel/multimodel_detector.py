@@ -26,16 +26,14 @@ from monitor_core.detection.alarm import (
 )
 from monitor_core.detection.multimodel.candidates import (
     CauseQuantity,
-    Distinct,
     candidates,
     causes_of,
-    chosen,
-    distinct_candidates,
     hypothesis_of,
     quantity_of,
 )
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.isolability import Distinct, chosen, distinct_candidates
 from monitor_core.detection.multimodel.naming import (
     CauseIdentified,
     ChangeDetected,
