@@ -23,7 +23,7 @@ from service.commands.listen import rounds
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new, write_all
 from service.commands.signal_handling import stopped_by_signals
-from service.config.schema import BusConfig
+from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
     from service.ingest.column_roles import TableRoles

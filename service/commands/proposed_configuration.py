@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from service.config.canopen_axis import CURRENT, VELOCITY
-from service.config.schema import BusConfig
+from service.config.schema_buses import BusConfig
 from service.config.unit_names import UNITS, unit_in
 from service.ingest.column_roles import TableRoles
 from service.ingest.drive_objects import DriveObjects
