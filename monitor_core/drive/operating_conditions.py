@@ -39,7 +39,7 @@ MARGIN = 0.1
 _HEAT = Term.read(HEAT)
 
 
-class Follow(NamedTuple):
+class NominalSchedule(NamedTuple):
     """A nominal value that follows a term of signals:  theta_0(s) = theta_0 + slope (term(s) - reference).
 
     The slope is valid between ``low`` and ``high`` of the term.
@@ -80,11 +80,11 @@ class Conditions:
     """
 
     signals: tuple[str, ...] = ()
-    follows: tuple[Follow, ...] = ()
+    schedules: tuple[NominalSchedule, ...] = ()
     gates: tuple[Gate, ...] = ()
     min_speed: float = 0.0
     thermal: ThermalModel | None = None
-    weight: tuple[Follow, ...] = ()
+    weight: tuple[NominalSchedule, ...] = ()
     angles: tuple[str, ...] = ()
 
     @property
@@ -98,13 +98,13 @@ class Conditions:
 
         Empty: they follow no angle.
         """
-        factors = [factor for f in (*self.follows, *self.weight) for factor in f.term.factors]
+        factors = [factor for f in (*self.schedules, *self.weight) for factor in f.term.factors]
         turning = [factor for factor in factors if factor.function in ("cos", "sin")]
         followed = [name for factor in turning for _, name in factor.addends]
         return tuple(dict.fromkeys([*followed, *self.angles])) if followed else ()
 
     def __bool__(self) -> bool:
-        return bool(self.follows or self.gates or self.min_speed > 0 or self.weight)
+        return bool(self.schedules or self.gates or self.min_speed > 0 or self.weight)
 
 
 class _Taken(NamedTuple):
@@ -126,9 +126,10 @@ class Operating:
     def __init__(self, model: AxisModel, conditions: Conditions) -> None:
         self._model, self._conditions = model, conditions
         self._column = {name: k for k, name in enumerate(conditions.columns)}
-        self._followers = [_follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)]
-        self._weight = tuple(follow._replace(reference=0.0) for follow in conditions.weight)
-        every = (*conditions.follows, *conditions.weight)
+        schedules = conditions.schedules
+        self._scheduled = [_scheduled_parameter(model, i, schedules) for i in _indices(model, schedules)]
+        self._weight = tuple(schedule._replace(reference=0.0) for schedule in conditions.weight)
+        every = (*conditions.schedules, *conditions.weight)
         wanted = {name for f in every for name in f.term.signals} | {g.signal for g in conditions.gates}
         if missing := wanted - self._column.keys():
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
@@ -175,8 +176,8 @@ class Operating:
                 s = np.column_stack([s, self.thermal.take(t_us, steps)])
         shift = np.zeros((N, len(self._model.monitored)))
         by_name = self._by_name(s)
-        for follower in self._followers:
-            shift[:, follower.i] = follower.shift(by_name)
+        for parameter in self._scheduled:
+            shift[:, parameter.i] = parameter.shift(by_name)
         gate = self._gates.take(t_us, by_name)
         if c.min_speed > 0:
             gate &= speed >= c.min_speed
@@ -195,7 +196,7 @@ class Operating:
 
     def following(self, signal: str) -> tuple[str, ...]:
         """Names of the monitored parameters that follow this signal, or a function of it."""
-        return tuple(f.name for f in self._followers if any(signal in x.term.signals for x in f.follows))
+        return tuple(f.name for f in self._scheduled if any(signal in s.term.signals for s in f.schedules))
 
     def samples_before_pause(self, t_us: NDArray[np.int64]) -> int:
         """Number of samples before the first pause, after which the heat may be unknown; all N if there is none."""
@@ -212,14 +213,14 @@ class Operating:
         s = self._last[0].copy()
         s[self._column[HEAT]] = heat
         by_name = self._by_name(s[np.newaxis])
-        for follower in self._followers:
-            shift[follower.i] = follower.shift(by_name)[0]
+        for parameter in self._scheduled:
+            shift[parameter.i] = parameter.shift(by_name)[0]
         return shift
 
     @property
     def heat_range(self) -> tuple[float, float]:
         """Lowest and highest heat [W] at which friction is known from records."""
-        known = [(f.low, f.high) for follower in self._followers for f in follower.follows if f.term == _HEAT]
+        known = [(f.low, f.high) for parameter in self._scheduled for f in parameter.schedules if f.term == _HEAT]
         return max((low for low, _ in known), default=-math.inf), min((high for _, high in known), default=math.inf)
 
     def shift_beyond(self) -> Floats:
@@ -239,7 +240,7 @@ class Operating:
         if self.thermal is None or self._last is None:
             return ""
         low, high = self.heat_range
-        if Follow("", _HEAT, 0.0, 0.0, low, high).knows(self.thermal.heat):
+        if NominalSchedule("", _HEAT, 0.0, 0.0, low, high).knows(self.thermal.heat):
             return ""
         return sentence(
             "heat",
@@ -279,8 +280,8 @@ class Operating:
         (s, speed), c = self._last, self._conditions
         by_name = self._by_name(s[np.newaxis])
         yield from self._gates.closed({name: float(values[0]) for name, values in by_name.items()})
-        for follower in self._followers:
-            yield from follower.reasons(by_name)
+        for parameter in self._scheduled:
+            yield from parameter.reasons(by_name)
         yield from _unknown(self._weight, by_name)
         if self._brake is not None and self._brake.holds:
             yield sentence("brake", "held by its brake: it stands, and the motor does not bear its weight")
@@ -288,12 +289,12 @@ class Operating:
             yield sentence("slow", "slower than {speed} rad/s", speed=f"{c.min_speed:g}")
 
 
-class _Follower(NamedTuple):
+class _ScheduledParameter(NamedTuple):
     """theta_i with all terms that it follows."""
 
     i: int
     name: str
-    follows: tuple[Follow, ...]
+    schedules: tuple[NominalSchedule, ...]
     value: float  # nominal value of the parameter that the slopes belong to
     theta0: float  # nominal value of the monitored parameter
     reciprocal: bool  # whether one of these two is the reciprocal of the other
@@ -301,7 +302,7 @@ class _Follower(NamedTuple):
 
     def shift(self, signals: Mapping[str, Floats]) -> Floats:
         """theta_0i(s) - theta_0i (N,) for signals (N,) by name; NaN where it is unknown."""
-        change = sum((follow.change(follow.term.value(signals)) for follow in self.follows), np.zeros(()))
+        change = sum((schedule.change(schedule.term.value(signals)) for schedule in self.schedules), np.zeros(()))
         if self.reciprocal:
             with np.errstate(divide="ignore"):
                 change = 1 / (self.value + change) - self.theta0
@@ -311,43 +312,43 @@ class _Follower(NamedTuple):
 
     def reasons(self, signals: Mapping[str, Floats]) -> Iterator[str]:
         """Sentences that say why the shift for signals (1,) by name is unknown."""
-        if unknown := [*_unknown(self.follows, signals)]:
+        if unknown := [*_unknown(self.schedules, signals)]:
             yield unknown[0]
             return
         if math.isnan(self.shift(signals)[0]):
             yield sentence("bounds", "{name} would leave its bounds", name=self.name)
 
 
-def _unknown(follows: Iterable[Follow], signals: Mapping[str, Floats]) -> Iterator[str]:
+def _unknown(schedules: Iterable[NominalSchedule], signals: Mapping[str, Floats]) -> Iterator[str]:
     """Sentences on the terms whose change for signals (1,) by name is unknown."""
-    for follow in follows:
-        (value,) = follow.term.value(signals)
-        if not follow.knows(value):
-            shown = value_words(str(follow.term), value)
-            low, high = f"{follow.low:g}", f"{follow.high:g}"
+    for schedule in schedules:
+        (value,) = schedule.term.value(signals)
+        if not schedule.knows(value):
+            shown = value_words(str(schedule.term), value)
+            low, high = f"{schedule.low:g}", f"{schedule.high:g}"
             beyond = sentence("beyond", "{found}, beyond {low} to {high}", found=shown, low=low, high=high)
             yield shown if math.isnan(value) else beyond
 
 
-def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
+def _indices(model: AxisModel, schedules: tuple[NominalSchedule, ...]) -> list[int]:
     """Indices of the parameters in theta that follow a term."""
     bases = [split_name(name)[0] for name in model.monitored]
-    for entry in follows:
-        if split_name(entry.name)[0] not in bases:
-            raise ValueError(f"{entry.name} is to follow {entry.term}, but is not monitored")
-        if unknown := [name for name in entry.term.functions if name not in FUNCTIONS]:
+    for schedule in schedules:
+        if split_name(schedule.name)[0] not in bases:
+            raise ValueError(f"{schedule.name} is to follow {schedule.term}, but is not monitored")
+        if unknown := [name for name in schedule.term.functions if name not in FUNCTIONS]:
             raise ValueError(f"no function {unknown[0]} of signals; there is {', '.join(FUNCTIONS)}")
-    return sorted({bases.index(split_name(follow.name)[0]) for follow in follows})
+    return sorted({bases.index(split_name(schedule.name)[0]) for schedule in schedules})
 
 
-def _follower(model: AxisModel, i: int, follows: tuple[Follow, ...]) -> _Follower:
+def _scheduled_parameter(model: AxisModel, i: int, schedules: tuple[NominalSchedule, ...]) -> _ScheduledParameter:
     base, inverse = split_name(model.monitored[i])
-    mine = tuple(follow for follow in follows if split_name(follow.name)[0] == base)
-    if len({entry.name for entry in mine}) > 1:
+    mine = tuple(schedule for schedule in schedules if split_name(schedule.name)[0] == base)
+    if len({schedule.name for schedule in mine}) > 1:
         raise ValueError(f"slopes of both {base} and 1/{base}: give those of one of them")
     of_inverse = split_name(mine[0].name)[1]
     value = model.nominal[base]
-    return _Follower(
+    return _ScheduledParameter(
         i,
         model.monitored[i],
         mine,
