@@ -47,19 +47,20 @@ class ShownChange(NamedTuple):
 
 
 def changes_in(corrections: Iterable[Correction]) -> list[ShownChange]:
-    """Corrections for a reader: those of one signal or gate are one change, each reason is given once."""
+    """Corrections for a reader: those of one signal or gate are one change.
+
+    Its reason is that of its first key.  Another reason is given once, with the first key that has it.
+    """
     tables = dict[tuple[str, ...], list[Correction]]()
     for correction in corrections:
         table = correction.key[:2] if correction.key[0] in NAMED_BY else correction.key
         tables.setdefault(table, []).append(correction)
-    return [_change(".".join(table), of_table) for table, of_table in tables.items()]
-
-
-def _change(table: str, corrections: list[Correction]) -> ShownChange:
-    first, *others = corrections
-    if not others:
-        return ShownChange(first.change, first.reason)
-    keys = {c.key[-1]: c.toml_value for c in corrections}
-    reasons = {c.reason: f"{c.key[-1]}: {c.reason}" for c in others if c.reason != first.reason}
-    written = ", ".join(f"{key} = {value}" for key, value in keys.items())
-    return ShownChange(f"{table} = {{ {written} }}", "; ".join((first.reason, *reasons.values())))
+    found, given = list[ShownChange](), set[str]()
+    for table, (first, *others) in tables.items():
+        keys = {c.key[-1]: c.toml_value for c in (first, *others)}
+        values = ", ".join(f"{key} = {value}" for key, value in keys.items())
+        more = {c.reason: c.key[-1] for c in others if c.reason not in (first.reason, *given)}
+        given |= more.keys()
+        written = f"{'.'.join(table)} = {{ {values} }}" if others else first.change
+        found.append(ShownChange(written, "; ".join((first.reason, *(f"{key}: {why}" for why, key in more.items())))))
+    return found
