@@ -18,6 +18,8 @@ from service.ingest.roles_by_name import (
     commanded_role,
     is_gripper,
     is_load,
+    is_temperature,
+    nearest_friction,
     own_word,
     owners,
     role_with,
@@ -55,6 +57,8 @@ class TableRoles(NamedTuple):
     """Columns that have times of their own, which are others"""
     alone: tuple[str, ...] = ()
     """Those that are the torque of another axis by their names, but have no motion"""
+    temperatures: Mapping[str, str] = MappingProxyType({})
+    """Columns of the temperatures of axes, by the name of the axis"""
 
 
 def roles(
@@ -85,10 +89,15 @@ def roles(
     loads = {_axis_of(name, [pair.name for pair in pairs]): name for name in loaded}
     # Of all rows: what is carried may be changed only every few minutes.
     switches = _switches({name: columns[name] for name in values if name not in {*used, *loaded, *times.apart}})
-    unused = tuple(name for name in columns if name not in {*used, *loads.values(), *switches})
+    others = [name for name in columns if name not in {*used, *loads.values(), *switches}]
+    measured = [name for name in others if name in values and not np.isin(values[name], (0.0, 1.0)).all()]
+    temperatures = _temperatures(measured, unit_names, [p.name for p in pairs])
+    unused = tuple(name for name in others if name not in temperatures.values())
     axes = (_axis(pair, kinds, unit_names)._replace(interval_s=times.interval_s, measured=True) for pair in pairs)
     alone = tuple(_torques_of_others(unused, pairs, unit_names))
-    return TableRoles(times.column, times.unit_s, tuple(axes), loads, switches, unused, times.asked, times.apart, alone)
+    return TableRoles(
+        times.column, times.unit_s, tuple(axes), loads, switches, unused, times.asked, times.apart, alone, temperatures
+    )
 
 
 def _torques_of_others(unused: Sequence[str], pairs: Sequence[SignalPair], units: Mapping[str, str]) -> Iterator[str]:
@@ -113,6 +122,15 @@ def _linear_motions(kinds: Mapping[str, str], units: Mapping[str, str]) -> dict[
     turning -= {"", *(owner[name] for name, kind in kinds.items() if kind in ("angle", "speed"))}
     lengths = {name for name, unit in units.items() if (known := unit_in(unit, "angle")) is not None and known.linear}
     return {name: "angle" for name, kind in kinds.items() if not kind and owner[name] in turning and name in lengths}
+
+
+def _temperatures(names: Sequence[str], units: Mapping[str, str], axes: Sequence[str]) -> dict[str, str]:
+    """Columns of the temperatures of axes, by the name of the axis; of a single axis the name needs no number."""
+    measured = [name for name in names if is_temperature(name, units[name])]
+    of_axes = {axis: [name for name in measured if _axis_of(name, axes) == axis] for axis in axes}
+    if len(axes) == 1:
+        of_axes = {axes[0]: measured}
+    return {axis: nearest_friction(several) for axis, several in of_axes.items() if several}
 
 
 def _switches(columns: Mapping[str, Floats]) -> tuple[str, ...]:
