@@ -6,7 +6,7 @@ Models and simulation:
 * ``AxisModel``: one axis: a drive with nominal values and monitored parameters.
 * ``two_mass, three_mass, five_mass, REFERENCE_VALUES``: drives of the library, the paper's values.
 * ``SimulatedAxis, reference_model, experiment``: simulated axes; the paper's reference experiment.
-* ``Conditions, Follow, Term, Gate, Operating``: nominal values that follow signals, gates.
+* ``Conditions, NominalSchedule, Term, Gate, Operating``: nominal values that follow signals, gates.
 
 Excitation:
 
@@ -55,7 +55,7 @@ if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationError, CalibrationOptions, CalibrationResult, calibrate
     from monitor_core.detection import Alarm, MultiModelDetector, MultiModelThresholds
     from monitor_core.detection.multimodel.multimodel_detector import least_delay
-    from monitor_core.drive import AxisModel, Conditions, Drive, Follow, Gate, Operating, Parameter, Term
+    from monitor_core.drive import AxisModel, Conditions, Drive, Gate, NominalSchedule, Operating, Parameter, Term
     from monitor_core.excitation import (
         Accuracy,
         Estimation,
@@ -108,7 +108,7 @@ _NAMES = {
     "calibration": "CalibrationError CalibrationOptions CalibrationResult calibrate",
     "detection": "Alarm MultiModelDetector MultiModelThresholds",
     "detection.multimodel.multimodel_detector": "least_delay",
-    "drive": "AxisModel Conditions Drive Follow Gate Operating Parameter Term",
+    "drive": "AxisModel Conditions Drive NominalSchedule Gate Operating Parameter Term",
     "excitation": "Accuracy Estimation ExcitationError ExcitationTask MotionLimits Plant crest_factor experiment "
     "multisine plan",
     "identification": "Disturbance Estimate IdentificationError IdentificationOptions IdentificationResult Problem "

@@ -1,4 +1,6 @@
-"""Names of array types, nothing else."""
+"""Names of array types, and the way from an array to a value that may be unknown."""
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,3 +13,8 @@ Bools = NDArray[np.bool_]
 Complexes = NDArray[np.complex128]
 Arrays = dict[str, NDArray[np.generic]]
 """Arrays by name, as a saved state has them."""
+
+
+def finite(value: float | None) -> float | None:
+    """The number, or None if it is not finite: unknown is NaN in arrays, None in values."""
+    return value if value is not None and math.isfinite(value) else None

@@ -1,9 +1,12 @@
-"""Words that messages share: sentences with their kind and values, suggestions for unknown names, lists, durations."""
+"""What messages share: sentences with their kind and values, suggestions for unknown names, lists, durations, Z90."""
 
 import difflib
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+
+Z90 = 1.645
+"""Standard deviations on either side of a value to the ends of its 90 % interval, with which values are shown"""
 
 _NEARLY = 0.05
 _MOST = 20

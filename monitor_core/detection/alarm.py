@@ -5,7 +5,6 @@ there is enough evidence: after a large change, the first test that crosses ofte
 """
 
 import json
-import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal, NamedTuple
@@ -13,6 +12,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor_core.arrays import finite
 from monitor_core.drive import DELAY, LOAD
 
 DetectorName = Literal["cusum", "multimodel"]
@@ -253,11 +253,6 @@ def direction_of(size: float) -> Direction:
     return "down" if size < 0 else "up"
 
 
-def known(value: float | None) -> float | None:
-    """The value, or None if it is not finite, which means unknown.  Earlier versions have saved NaN."""
-    return value if value is not None and math.isfinite(value) else None
-
-
 def alarms_to_array(alarms: Iterable[Alarm]) -> NDArray[np.generic]:
     """Alarms as the bytes of a JSON text (N,), for checkpoints."""
     return np.frombuffer(json.dumps([asdict(alarm) for alarm in alarms]).encode(), np.uint8)
@@ -277,7 +272,7 @@ def alarms_from_array(array: NDArray[np.generic], causes: Collection[str]) -> li
 
 
 def _alarm(fields: dict[str, Any]) -> Alarm:
-    fields |= {name: known(fields[name]) for name in ("size", "size_sd")}
+    fields |= {name: finite(fields[name]) for name in ("size", "size_sd")}  # earlier versions have saved NaN
     causes = tuple(Cause.read(cause) for cause in fields.pop("causes"))
     past = tuple(FormerName(*name) for name in fields.pop("past"))
     reaches = tuple(Reach(*reach) for reach in fields.pop("reaches", ()))

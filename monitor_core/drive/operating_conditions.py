@@ -3,9 +3,8 @@
     theta_0i(s) = v_i + slope_1 (f_1(s) - reference_1) + ...
 
 f is a term: a measured signal, a function of a sum of signals, or a product of these (signal_terms.py).  If the slopes
-are given for Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is exactly the reciprocal of that sum.  A gate is
-open while its signal has the right value; while a gate is closed, no estimate is updated and no test runs.  It is also
-closed while a brake holds the axis (holding_brake.py).
+are given for Ja and 1/Ja is monitored, or the reverse, theta_0i(s) is exactly the reciprocal of that sum.  While a
+gate is closed (gates.py), or a brake holds the axis (holding_brake.py), no estimate is updated and no test runs.
 
 The torque of the weight may instead be an input of the drive (Drive.with_load), w(s) = slope_1 f_1(s) + ..
 
@@ -16,7 +15,7 @@ All results for a sample depend only on samples up to that one: blocks may be sp
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.gates import Gate, OpenGates, value_words
 from monitor_core.drive.holding_brake import HoldingBrake
 from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.signal_terms import FUNCTIONS, Factor, Term
@@ -37,13 +37,9 @@ MARGIN = 0.1
 """A nominal value follows a signal beyond the ends of the range of its slope, by up to this share of the width."""
 
 _HEAT = Term.read(HEAT)
-_SAME = 1e-6
-"""Relative difference below which two values of a signal count as equal: signals are scaled numbers."""
-_LONG_AGO_US = -(2**62)
-"""Before any sample [us]"""
 
 
-class Follow(NamedTuple):
+class NominalSchedule(NamedTuple):
     """A nominal value that follows a term of signals:  theta_0(s) = theta_0 + slope (term(s) - reference).
 
     The slope is valid between ``low`` and ``high`` of the term.
@@ -72,70 +68,6 @@ class Follow(NamedTuple):
         return np.asarray((values >= self.low - reach) & (values <= self.high + reach), np.bool_)
 
 
-class Gate(NamedTuple):
-    """A gate that is open while its signal is one of ``equals`` (if given) and between ``above`` and ``below``.
-
-    Estimates and tests wait while it is closed.  All values have the unit of the signal.
-
-    ``settle_s``: it stays closed for this time after its signal has the right value again [s], until a force that acted
-    has gone, and the prediction has forgotten it.
-    """
-
-    signal: str
-    equals: tuple[float, ...] = ()
-    above: float = -math.inf
-    below: float = math.inf
-    settle_s: float = 0.0
-
-    def open(self, values: Floats) -> Bools:
-        """Whether the gate is open (N,) for values of the signal (N,), regardless of ``settle_s``; NaN closes it."""
-        between = (values > self.above) & (values < self.below)
-        if not self.equals:
-            return np.asarray(between, np.bool_)
-        near = [np.abs(values - value) <= _SAME * max(1.0, abs(value)) for value in self.equals]
-        return np.asarray(between & np.any(near, axis=0), np.bool_)
-
-
-class OpenGates:
-    """Whether all gates of an axis are open, from sample to sample."""
-
-    def __init__(self, gates: Sequence[Gate]) -> None:
-        self._gates = gates
-        self._closed_us = np.full(len(gates), _LONG_AGO_US)
-        """Time of the last sample at which each gate was closed by its signal [us]"""
-        self._is_closed = [False] * len(gates)
-        """Whether each was closed at the last sample"""
-
-    def take(self, t_us: NDArray[np.int64], columns: Mapping[str, Floats]) -> Bools:
-        """Whether all are open (N,) at these times [us], by the signals (N,) of these names."""
-        every = np.ones(len(t_us), np.bool_)
-        for k, gate in enumerate(self._gates):
-            is_open = gate.open(columns[gate.signal])
-            if gate.settle_s > 0 and len(t_us):
-                latest = np.maximum.accumulate(np.where(is_open, -1, np.arange(len(t_us))))
-                last_us = np.where(latest < 0, self._closed_us[k], t_us[latest])
-                self._closed_us[k] = last_us[-1]
-                is_open &= np.abs(t_us - last_us) > gate.settle_s * 1e6  # the clock may be set back
-            if len(t_us):
-                self._is_closed[k] = not is_open[-1]
-            every &= is_open
-        return every
-
-    def closed(self, values: Mapping[str, float]) -> Iterator[str]:
-        """Sentences that say which gates the last sample closed; its signals had these values."""
-        for gate, closed in zip(self._gates, self._is_closed, strict=True):
-            value = values[gate.signal]
-            if closed and gate.open(np.array([value])).all():
-                yield sentence(
-                    "gate settles",
-                    "{name} closed a gate less than {time} s ago",
-                    name=gate.signal,
-                    time=f"{gate.settle_s:g}",
-                )
-            elif closed:
-                yield _stated(gate.signal, value)
-
-
 @dataclass(frozen=True)
 class Conditions:
     """Operating conditions of an axis.  ``signals``: names of the columns of the measured signals.
@@ -148,11 +80,11 @@ class Conditions:
     """
 
     signals: tuple[str, ...] = ()
-    follows: tuple[Follow, ...] = ()
+    schedules: tuple[NominalSchedule, ...] = ()
     gates: tuple[Gate, ...] = ()
     min_speed: float = 0.0
     thermal: ThermalModel | None = None
-    weight: tuple[Follow, ...] = ()
+    weight: tuple[NominalSchedule, ...] = ()
     angles: tuple[str, ...] = ()
 
     @property
@@ -166,13 +98,13 @@ class Conditions:
 
         Empty: they follow no angle.
         """
-        factors = [factor for f in (*self.follows, *self.weight) for factor in f.term.factors]
+        factors = [factor for f in (*self.schedules, *self.weight) for factor in f.term.factors]
         turning = [factor for factor in factors if factor.function in ("cos", "sin")]
         followed = [name for factor in turning for _, name in factor.addends]
         return tuple(dict.fromkeys([*followed, *self.angles])) if followed else ()
 
     def __bool__(self) -> bool:
-        return bool(self.follows or self.gates or self.min_speed > 0 or self.weight)
+        return bool(self.schedules or self.gates or self.min_speed > 0 or self.weight)
 
 
 class _Taken(NamedTuple):
@@ -194,9 +126,10 @@ class Operating:
     def __init__(self, model: AxisModel, conditions: Conditions) -> None:
         self._model, self._conditions = model, conditions
         self._column = {name: k for k, name in enumerate(conditions.columns)}
-        self._followers = [_follower(model, i, conditions.follows) for i in _followed(model, conditions.follows)]
-        self._weight = tuple(follow._replace(reference=0.0) for follow in conditions.weight)
-        every = (*conditions.follows, *conditions.weight)
+        schedules = conditions.schedules
+        self._scheduled = [_scheduled_parameter(model, i, schedules) for i in _indices(model, schedules)]
+        self._weight = tuple(schedule._replace(reference=0.0) for schedule in conditions.weight)
+        every = (*conditions.schedules, *conditions.weight)
         wanted = {name for f in every for name in f.term.signals} | {g.signal for g in conditions.gates}
         if missing := wanted - self._column.keys():
             raise KeyError(f"no signal {', '.join(sorted(missing))}")
@@ -242,14 +175,14 @@ class Operating:
             if self.thermal is not None:
                 s = np.column_stack([s, self.thermal.take(t_us, steps)])
         shift = np.zeros((N, len(self._model.monitored)))
-        for follower in self._followers:
-            shift[:, follower.i] = follower.shift(s, self._column)
-        gate = self._gates.take(t_us, {name: s[:, k] for name, k in self._column.items()})
+        by_name = self._by_name(s)
+        for parameter in self._scheduled:
+            shift[:, parameter.i] = parameter.shift(by_name)
+        gate = self._gates.take(t_us, by_name)
         if c.min_speed > 0:
             gate &= speed >= c.min_speed
         weight = None
         if self._weight:
-            by_name = {name: s[:, k] for name, k in self._column.items()}
             factors = dict[Factor, Floats]()  # many terms have the same
             weight = sum((f.change(f.term.value(by_name, factors)) for f in self._weight), np.zeros(N))
             gate &= np.isfinite(weight)
@@ -257,9 +190,13 @@ class Operating:
             self._last = s[-1].copy(), float(speed[-1])
         return _Taken(shift, gate, weight, s)
 
+    def _by_name(self, s: Floats) -> dict[str, Floats]:
+        """The columns (N,) of signals (N, S)."""
+        return {name: s[:, k] for name, k in self._column.items()}
+
     def following(self, signal: str) -> tuple[str, ...]:
         """Names of the monitored parameters that follow this signal, or a function of it."""
-        return tuple(f.name for f in self._followers if any(signal in x.term.signals for x in f.follows))
+        return tuple(f.name for f in self._scheduled if any(signal in s.term.signals for s in f.schedules))
 
     def samples_before_pause(self, t_us: NDArray[np.int64]) -> int:
         """Number of samples before the first pause, after which the heat may be unknown; all N if there is none."""
@@ -275,14 +212,15 @@ class Operating:
             return shift
         s = self._last[0].copy()
         s[self._column[HEAT]] = heat
-        for follower in self._followers:
-            shift[follower.i] = follower.shift(s[np.newaxis], self._column)[0]
+        by_name = self._by_name(s[np.newaxis])
+        for parameter in self._scheduled:
+            shift[parameter.i] = parameter.shift(by_name)[0]
         return shift
 
     @property
     def heat_range(self) -> tuple[float, float]:
         """Lowest and highest heat [W] at which friction is known from records."""
-        known = [(f.low, f.high) for follower in self._followers for f in follower.follows if f.term == _HEAT]
+        known = [(f.low, f.high) for parameter in self._scheduled for f in parameter.schedules if f.term == _HEAT]
         return max((low for low, _ in known), default=-math.inf), min((high for _, high in known), default=math.inf)
 
     def shift_beyond(self) -> Floats:
@@ -302,7 +240,7 @@ class Operating:
         if self.thermal is None or self._last is None:
             return ""
         low, high = self.heat_range
-        if Follow("", _HEAT, 0.0, 0.0, low, high).knows(self.thermal.heat):
+        if NominalSchedule("", _HEAT, 0.0, 0.0, low, high).knows(self.thermal.heat):
             return ""
         return sentence(
             "heat",
@@ -340,32 +278,31 @@ class Operating:
         if self._last is None:
             return
         (s, speed), c = self._last, self._conditions
-        yield from self._gates.closed({name: s[k] for name, k in self._column.items()})
-        for follower in self._followers:
-            yield from follower.reasons(s[np.newaxis], self._column)
-        yield from _unknown(self._weight, s[np.newaxis], self._column)
+        by_name = self._by_name(s[np.newaxis])
+        yield from self._gates.closed({name: float(values[0]) for name, values in by_name.items()})
+        for parameter in self._scheduled:
+            yield from parameter.reasons(by_name)
+        yield from _unknown(self._weight, by_name)
         if self._brake is not None and self._brake.holds:
             yield sentence("brake", "held by its brake: it stands, and the motor does not bear its weight")
         if c.min_speed > 0 and not speed >= c.min_speed:  # the last one, as it seldom lasts
             yield sentence("slow", "slower than {speed} rad/s", speed=f"{c.min_speed:g}")
 
 
-class _Follower(NamedTuple):
+class _ScheduledParameter(NamedTuple):
     """theta_i with all terms that it follows."""
 
     i: int
     name: str
-    follows: tuple[Follow, ...]
+    schedules: tuple[NominalSchedule, ...]
     value: float  # nominal value of the parameter that the slopes belong to
     theta0: float  # nominal value of the monitored parameter
     reciprocal: bool  # whether one of these two is the reciprocal of the other
     limits: tuple[float, float]  # bounds of theta_i
 
-    def shift(self, s: Floats, column: Mapping[str, int]) -> Floats:
-        """theta_0i(s) - theta_0i (N,) for signals (N, S); NaN where it is unknown."""
-        change = np.zeros(len(s))
-        for follow in self.follows:
-            change = change + follow.change(_term(follow.term, s, column))
+    def shift(self, signals: Mapping[str, Floats]) -> Floats:
+        """theta_0i(s) - theta_0i (N,) for signals (N,) by name; NaN where it is unknown."""
+        change = sum((schedule.change(schedule.term.value(signals)) for schedule in self.schedules), np.zeros(()))
         if self.reciprocal:
             with np.errstate(divide="ignore"):
                 change = 1 / (self.value + change) - self.theta0
@@ -373,60 +310,45 @@ class _Follower(NamedTuple):
         possible = (theta > self.limits[0]) & (theta < self.limits[1])
         return np.where(possible, change, math.nan)
 
-    def reasons(self, s: Floats, column: Mapping[str, int]) -> Iterator[str]:
-        """Sentences that say why the shift for signals (1, S) is unknown."""
-        if unknown := [*_unknown(self.follows, s, column)]:
+    def reasons(self, signals: Mapping[str, Floats]) -> Iterator[str]:
+        """Sentences that say why the shift for signals (1,) by name is unknown."""
+        if unknown := [*_unknown(self.schedules, signals)]:
             yield unknown[0]
             return
-        if math.isnan(self.shift(s, column)[0]):
+        if math.isnan(self.shift(signals)[0]):
             yield sentence("bounds", "{name} would leave its bounds", name=self.name)
 
 
-def _term(term: Term, s: Floats, column: Mapping[str, int]) -> Floats:
-    """Values of the term (N,) for signals (N, S)."""
-    return term.value({name: s[:, column[name]] for name in term.signals})
+def _unknown(schedules: Iterable[NominalSchedule], signals: Mapping[str, Floats]) -> Iterator[str]:
+    """Sentences on the terms whose change for signals (1,) by name is unknown."""
+    for schedule in schedules:
+        (value,) = schedule.term.value(signals)
+        if not schedule.knows(value):
+            shown = value_words(str(schedule.term), value)
+            low, high = f"{schedule.low:g}", f"{schedule.high:g}"
+            beyond = sentence("beyond", "{found}, beyond {low} to {high}", found=shown, low=low, high=high)
+            yield shown if math.isnan(value) else beyond
 
 
-def _unknown(follows: Iterable[Follow], s: Floats, column: Mapping[str, int]) -> Iterator[str]:
-    """Sentences on the terms whose change for signals (1, S) is unknown."""
-    for follow in follows:
-        values = _term(follow.term, s, column)
-        if math.isnan(follow.change(values)[0]):
-            stated = _stated(str(follow.term), values[0])
-            low, high = f"{follow.low:g}", f"{follow.high:g}"
-            yield (
-                stated
-                if math.isnan(values[0])
-                else sentence("beyond", "{found}, beyond {low} to {high}", found=stated, low=low, high=high)
-            )
-
-
-def _stated(name: str, value: float) -> str:
-    """The value of a term as a sentence."""
-    if math.isnan(value):
-        return sentence("not known", "{name} is not known", name=name)
-    return sentence("value", "{name} = {value}", name=name, value=f"{value:g}")
-
-
-def _followed(model: AxisModel, follows: tuple[Follow, ...]) -> list[int]:
+def _indices(model: AxisModel, schedules: tuple[NominalSchedule, ...]) -> list[int]:
     """Indices of the parameters in theta that follow a term."""
     bases = [split_name(name)[0] for name in model.monitored]
-    for entry in follows:
-        if split_name(entry.name)[0] not in bases:
-            raise ValueError(f"{entry.name} is to follow {entry.term}, but is not monitored")
-        if unknown := [name for name in entry.term.functions if name not in FUNCTIONS]:
+    for schedule in schedules:
+        if split_name(schedule.name)[0] not in bases:
+            raise ValueError(f"{schedule.name} is to follow {schedule.term}, but is not monitored")
+        if unknown := [name for name in schedule.term.functions if name not in FUNCTIONS]:
             raise ValueError(f"no function {unknown[0]} of signals; there is {', '.join(FUNCTIONS)}")
-    return sorted({bases.index(split_name(follow.name)[0]) for follow in follows})
+    return sorted({bases.index(split_name(schedule.name)[0]) for schedule in schedules})
 
 
-def _follower(model: AxisModel, i: int, follows: tuple[Follow, ...]) -> _Follower:
+def _scheduled_parameter(model: AxisModel, i: int, schedules: tuple[NominalSchedule, ...]) -> _ScheduledParameter:
     base, inverse = split_name(model.monitored[i])
-    mine = tuple(follow for follow in follows if split_name(follow.name)[0] == base)
-    if len({entry.name for entry in mine}) > 1:
+    mine = tuple(schedule for schedule in schedules if split_name(schedule.name)[0] == base)
+    if len({schedule.name for schedule in mine}) > 1:
         raise ValueError(f"slopes of both {base} and 1/{base}: give those of one of them")
     of_inverse = split_name(mine[0].name)[1]
     value = model.nominal[base]
-    return _Follower(
+    return _ScheduledParameter(
         i,
         model.monitored[i],
         mine,

@@ -16,6 +16,7 @@ from monitor_core.arrays import Bools, Floats
 from monitor_core.kernel.tables import OF_ANGLE, OF_MOTION, ONE, TORQUE, WEIGHT
 
 Matrix = Literal["A", "B", "C", "rest", "ratio"]
+"""A matrix of the drive; "rest" and "ratio": see ``Drive``."""
 Output = Literal["speed", "angle", "mean speed"]
 """The measured output; "mean speed" is the mean over the interval before the sample."""
 Powers = tuple[tuple[str, int], ...]
@@ -113,26 +114,28 @@ class Quantity:
 class Drive:
     """The structure of a drive.
 
-    ``inputs``: kinds from monitor_core.kernel.tables (TORQUE, COULOMB, ..).  ``rest`` terms (n, 1): the state of the
-    drive moving rigidly with output 1, from which a predictor starts after a gap.  ``ratio`` terms (m, 1): for each
-    input that depends on the motion, the angle at its flange while the angle at the sensor is 1; an input without such
-    a term is at the sensor (1).  ``speed_state``: the state that is the speed at the sensor up to a factor, -1 if there
-    is none; only Coulomb friction with the angle as output needs it.
-
-    ``parameters``: those that occur in the terms.  Some may be merged from the user's parameters by the
-    ``definitions``, which are evaluated in order: ``Jm + r^2*Jg`` for inertias that are rigidly joined.  ``drawn``:
-    then all parameters of the user.
+    Terms of the matrix "rest" (n, 1) are the state of the drive that moves rigidly with output 1: a predictor starts
+    from it after a gap.  Those of "ratio" (m, 1) are, for each input that depends on the motion, the angle at its
+    flange while the angle at the sensor is 1; an input without such a term is at the sensor (1).
     """
 
     name: str
     output: Output
     states: tuple[Quantity, ...]
+    """n of them"""
     inputs: tuple[int, ...]
+    """m kinds from monitor_core.kernel.tables (TORQUE, COULOMB, ..)"""
     parameters: tuple[Parameter, ...]
+    """Those that occur in the terms"""
     terms: tuple[MatrixTerm, ...]
     speed_state: int
+    """The state that is the speed at the sensor up to a factor, -1 if there is none; only Coulomb friction with the
+    angle as output needs it"""
     definitions: tuple[Definition, ...] = ()
+    """Of parameters that are merged from those of the user, in order: ``Jm + r^2*Jg`` for inertias that are rigidly
+    joined"""
     drawn: tuple[Parameter, ...] = ()
+    """All parameters of the user, if some are merged"""
 
     def parameter(self, name: str) -> Parameter:
         """The parameter with this name, which may be ``1/name``.
@@ -173,6 +176,14 @@ class Drive:
                 raise KeyError(self._missing(p, known))
         return {p.name: known[p.name] for p in self.parameters}
 
+    def merged_from(self, name: str) -> tuple[str, ...]:
+        """The parameters that are merged from the parameter with this name and others."""
+        parts = {name}
+        for definition in self.definitions:
+            if not parts.isdisjoint(definition.names):
+                parts.add(definition.name)
+        return tuple(p.name for p in self.parameters if p.name in parts - {name})
+
     def matrix(self, which: Matrix, values: Mapping[str, float]) -> Floats:
         """A (n, n), B (n, m), C (1, n), rest (n, 1) or ratio (m, 1) at the given values of all parameters."""
         n, m = len(self.states), len(self.inputs)
@@ -192,6 +203,8 @@ class Drive:
         """A (n, n), B (n, m) and C (1, n) at the given values of all parameters."""
         return self.matrix("A", values), self.matrix("B", values), self.matrix("C", values)
 
+    # --- What acts, and on what ---------------------------------------------------------------------------------------
+
     def acting(self, values: Mapping[str, float], free: Collection[str] = ()) -> Bools:
         """Mask (m,) of the inputs that act at the given values of all parameters; ``free`` ones count as not zero."""
         bases = {split_name(name)[0] for name in free}
@@ -202,21 +215,10 @@ class Drive:
         """Whether an input of these kinds acts; arguments as of ``acting``."""
         return bool((np.isin(self.inputs, kinds) & self.acting(values, free)).any())
 
-    def merged_from(self, name: str) -> tuple[str, ...]:
-        """The parameters that are merged from the parameter with this name and others."""
-        parts = {name}
-        for definition in self.definitions:
-            if not parts.isdisjoint(definition.names):
-                parts.add(definition.name)
-        return tuple(p.name for p in self.parameters if p.name in parts - {name})
-
-    def with_delay(self) -> Drive:
-        """The drive with the delay of its torque as a parameter that can be monitored; the matrices do not contain it.
-
-        Raises:
-            ValueError: the drive has a parameter of that name already.
-        """
-        return replace(self, parameters=self._and(Parameter(DELAY, "s", _DELAYED, positive=False)))
+    @property
+    def of_torque(self) -> Bools:
+        """Mask (m,) of the inputs that are the motor torque."""
+        return np.array([kind == TORQUE for kind in self.inputs])
 
     def constant_torques(self) -> tuple[str, ...]:
         """Parameters that are factors of a constant input and of nothing else, such as a torque offset."""
@@ -231,6 +233,23 @@ class Drive:
         return bool(found) and all(
             term.matrix == "B" and self.inputs[term.col] in kinds and power == 1 for term, power in found
         )
+
+    @property
+    def mean_state(self) -> int:
+        """Index of the state that is reset to zero after every sample; -1: there is none."""
+        if self.output != "mean speed":
+            return -1
+        return next((k for k, state in enumerate(self.states) if state.name == SINCE_SAMPLE), -1)
+
+    # --- The same drive with more -------------------------------------------------------------------------------------
+
+    def with_delay(self) -> Drive:
+        """The drive with the delay of its torque as a parameter that can be monitored; the matrices do not contain it.
+
+        Raises:
+            ValueError: the drive has a parameter of that name already.
+        """
+        return replace(self, parameters=self._parameters_and(Parameter(DELAY, "s", _DELAYED, positive=False)))
 
     def with_load(self, offset: str) -> Drive:
         """The drive with the torque of the nominal weight as one more input, multiplied by the parameter ``load``.
@@ -265,7 +284,9 @@ class Drive:
             for t in self.terms
             if offset in dict(t.powers)
         ]
-        return replace(self, inputs=(*self.inputs, WEIGHT), parameters=self._and(factor), terms=(*self.terms, *acts))
+        return replace(
+            self, inputs=(*self.inputs, WEIGHT), parameters=self._parameters_and(factor), terms=(*self.terms, *acts)
+        )
 
     def with_mean_speed(self) -> Drive:
         """The drive with a sensor that gives the mean speed over each interval h:  s' = C x,  y = s / h.
@@ -287,18 +308,6 @@ class Drive:
             terms=(*others, *turned, MatrixTerm("C", 0, n, 1.0, ())),
         )
 
-    @property
-    def of_torque(self) -> Bools:
-        """Mask (m,) of the inputs that are the motor torque."""
-        return np.array([kind == TORQUE for kind in self.inputs])
-
-    @property
-    def mean_state(self) -> int:
-        """Index of the state that is reset to zero after every sample; -1: there is none."""
-        if self.output != "mean speed":
-            return -1
-        return next((k for k, state in enumerate(self.states) if state.name == SINCE_SAMPLE), -1)
-
     def with_disturbance(self) -> Drive:
         """The drive with a torque disturbance d as last state:  d' = -d / Td + w,  N m; w is no input.
 
@@ -312,14 +321,16 @@ class Drive:
         return replace(
             self,
             states=(*self.states, Quantity(DISTURBANCE, "N m")),
-            parameters=self._and(Parameter(DISTURBANCE_TIME, "s", _DISTURBANCE)),
+            parameters=self._parameters_and(Parameter(DISTURBANCE_TIME, "s", _DISTURBANCE)),
             terms=(*self.terms, *acts, decays),
         )
 
-    def _and(self, more: Parameter) -> tuple[Parameter, ...]:
+    def _parameters_and(self, more: Parameter) -> tuple[Parameter, ...]:
         if any(p.name == more.name for p in (*self.parameters, *self.drawn)):
             raise ValueError(f"the drive {self.name!r} already has a parameter {more.name}")
         return (*self.parameters, more)
+
+    # --- Messages -----------------------------------------------------------------------------------------------------
 
     def _why_not(self, name: str) -> str:
         if name in {p.name for p in self.drawn}:

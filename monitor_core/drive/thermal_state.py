@@ -36,6 +36,8 @@ from monitor_core.drive.measured_speed import MeasuredSteps
 
 HEAT = "heat"
 """Name of the derived signal [W]; with a thermal model no measured signal can have this name."""
+TEMPERATURE = "temperature"
+"""Name of a measured signal that friction may follow instead, in any unit"""
 GAP_S = 1.0
 """A longer interval between two samples is a pause."""
 MOVED = 1.0

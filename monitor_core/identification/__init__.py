@@ -32,6 +32,7 @@ from monitor_core.identification.identification_result import (
 )
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
+    ScheduledTerm,
     ScheduledTerms,
     Slope,
     scheduled_terms,

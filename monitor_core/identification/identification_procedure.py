@@ -1,6 +1,7 @@
 """The complete identification of a drive: starting values, fit, comparison with the records and with a black box."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from monitor_core.identification.identification_result import (
     Rejection,
     Start,
 )
-from monitor_core.identification.parameter_selection import ScheduledTerm
+from monitor_core.identification.parameter_selection import ScheduledTerm, with_terms
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.record_checks.known_axis import drive_time_constant
 from monitor_core.identification.records.gap_cuts import cut_at_gaps
@@ -35,6 +36,7 @@ from monitor_core.identification.starting import (
     grow,
     hold_balanced_inertia,
 )
+from monitor_core.identification.thermal.measured_temperature import following_temperature
 from monitor_core.identification.thermal.warm_up import (
     LEAST_MOTION_S,
     FoundWarmUp,
@@ -190,11 +192,11 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
             # The fit for the mean speed of each interval is close to the one for the speed at the sample.
             averaged = estimate.problem.drive.with_mean_speed()
             estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
-        warm_up, searched = None, _may_follow_heat(estimate, records, options)
+        warmed, searched = None, _may_follow_heat(estimate, records, options)
         if searched and (warmed := _warmed(estimate, records, searched, options, report)):
-            warm_up, estimate, records, heat_terms = warmed
-            validation = heated_as(estimate, warm_up, heat_terms, validation)
-            options = replace(options, scheduled=(*options.scheduled, *heat_terms))
+            estimate, records = warmed.estimate, warmed.records
+            validation = warmed.validation(validation)
+            options = replace(options, scheduled=(*options.scheduled, *warmed.terms))
         configured = {name: v for name, v in problem.nominal.items() if name not in options.unknown}
         estimate, held = hold_undetermined(
             estimate, configured, options.monitored, lambda fewer: _fit(fewer, records, _silent)
@@ -220,8 +222,8 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
         held={**as_one, **held},
         watched=watch.watched,
         memory_s=watch.memory_s,
-        warm_up=warm_up,
-        not_following=tuple(name for name in searched if warm_up is None or name not in warm_up.slopes),
+        warm_up=None if warmed is None else warmed.warm_up,
+        not_following=tuple(name for name in searched if warmed is None or name not in warmed.followers),
         standstill=standstill,
     )
 
@@ -248,25 +250,55 @@ def _may_follow_heat(found: Estimate, records: Sequence[Record], options: Identi
     return tuple(name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched)
 
 
+class _Warmed(NamedTuple):
+    """A fit with friction that falls as the axis warms up, the records for it, and what follows the temperature."""
+
+    estimate: Estimate
+    records: Sequence[Record]
+    terms: Sequence[ScheduledTerm]
+    warm_up: FoundWarmUp | None
+    """Of an axis whose heat is not measured; None: its temperature is"""
+
+    @property
+    def followers(self) -> tuple[str, ...]:
+        """The parameters that follow it."""
+        return tuple(term.parameter for term in self.terms)
+
+    def validation(self, records: Sequence[Record]) -> Sequence[Record]:
+        """Further records with what the parameters follow."""
+        if self.warm_up is not None:
+            return heated_as(self.estimate, self.warm_up, self.terms, records)
+        return tuple(with_terms(record, self.terms) for record in records)
+
+
 def _warmed(
     found: Estimate,
     records: Sequence[Record],
     followers: Sequence[str],
     options: IdentificationOptions,
     report: IdentificationProgress,
-) -> tuple[FoundWarmUp, Estimate, Sequence[Record], Sequence[ScheduledTerm]] | None:
-    """The warm-up, the fit with it, the records with their heat, and what follows it; None: they show no warm-up."""
+) -> _Warmed | None:
+    """The fit with friction that follows the measured temperature or the heat; None: the records show neither.
+
+    A temperature is often that of the winding or of a board, which warms up in another way than the gear, so the one
+    that explains the records better is taken.
+    """
     assert options.thermal is not None
     report("warm-up", 0, 1)
-    try:
-        warm_up = find_warm_up(found, records, followers, options.thermal, options.begins_s)
-        if warm_up is None:
-            return None
-        again, heated, terms = following(found, warm_up, records, lambda problem, own: _fit(problem, own, report))
-    except (ValueError, np.linalg.LinAlgError):
-        return None  # a fit that explains nothing, or all, has no errors to learn from
-    better = again.converged and again.cost < found.cost
-    return (warm_up, again, heated, terms) if better else None
+
+    def refit(problem: Problem, own: Sequence[Record]) -> Estimate:
+        return _fit(problem, own, report)
+
+    fits = list[_Warmed]()
+    # A fit that explains nothing, or all, has no errors to learn from.
+    with suppress(ValueError, np.linalg.LinAlgError):
+        measured = following_temperature(found, records, followers, refit)
+        fits += [_Warmed(*measured, None)] if measured else []
+    with suppress(ValueError, np.linalg.LinAlgError):
+        if warm_up := find_warm_up(found, records, followers, options.thermal, options.begins_s):
+            fits.append(_Warmed(*following(found, warm_up, records, refit), warm_up))
+    better = [fit for fit in fits if fit.estimate.converged and fit.estimate.cost < found.cost]
+    return min(better, key=lambda fit: fit.estimate.cost, default=None)
 
 
 class _Watch(NamedTuple):

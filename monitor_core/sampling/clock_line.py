@@ -35,40 +35,41 @@ MAX_WINDOWS, MAX_EARLY = 32, 13
 """Largest number of windows of any clock, and of earliest frames that it keeps in a window"""
 
 LINE_FIELDS: list[tuple[Any, ...]] = [
-    ("interval_us", "f8"),
-    ("tolerance_us", "f8"),
-    ("patience_us", "f8"),
-    ("anchor_us", "i8"),
-    ("off_since_us", "i8"),
-    ("is_off", "?"),
+    ("interval_us", "f8"),  # between two numbers
+    ("tolerance_us", "f8"),  # a frame farther off does not belong to the line
+    ("patience_us", "f8"),  # time of only such frames after which the line restarts
+    ("anchor_us", "i8"),  # time of receipt of the number 0
+    ("off_since_us", "i8"),  # first of the latest frames that were all off the line
+    ("is_off", "?"),  # whether the last frame was off the line
     ("restarts", "i8"),
 ]
 """The line gives the time of a sample by its number: whole intervals from the time of an anchor."""
 
 DRIFT_FIELDS: list[tuple[Any, ...]] = [
-    # Settings.
-    ("window_us", "f8"),
+    # Settings: see below.
+    ("window_us", "f8"),  # length of a window
     ("keep", "i8"),
     ("most", "i8"),
     ("part", "f8"),
     ("step_us", "f8"),
     ("quick", "?"),
-    # The fit; its windows (place, delay); early frames of the window (delay beyond the fit, place, delay); the shift.
+    # The fit: delay = level_us + rate (place - at_us).
     ("at_us", "f8"),
     ("level_us", "f8"),
     ("rate", "f8"),
-    ("known_rate", "f8"),
+    ("known_rate", "f8"),  # with which the fit began
     ("first_at_us", "f8"),
     ("first_level_us", "f8"),
-    ("windows", "i8"),
-    ("window", "f8", (MAX_WINDOWS, 2)),
-    ("early", "i8"),
-    ("earliest", "f8", (MAX_EARLY + 1, 3)),
-    ("seen", "i8"),
-    ("window_since_us", "f8"),
-    ("may_move_us", "f8"),
-    ("was_off", "?"),
-    ("shift_us", "i8"),
+    ("windows", "i8"),  # number of windows in the fit
+    ("window", "f8", (MAX_WINDOWS, 2)),  # these: place, smallest delay
+    # The present window.
+    ("early", "i8"),  # number of early frames that are kept
+    ("earliest", "f8", (MAX_EARLY + 1, 3)),  # these: delay beyond the fit, place, delay
+    ("seen", "i8"),  # number of frames
+    ("window_since_us", "f8"),  # place at which it began
+    ("may_move_us", "f8"),  # rest of the change of the shift that is permitted so far
+    ("was_off", "?"),  # whether the last window was off by more than step_us
+    ("shift_us", "i8"),  # present shift of the line
 ]
 """Delay of a line relative to its nominal course: a fit through the smallest delays of up to ``keep`` windows.
 

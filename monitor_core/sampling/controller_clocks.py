@@ -70,19 +70,19 @@ CLOCK = np.dtype(
     [
         *LINE_FIELDS,
         *DRIFT_FIELDS,
-        ("modulus", "i8"),
-        ("offset", "f8"),
-        ("longest", "i8"),
-        ("runs", "?"),
-        ("n", "i8"),
-        ("given_n", "i8"),
-        ("raw", "i8"),
-        ("received_us", "i8"),
-        ("held", "i8"),
-        ("ready", "i8"),
-        ("paused", "?"),
-        ("pauses", "i8"),
-        ("bunched", "f8"),
+        ("modulus", "i8"),  # of a counter: 2^bits
+        ("offset", "f8"),  # of a counter: of its values
+        ("longest", "i8"),  # cycles in tolerance_us: so far back may a frame be, and so many are held
+        ("runs", "?"),  # whether the line has begun
+        ("n", "i8"),  # sample number of the last frame, or last cycle that has a time
+        ("given_n", "i8"),  # of a counter: last number that has a time
+        ("raw", "i8"),  # of a counter: value in the last frame, wrapped
+        ("received_us", "i8"),  # time of receipt of the last frame
+        ("held", "i8"),  # number of values in the row HELD
+        ("ready", "i8"),  # number of values in the row READY
+        ("paused", "?"),  # whether a held frame came after a pause, so that the clock may have been set
+        ("pauses", "i8"),  # number of such pauses: after each the phase of the line is new
+        ("bunched", "f8"),  # share of the frames that follow another one immediately
         ("set_back", "?"),  # the last frame may be the first one after this machine's clock was set back
         ("set_back_us", "f8"),  # its delay, if it belongs to the next cycle
     ]
@@ -91,18 +91,18 @@ CLOCK = np.dtype(
 
 VALUE = np.dtype(
     [
-        ("place", "i8"),
+        ("place", "i8"),  # in its block
         ("received_us", "i8"),
         ("cycle", "i8"),  # last cycle that the frame can belong to
         ("torque", "f8"),
         ("motion", "f8"),
         ("has_torque", "?"),
         ("has_motion", "?"),
-        ("time_us", "i8"),
-        ("reason", "i8"),
+        ("time_us", "i8"),  # while it is held: its cycle
+        ("reason", "i8"),  # GIVEN, or why it has no time
     ]
 )
-"""The values of a frame, its place in its block, and the time found for it."""
+"""The values of a frame, and the time found for it."""
 
 
 HELD, READY = 0, 1

@@ -6,13 +6,10 @@ from typing import Annotated, Literal
 
 import typer
 
-from monitor_core.wording import percent, seconds_in
+from monitor_core.wording import Z90, percent, seconds_in
 from service.client import AlarmAction, ApiAnswer, JsonValue, Remark
 from service.commands.daemon_options import Daemon, asks_daemon, short_time
 from service.commands.exit_codes import GROUP
-
-Z95 = 1.96
-"""Half the width of a 95 % interval, in standard deviations"""
 
 AlarmIds = Annotated[list[int], typer.Argument(metavar="ID...", help="Numbers of the alarms.")]
 AlarmStateName = Literal[
@@ -180,7 +177,7 @@ def _facts(a: ApiAnswer) -> Iterator[str]:
     yield f"onset: {short_time(a['onset'])}" + (f" (90 %: {away} s)" if away else "")
     if a["size"] is not None:
         nominal = "" if a["nominal"] is None else f"; nominal value {a['nominal']:.4g}"
-        sure = "" if a["size_sd"] is None else f" +- {Z95 * a['size_sd']:.2g} (95 %)"
+        sure = "" if a["size_sd"] is None else f" +- {Z90 * a['size_sd']:.2g} (90 %)"
         yield f"size: {a['size']:+.4g}{sure} {a['unit']}{nominal}"
     for cause in a["causes"]:
         alike = f"; {', '.join(cause['alike'])} would look the same" if cause["alike"] else ""

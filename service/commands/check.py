@@ -16,7 +16,8 @@ from service.config.base_table import SUFFIX
 from service.config.bus_messages import messages_of
 from service.config.certificates import expiries
 from service.config.remarks import remarks
-from service.config.schema import AxisConfig, SignalConfig
+from service.config.schema import AxisConfig
+from service.config.schema_signals import SignalConfig
 from service.texts.instants import now_us
 
 LOCAL_HOST = "127.0.0.1"

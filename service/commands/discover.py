@@ -17,7 +17,7 @@ from service.commands.exit_codes import explained
 from service.commands.init import ListenFor, Output, heard_on, logged, propose
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new
-from service.config.schema import BusConfig
+from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
     from service.ingest.unknown_messages import UnknownMessage

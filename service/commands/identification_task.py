@@ -23,6 +23,7 @@ from monitor_core.identification import (
     PredictorKind,
     Problem,
     Record,
+    ScheduledTerm,
     ScheduledTerms,
     Start,
     check_record,
@@ -38,7 +39,7 @@ from monitor_core.identification import (
 )
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
-from service.config.conditions import term_of, varying_of
+from service.config.conditions import schedules_of, term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
 from service.ingest.loaded_records import Loaded, load, loaded_part
@@ -58,34 +59,31 @@ TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
 
 @dataclass(frozen=True)
 class Request:
-    """What the user requests in addition to the configuration of the axis.
-
-    Args:
-        free: names of the parameters to estimate; empty: all that are identifiable.
-        fix: names of the parameters that keep their values.
-        predictor: None: as configured.
-        delay: estimate the skew between torque and motion, too.
-        disturbance_s: time constant of a slow torque disturbance [s]; None: no disturbance.
-        robust: give outliers less weight.
-        start: where the fit starts; None: "search" if nominal values are known, else "records".
-        schedule: parameters that follow signals, "fm: temperature".
-        masses: compare chains of up to this number of masses; None: do not.
-        thermal: state at the start of the first record, if friction may follow an unmeasured temperature; "off":
-            it does not; None: cold, or off if friction follows a signal.
-        memories_s: memories of the monitor [s] to choose from, in ascending order; empty: that of the configuration.
-    """
+    """What the user requests in addition to the configuration of the axis."""
 
     free: tuple[str, ...] = ()
+    """Names of the parameters to estimate; empty: all that are identifiable"""
     fix: tuple[str, ...] = ()
+    """Names of the parameters that keep their values"""
     predictor: PredictorKind | None = None
+    """None: as configured"""
     delay: bool = False
+    """Estimate the skew between torque and motion, too"""
     disturbance_s: float | None = None
+    """Time constant of a slow torque disturbance [s]; None: no disturbance"""
     robust: bool = False
+    """Give outliers less weight"""
     start: Start | None = None
+    """Where the fit starts; None: "search" if nominal values are known, else "records"."""
     schedule: tuple[str, ...] = ()
+    """Parameters that follow signals: "fm: temperature"."""
     masses: int | None = None
+    """Compare chains of up to this number of masses; None: do not"""
     thermal: Literal["cold", "unknown", "off"] | None = None
+    """State at the start of the first record, if friction may follow an unmeasured temperature; "off": it does not;
+    None: cold, or off if friction follows a signal"""
     memories_s: tuple[float, ...] = ()
+    """Memories of the monitor [s] to choose from, in ascending order; empty: that of the configuration"""
 
 
 @dataclass(frozen=True)
@@ -132,7 +130,7 @@ def prepare(
 ) -> IdentificationTask:
     """Read and check the records of an axis, and state the problem.
 
-    ``records`` and ``validation``, which are only predicted, are files, each with or without a range.
+    ``records``: files to fit the drive to, each with or without a range; those of ``validation`` are only predicted.
 
     Raises:
         IdentificationError: an unknown name, parameters that cannot be distinguished, a record that is refused.
@@ -142,22 +140,19 @@ def prepare(
     parameters = _parameters(axis, request)
     drive, nominal, unknown, schedule, selection = parameters
     start = _start(unknown, selection, request.start)
-    used, kept_aside = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
-    loaded = [item.record for item in (*used, *kept_aside)]
-    speed_scale, *scales = _speed_scales(axis.config, drive, nominal, [item.record for item in used])
-    count = len(selection.free)
-    known = known_axis(drive, nominal, count, speed_scale, unknown)
-    warnings = (*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s))
-    warnings += tuple(units_as_recorded(config, axis, used[0].source.path))
-    (used, cuts), (kept_aside, more_cuts) = (_without_gaps(items, known) for items in (used, kept_aside))
-    warnings += tuple(map(_gap_warning, (*cuts, *more_cuts)))
-    scheduled = scheduled_terms(schedule, [item.record for item in used])
-    used, kept_aside = (
-        [item._replace(record=with_terms(item.record, scheduled)) for item in group] for group in (used, kept_aside)
-    )
-    problem = _problem(axis, parameters, used, request, speed_scale)
+    estimation, validated = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
+    speed_scale, *more_scales = _speed_scales(axis.config, drive, nominal, [item.record for item in estimation])
+    known = known_axis(drive, nominal, len(selection.free), speed_scale, unknown)
+    loaded = [item.record for item in (*estimation, *validated)]
+    warnings = [*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s)]
+    warnings += units_as_recorded(config, axis, estimation[0].source.path)
+    (estimation, cuts), (validated, more_cuts) = (_without_gaps(items, known) for items in (estimation, validated))
+    warnings += map(_gap_warning, (*cuts, *more_cuts))
+    scheduled = scheduled_terms(schedule, [item.record for item in estimation])
+    estimation, validated = (_with_terms(items, scheduled) for items in (estimation, validated))
+    problem = _problem(axis, parameters, estimation, request, speed_scale)
     if problem.predictor == "output-error" and drive.output == "angle":
-        warnings += ("With the angle, output error diverges: these values are not for the daemon.",)
+        warnings.append("With the angle, output error diverges: these values are not for the daemon.")
     load_too = watches_load(axis.config)
     options = IdentificationOptions(
         start=start,
@@ -171,12 +166,17 @@ def prepare(
         memory_s=axis.config.memory_s,
         memories_s=request.memories_s,
         sizes=scales_of(axis.config),
-        speed_scales=tuple(scales),
+        speed_scales=tuple(more_scales),
         thermal=_thermal_start(request, axis.config, drive, schedule),
-        begins_s=tuple(item.source.begins_s for item in used),
+        begins_s=tuple(item.source.begins_s for item in estimation),
         cut_at_gaps=False,  # done above
     )
-    return IdentificationTask(axis, problem, tuple(used), tuple(kept_aside), warnings, options)
+    return IdentificationTask(axis, problem, tuple(estimation), tuple(validated), tuple(warnings), options)
+
+
+def _with_terms(items: Sequence[Loaded], scheduled: Sequence[ScheduledTerm]) -> list[Loaded]:
+    """The records with the values of the terms that parameters follow."""
+    return [item._replace(record=with_terms(item.record, scheduled)) for item in items]
 
 
 def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
@@ -241,7 +241,7 @@ def _start(unknown: Sequence[str], selection: ParameterSelection, requested: Sta
 
 def configured_schedule(axis: AxisConfig) -> tuple[str, ...]:
     """The schedules of the configuration and of its nominal file, as a user writes them; not those of the heat."""
-    return tuple(f"{v.parameter}: {v.signal}" for _, v in varying_of(axis) if v.signal != HEAT)
+    return tuple(f"{v.parameter}: {v.signal}" for _, v in schedules_of(axis) if v.signal != HEAT)
 
 
 def read_schedule(texts: Sequence[str], axis: AxisConfig) -> ScheduledTerms:

@@ -23,12 +23,12 @@ from service.commands.listen import rounds
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new, write_all
 from service.commands.signal_handling import stopped_by_signals
-from service.config.schema import BusConfig
+from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
     from service.ingest.column_roles import TableRoles
     from service.ingest.live_roles import BusRoles
-    from service.ingest.signal_roles import LoadSignal
+    from service.ingest.signal_roles import FurtherSignals
     from service.ingest.table_files import TableFile
 
 RecordFile = Annotated[
@@ -151,8 +151,8 @@ def _from_table(record: Path, output: Path) -> None:
     alone = (f"{name} is a torque without its motion: add its axis to {output}" for name in found.alone)
     not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
-    switches = _load_words(found.switches)
-    words = [*table.taken, _time_words(found), *summary(found.axes), *loads, *switches, *unused, *alone, *not_read]
+    further = [*loads, *_load_words(found.switches), *_temperature_words(found.temperatures)]
+    words = [*table.taken, _time_words(found), *summary(found.axes), *further, *unused, *alone, *not_read]
     lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 
@@ -160,7 +160,7 @@ def _from_table(record: Path, output: Path) -> None:
 def _from_description(description: Path, output: Path) -> None:
     """Write a configuration for the bus that a file describes."""
     from service.commands.proposed_configuration import bus_lines
-    from service.ingest.signal_roles import axes_in, loads_in, summary
+    from service.ingest.signal_roles import axes_in, further_in, summary
 
     known = read_messages(description).messages
     axes = axes_in(known)
@@ -168,9 +168,9 @@ def _from_description(description: Path, output: Path) -> None:
         raise DescriptionError(
             f"no torque and motion of an axis in {description}, by the names and units of its signals"
         )
-    loads = loads_in(known)
-    lines = bus_lines(axes, description, output, loads=loads)
-    words = [*summary(axes), *_load_words([load.name for load in loads])]
+    further = further_in(known, axes)
+    lines = bus_lines(axes, description, output, further=further)
+    words = [*summary(axes), *_further_words(further)]
     propose(output, words, lines, f"Next: axiswatch commission RECORD.log --config {output}")
 
 
@@ -181,10 +181,10 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
     where = f"{bus.interface} {bus.channel}"
     known = read_messages(description)  # a mistake in it is reported before anything is waited for
     found = _roles(known, heard_on(bus, seconds), description, where)
-    loads = _loads_in(found, known)
-    lines = bus_lines(found.axes, description, output, bus, loads=loads)
+    further = _further_in(found, known)
+    lines = bus_lines(found.axes, description, output, bus, further=further)
     next_step = f"Next: axiswatch commission --config {output} --minutes 10"
-    propose(output, [*_bus_words(found, description), *_load_words([load.name for load in loads])], lines, next_step)
+    propose(output, [*_bus_words(found, description), *_further_words(further)], lines, next_step)
 
 
 def _from_log(description: Path, log: Path, output: Path) -> None:
@@ -198,24 +198,32 @@ def _from_log(description: Path, log: Path, output: Path) -> None:
     found = _roles(known, buses[name], description, f"{log}, {name}")
     others = [f"{other} carries {_few(names)}" for other, names in received.items() if names and other != name]
     more = [f"looked at: {name}; {'; '.join(others)}: each channel needs a [[bus]]"] if others else []
-    loads = _loads_in(found, known)
-    lines = bus_lines(found.axes, description, output, channel=name, loads=loads)
+    further = _further_in(found, known)
+    lines = bus_lines(found.axes, description, output, channel=name, further=further)
     next_step = f"Next: axiswatch commission {log} --config {output}"
-    propose(
-        output, [*_bus_words(found, description), *more, *_load_words([load.name for load in loads])], lines, next_step
-    )
+    propose(output, [*_bus_words(found, description), *more, *_further_words(further)], lines, next_step)
 
 
-def _loads_in(found: BusRoles, known: MessageSet) -> list[LoadSignal]:
-    """Signals of the received messages that may tell what the robot carries."""
-    from service.ingest.signal_roles import loads_in
+def _further_in(found: BusRoles, known: MessageSet) -> FurtherSignals:
+    """Signals of the received messages beside torque and motion."""
+    from service.ingest.signal_roles import further_in
 
-    return loads_in([message for message in known.messages if message.name in found.received])
+    return further_in([message for message in known.messages if message.name in found.received], found.axes)
+
+
+def _further_words(further: FurtherSignals) -> Iterator[str]:
+    yield from _load_words([load.name for load in further.loads])
+    yield from _temperature_words({axis: signal.name for axis, signal in further.temperatures.items()})
 
 
 def _load_words(names: Sequence[str]) -> Iterator[str]:
     if names:
         yield f"all axes: {_few(names)} may tell what the robot carries"
+
+
+def _temperature_words(names: Mapping[str, str]) -> Iterator[str]:
+    if names:
+        yield f"temperatures, which friction may follow: {_few([f'{axis}: {name}' for axis, name in names.items()])}"
 
 
 def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str) -> BusRoles:

@@ -18,7 +18,7 @@ from service.commands.exit_codes import MISTAKE
 from service.config import Config, ConfigErrors, ConfigProblem, NamedAxis, load
 
 if TYPE_CHECKING:
-    from service.config.schema import BusConfig
+    from service.config.schema_buses import BusConfig
 
 
 LOG_KINDS = ".log .asc .blf .trc .mf4 .csv, also .gz"
@@ -182,7 +182,7 @@ def bus_named(text: str, messages: Path | None = None) -> BusConfig:
     """
     from service.config.base_table import ReadingContext
     from service.config.bus_rules import usable_bus
-    from service.config.schema import BusConfig
+    from service.config.schema_buses import BusConfig
 
     (where, *further), options = text.split(","), dict[str, object]()
     interface, _, channel = where.partition(":")

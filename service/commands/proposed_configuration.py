@@ -5,12 +5,13 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
+from monitor_core.drive import TEMPERATURE
 from service.config.canopen_axis import CURRENT, VELOCITY
-from service.config.schema import BusConfig
+from service.config.schema_buses import BusConfig
 from service.config.unit_names import UNITS, unit_in
 from service.ingest.column_roles import TableRoles
 from service.ingest.drive_objects import DriveObjects
-from service.ingest.signal_roles import AxisRoles, LoadSignal, SignalRole
+from service.ingest.signal_roles import AxisRoles, FurtherSignal, FurtherSignals, SignalRole
 from service.ingest.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 
@@ -35,28 +36,39 @@ def table_lines(found: TableRoles, record: str) -> Iterator[str]:
     for axis in found.axes:
         load = found.loads.get(axis.name, found.loads.get(""))
         measured = {} if load is None else {"payload": f"column = {toml_value(load)}"}
-        axes[axis.name] = [*_axis_lines(axis, time), *_load_lines({**measured, **switches})]
+        warm = [f"column = {toml_value(found.temperatures[axis.name])}"] if axis.name in found.temperatures else []
+        axes[axis.name] = [*_axis_lines(axis, time), *_signal_lines({**measured, **switches}, warm)]
     yield from _robot_lines(axes)
 
 
-def _load_lines(sources: Mapping[str, str]) -> Iterator[str]:
-    """The key for signals that may tell what the robot carries; ``sources``: where they are, by their names."""
-    if sources:
-        signals = (f"{{ name = {toml_value(name)}, {source} }}" for name, source in sources.items())
-        why = "may tell what the robot carries: `commission` lets the torque follow it, or leaves out what presses"
-        if len(sources) == 1:
-            yield f"signal = [{next(signals)}]  # {why}"
-        else:
-            yield "\n".join([f"signal = [  # each {why}", *(f"  {signal}," for signal in signals), "]"])
+_CARRIES = "may tell what the robot carries: `commission` lets the torque follow it, or leaves out what presses"
+_WARM = "`commission` lets friction follow it, if the records show that it does"
+
+
+def _signal_lines(loads: Mapping[str, str], temperature: Sequence[str] = ()) -> Iterator[str]:
+    """The key for further signals: those that may tell what the robot carries, by their names, and the temperature.
+
+    ``loads``, ``temperature``: where they are; of temperatures there is one or none.
+    """
+    signals = [(f"{{ name = {toml_value(TEMPERATURE)}, {source} }}", _WARM) for source in temperature]
+    signals += [(f"{{ name = {toml_value(name)}, {source} }}", _CARRIES) for name, source in loads.items()]
+    if len(signals) == 1:
+        text, why = signals[0]
+        yield f"signal = [{text}]  # {why}"
+    elif signals and not temperature:
+        yield "\n".join([f"signal = [  # each {_CARRIES}", *(f"  {text}," for text, _ in signals), "]"])
+    elif signals:
+        yield "\n".join(["signal = [", *(f"  {text},  # {why}" for text, why in signals), "]"])
 
 
 _ANY_WAIT_S = 3600
-"""Longest wait between two changes of what a robot carries"""
+"""Longest wait between two values of a signal that is not sent regularly"""
+_NONE = FurtherSignals()
 
 
-def _bus_source(load: LoadSignal) -> str:
-    source = f"message = {toml_value(load.message)}, signal = {toml_value(load.signal)}"
-    return source if load.cyclic else f"{source}, max_age_s = {_ANY_WAIT_S}"
+def _bus_source(signal: FurtherSignal) -> str:
+    source = f"message = {toml_value(signal.message)}, signal = {toml_value(signal.signal)}"
+    return source if signal.cyclic else f"{source}, max_age_s = {_ANY_WAIT_S}"
 
 
 def _signal_name(column: str) -> str:
@@ -71,12 +83,12 @@ def bus_lines(
     output: Path,
     bus: BusConfig | None = None,
     channel: str = _BUS,
-    loads: Sequence[LoadSignal] = (),
+    further: FurtherSignals = _NONE,
 ) -> Iterator[str]:
     """The file ``output`` for the axes of a bus that ``messages`` describes.
 
-    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.  ``loads``: signals
-    that may tell what the robot carries.
+    ``bus``: the bus that was listened to; None: ``channel`` is its name in a log.  ``further``: signals
+    beside torque and motion.
     """
     yield f"# Proposed by `axiswatch init` from {messages.name}."
     yield "# Check signals, units and signs: torque in N m, motion in rad or rad/s, both of the motor."
@@ -84,11 +96,16 @@ def bus_lines(
     yield from _bus_lines(bus, channel)
     yield f"messages = {toml_value(os.path.relpath(messages.resolve(), output.resolve().parent))}"
     yield ""
-    signals = [load.signal for load in loads]
-    names = (load.signal if signals.count(load.signal) == 1 else load.name for load in loads)
-    carried = {_signal_name(name): _bus_source(load) for name, load in zip(names, loads, strict=True)}
-    loaded = [*_load_lines(carried)]
-    yield from _robot_lines({axis.name: [*_axis_lines(axis, _time_lines(axis)), *loaded] for axis in axes})
+    signals = [load.signal for load in further.loads]
+    names = (load.signal if signals.count(load.signal) == 1 else load.name for load in further.loads)
+    carried = {_signal_name(name): _bus_source(load) for name, load in zip(names, further.loads, strict=True)}
+    warm = {name: [_bus_source(signal)] for name, signal in further.temperatures.items()}
+    yield from _robot_lines(
+        {
+            axis.name: [*_axis_lines(axis, _time_lines(axis)), *_signal_lines(carried, warm.get(axis.name, []))]
+            for axis in axes
+        }
+    )
 
 
 def drive_lines(

@@ -15,7 +15,7 @@ from monitor_core.drive import HEAT, AxisModel, Term
 from monitor_core.monitoring import MonitoringOptions, recommended_settings
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
-from service.config.conditions import thermal_of, varying_of
+from service.config.conditions import schedules_of, thermal_of
 from service.config.drives import axis_model, lacking, not_identified, watched_drive, watched_values
 from service.config.schema import AxisConfig, NamedAxis
 from service.config.thresholds_file import with_thresholds
@@ -227,9 +227,9 @@ def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
     # The error that a warm-up correction leaves is known from the records and calibrated.  With "widen", only the
     # paper's tests have a wider allowance outside the range of the records.
     known = axis.detector.outside_calibration != "widen" and all(
-        Term.read(v.signal).signals == (HEAT,) for _, v in varying_of(axis)
+        Term.read(v.signal).signals == (HEAT,) for _, v in schedules_of(axis)
     )
-    by_models = from_record and (known or not varying_of(axis))
+    by_models = from_record and (known or not schedules_of(axis))
     return axis.detector.alarm_source or ("multimodel" if by_models else "cusum")
 
 

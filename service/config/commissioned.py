@@ -14,6 +14,7 @@ from tomlkit.items import Array, InlineTable, Table
 
 from monitor_core.drive import split_name
 from service.config.base_table import SUFFIX
+from service.config.corrections import NAMED_BY, SIGNAL, Correction
 from service.config.loading import load_text
 from service.config.robot_defaults import COUPLING, DEFAULTS, completed
 from service.config.schema import Config, NamedAxis
@@ -22,12 +23,6 @@ from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_TH
 
 _OF_PARAMETERS = {"model": ("scales", "bounds", "limits"), "alarms": ("priorities", "latched", "suppressed")}
 """Keys of an axis, by table, whose entries name monitored parameters."""
-SIGNAL = "signal"
-"""Key of the auxiliary signals of an axis"""
-GATE = "gate"
-"""Key of the gates of an axis"""
-_NAMED_BY = {SIGNAL: "name", GATE: "signal"}
-"""Lists of tables of an axis, with the key by which a correction names one"""
 _PLACE = ("message", "signal", "column")
 REPORT = "report.html"
 """Name of the summary of a commissioned robot, beside its configuration"""
@@ -45,30 +40,6 @@ RECORDS, MOTIONS = "records", "motion"
 def motion_file(axis_id: str) -> str:
     """File name of the planned motion of an axis."""
     return f"{MOTIONS}/{axis_id}.csv"
-
-
-class Correction(NamedTuple):
-    """A corrected key of an axis, e.g. ("torque", "factor") or ("sample_interval_s",), with new value and reason.
-
-    ("signal", "axis2", "axis") is the key "axis" of the auxiliary signal named axis2, which need not exist yet, and
-    ("gate", "closed", "below") that of the gate on the signal "closed".
-    """
-
-    key: tuple[str, ...]
-    value: float | str | bool
-    reason: str
-
-    @property
-    def change(self) -> str:
-        """Key and value as in the configuration."""
-        if isinstance(self.value, bool):
-            value = str(self.value).lower()
-        else:
-            value = f'"{self.value}"' if isinstance(self.value, str) else f"{self.value:.6g}"
-        return f"{'.'.join(self.key)} = {value}"
-
-    def __str__(self) -> str:
-        return f"{self.change}: {self.reason}"
 
 
 class Found(NamedTuple):
@@ -104,7 +75,7 @@ def corrected(text: str, axis_id: str, corrections: Sequence[Correction]) -> str
     for correction in corrections:
         *tables, key = correction.key
         table = axis
-        if tables and tables[0] in _NAMED_BY:
+        if tables and tables[0] in NAMED_BY:
             table, tables = _listed_table(robot, axis, tables[0], tables[1]), tables[2:]
         for name in tables:
             table = _table(table, name)
@@ -331,7 +302,7 @@ def _listed_table(robot: Any, axis: Any, key: str, name: str) -> Any:
         axis[key] = tomlkit.array()
         for table in robot.get(DEFAULTS, {}).get(key, []):
             axis[key].append(_inline(table))  # an axis with own ones does not get those of the defaults
-    own, by = axis[key], _NAMED_BY[key]
+    own, by = axis[key], NAMED_BY[key]
     if all(table[by] != name for table in own):
         own.append(_inline({by: name}) if isinstance(own, Array) else tomlkit.item({by: name}))
     return next(table for table in own if table[by] == name)

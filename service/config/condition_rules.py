@@ -4,17 +4,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from monitor_core.drive import HEAT, LOAD, AxisModel, Conditions, Follow, Operating, Term, split_name
+from monitor_core.drive import HEAT, LOAD, AxisModel, Conditions, NominalSchedule, Operating, Term, split_name
 from monitor_core.wording import did_you_mean
 from service.config.base_table import Undecidable
 from service.config.bus_rules import same_names
 from service.config.conditions import (
     Schedule,
-    follow_of,
     load_torques,
+    nominal_schedule,
+    schedules_of,
     signal_names,
     term_of,
-    varying_of,
     weight_of,
 )
 from service.config.drives import holds_weight, not_identified, watches_load
@@ -110,7 +110,7 @@ def _no_signal(name: str, axis: AxisConfig) -> str:
 def schedules(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A schedule uses a signal of the axis or a function of it; no two are the same; ranges have ordered ends."""
     seen = dict[tuple[str, str], Keys]()
-    for path, v in varying_of(axis):
+    for path, v in schedules_of(axis):
         if v.range is not None and not v.range[0] < v.range[1]:
             yield CheckFinding(_key(path, "range"), "must be [lowest, highest] with lowest < highest")
         try:
@@ -126,7 +126,7 @@ def scheduled_parameters(axis: AxisConfig) -> Iterator[CheckFinding]:
     """A scheduled parameter is monitored; its slopes are all of the parameter or all of its reciprocal."""
     monitored = {split_name(name)[0] for name in axis.model.monitor}
     first, weight = dict[str, str](), _weight(axis)
-    for path, v in varying_of(axis):
+    for path, v in schedules_of(axis):
         if v in weight:
             continue
         key, base = _key(path, "parameter"), split_name(v.parameter)[0]
@@ -168,14 +168,14 @@ def _weight(axis: AxisConfig) -> tuple[Schedule, ...]:
 def values_at_ends(axis: AxisConfig) -> Iterator[CheckFinding]:
     """Scheduled nominal values stay within their bounds over the whole range of each signal."""
     model, weight = decided_model(axis), _weight(axis)
-    for path, v in varying_of(axis):
+    for path, v in schedules_of(axis):
         for end in v.range or ():
-            if v not in weight and _leaves_bounds(model, follow_of(v), end):
+            if v not in weight and _leaves_bounds(model, nominal_schedule(v), end):
                 message = f"{v.parameter} would leave its bounds at {v.signal} = {end:g}"
                 yield CheckFinding(_key(path, "slope"), message)
 
 
-def _leaves_bounds(model: AxisModel, follow: Follow, end: float) -> bool:
+def _leaves_bounds(model: AxisModel, follow: NominalSchedule, end: float) -> bool:
     """Whether theta_0 leaves its bounds at this value of the term."""
     plain = follow._replace(term=Term.read("term"), low=end, high=end)
     operating = Operating(model, Conditions(plain.term.signals, (plain,)))
@@ -187,7 +187,7 @@ def on_the_bus(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The signals that a monitored axis needs are on its bus."""
     if axis.records_only:
         return
-    purposes = {signal: f"{v.parameter} follows it" for _, v in varying_of(axis) for signal in _signals(v, axis)}
+    purposes = {signal: f"{v.parameter} follows it" for _, v in schedules_of(axis) for signal in _signals(v, axis)}
     purposes |= {g.signal: "it is a gate" for g in axis.gate}
     for n, s in enumerate(axis.signal):
         if s.axis is None and s.message is None and s.name in purposes:
@@ -200,7 +200,7 @@ def others_stand_still(axis: AxisConfig) -> Iterator[CheckFinding]:
     if axis.model.conditions is None:
         return
     moving = {s.name: s.axis for s in axis.signal if s.axis is not None}
-    for path, v in varying_of(axis):
+    for path, v in schedules_of(axis):
         for other in [moving[signal] for signal in _signals(v, axis) if signal in moving][:1]:
             message = f"but {v.parameter} follows the motion of {other}, by"
             yield CheckFinding(("model", "conditions"), message, path)

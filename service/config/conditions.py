@@ -9,8 +9,8 @@ from monitor_core.drive import (
     LOAD,
     Conditions,
     Fast,
-    Follow,
     Gate,
+    NominalSchedule,
     Term,
     ThermalModel,
     split_name,
@@ -18,15 +18,16 @@ from monitor_core.drive import (
 from monitor_core.wording import did_you_mean
 from service.config.drive_sources import model_of_axis
 from service.config.nominal_file import ScheduleTable
-from service.config.schema import AxisConfig, FurtherSignalConfig, GateConfig, NamedAxis
+from service.config.schema import AxisConfig, NamedAxis
 from service.config.schema_model import ScheduleConfig
+from service.config.schema_signals import FurtherSignalConfig, GateConfig
 from service.config.toml_lines import Keys
 
 Schedule = ScheduleTable | ScheduleConfig
 """A nominal value that follows a signal, from the nominal file or from the configuration"""
 
 
-def varying_of(axis: AxisConfig) -> tuple[tuple[Keys, Schedule], ...]:
+def schedules_of(axis: AxisConfig) -> tuple[tuple[Keys, Schedule], ...]:
     """All schedules of an axis with the keys where they are written, relative to the axis."""
     found = axis.model.nominal_file
     return (
@@ -35,7 +36,7 @@ def varying_of(axis: AxisConfig) -> tuple[tuple[Keys, Schedule], ...]:
     )
 
 
-def follow_of(schedule: Schedule) -> Follow:
+def nominal_schedule(schedule: Schedule) -> NominalSchedule:
     """The schedule as the core uses it.
 
     Raises:
@@ -43,7 +44,7 @@ def follow_of(schedule: Schedule) -> Follow:
     """
     v = schedule
     low, high = v.range or (-math.inf, math.inf)
-    return Follow(v.parameter, Term.read(v.signal), v.slope, v.reference, low, high)
+    return NominalSchedule(v.parameter, Term.read(v.signal), v.slope, v.reference, low, high)
 
 
 def weight_of(axis: AxisConfig) -> tuple[Schedule, ...]:
@@ -67,7 +68,7 @@ def load_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
 def _followed_torques(axis: AxisConfig) -> tuple[Schedule, ...]:
     """The schedules of the first constant torque that has any."""
     offsets = model_of_axis(axis).drive.constant_torques()
-    followed = [v for _, v in varying_of(axis) if v.parameter in offsets]
+    followed = [v for _, v in schedules_of(axis) if v.parameter in offsets]
     return tuple(v for v in followed if v.parameter == followed[0].parameter)
 
 
@@ -107,11 +108,11 @@ def conditions_of(axis: NamedAxis) -> Conditions:
     weight = weight_of(axis.config)
     return Conditions(
         tuple(source.name for source in needed(axis)),
-        tuple(_within(follow_of(v), axis.config) for _, v in varying_of(axis.config) if v not in weight),
+        tuple(_within(nominal_schedule(v), axis.config) for _, v in schedules_of(axis.config) if v not in weight),
         gates_of(axis.config),
         min_speed_of(axis.config),
         thermal_of(axis.config),
-        tuple(map(follow_of, weight)),
+        tuple(map(nominal_schedule, weight)),
         _arm_angles(axis),
     )
 
@@ -128,7 +129,7 @@ def min_speed_of(axis: AxisConfig) -> float:
     return identified if axis.min_speed is None else axis.min_speed
 
 
-def _within(follow: Follow, axis: AxisConfig) -> Follow:
+def _within(follow: NominalSchedule, axis: AxisConfig) -> NominalSchedule:
     """Let a parameter follow the heat also beyond the range of the records, if so configured."""
     if axis.detector.outside_calibration == "widen" and follow.term.signals == (HEAT,):
         return follow._replace(margin=math.inf)
@@ -139,10 +140,10 @@ def thermal_of(axis: AxisConfig) -> ThermalModel | None:
     """The thermal model of an axis; None: no parameter follows its heat."""
     found = axis.model.nominal_file
     table = None if found is None else found.thermal
-    if table is None or all(HEAT not in Term.read(v.signal).signals for _, v in varying_of(axis)):
+    if table is None or all(HEAT not in Term.read(v.signal).signals for _, v in schedules_of(axis)):
         return None
     friction, slopes = (table.viscous_friction, table.coulomb_friction), dict[str, float]()
-    for _, v in varying_of(axis):
+    for _, v in schedules_of(axis):
         if v.signal == HEAT:
             slopes[v.parameter] = v.slope
     # Error of the friction, expressed as an error of the heat.
@@ -167,7 +168,7 @@ def signal_names(axis: AxisConfig) -> list[str]:
 
 def needed(axis: NamedAxis) -> tuple[FurtherSignalConfig, ...]:
     """The auxiliary signals that the monitoring of an axis needs, in the order of the configuration."""
-    names = {name for _, v in varying_of(axis.config) for name in follow_of(v).term.signals}
+    names = {name for _, v in schedules_of(axis.config) for name in nominal_schedule(v).term.signals}
     names |= {g.signal for g in axis.config.gate}
     names |= {*_arm_angles(axis)}
     return tuple(source for source in axis.sources if source.name in names)
@@ -175,7 +176,7 @@ def needed(axis: NamedAxis) -> tuple[FurtherSignalConfig, ...]:
 
 def _arm_angles(axis: NamedAxis) -> tuple[str, ...]:
     """The signals that are angles of axes, if the load follows the pose: the load may follow each of them."""
-    return axis.angles if any(follow_of(v).term.turns for v in load_torques(axis.config)) else ()
+    return axis.angles if any(nominal_schedule(v).term.turns for v in load_torques(axis.config)) else ()
 
 
 def _gate(gate: GateConfig) -> Gate:
@@ -186,7 +187,7 @@ def _gate(gate: GateConfig) -> Gate:
 
 def in_words(axis: AxisConfig) -> Iterator[str]:
     """The operating conditions of an axis in words."""
-    for _, v in varying_of(axis):
+    for _, v in schedules_of(axis):
         yield f"{v.parameter} follows {v.signal}"
     for g in axis.gate:
         yield f"only while {g.signal} is {_value(g)}"

@@ -8,7 +8,8 @@ from service.config.base_table import Undecidable
 from service.config.model_rules import usable_drive
 from service.config.problems import CheckFinding
 from service.config.robot_defaults import COUPLING, DEFAULTS
-from service.config.schema import AxisConfig, FurtherSignalConfig, RobotConfig
+from service.config.schema import AxisConfig, RobotConfig
+from service.config.schema_signals import FurtherSignalConfig
 from service.config.toml_lines import Keys
 
 

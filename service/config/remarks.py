@@ -22,7 +22,7 @@ from service.config.axis_settings import (
     unidentifiable_pairs,
 )
 from service.config.bus_messages import messages_of
-from service.config.conditions import load_torques, varying_of
+from service.config.conditions import load_torques, schedules_of
 from service.config.drives import axis_model
 from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.unit_names import UNITS, MeasuredQuantity, unit_passed_over
@@ -88,7 +88,9 @@ def _assumptions(config: Config) -> Iterator[str]:
     """For each robot: the assumption that is made if the configuration states no conditions."""
     for robot in config.robot:
         names = [
-            axis.name for axis in robot.axis if not (axis.model.conditions is not None or axis.gate or varying_of(axis))
+            axis.name
+            for axis in robot.axis
+            if not (axis.model.conditions is not None or axis.gate or schedules_of(axis))
         ]
         if names and len(robot.axis) > 1:
             yield (

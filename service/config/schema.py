@@ -1,5 +1,6 @@
-"""Schema of the configuration: every key with unit, bounds and default.  Keys of the model: see schema_model.py.
+"""Schema of the configuration: every key with unit, bounds and default.
 
+Keys of signals, buses, model and links have files of their own: schema_signals.py, schema_buses.py, and so on.
 Attributes have the names of the TOML keys.  Units are SI; torque, angle and speed are those of the motor.  The
 docstring of a key is shown to the user with mistakes in it.
 """
@@ -11,7 +12,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import Field, model_validator
 
-from monitor_core.drive import Output, ThermalStart, Unwatched
+from monitor_core.drive import Output
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
 from service.config.base_table import (
     GEAR_RATIO,
@@ -28,6 +29,7 @@ from service.config.base_table import (
 )
 from service.config.canopen_axis import CanopenConfig
 from service.config.robot_defaults import completed
+from service.config.schema_buses import BusConfig
 from service.config.schema_links import LinksConfig
 from service.config.schema_model import (
     AlarmsConfig,
@@ -36,154 +38,15 @@ from service.config.schema_model import (
     ModelConfig,
     TrendConfig,
 )
-
-# --- The samples of an axis: signals, their time, gates ---------------------------------------------------------------
-
-
-MOST_LATE = 10
-"""Largest number of samples by which the torque may come later than the motion."""
-NEVER_IDENTIFIED = {"kT", GEAR_RATIO}
-"""Torque constant and gear ratio of a library drive, which torque and motion of the motor do not determine."""
-
-
-class SignalConfig(TomlTable):
-    """[robot.axis.angle], .speed, .torque: source of a quantity; without a bus only ``column`` is given."""
-
-    message: NonEmptyText = ""
-    """name of the message on the bus"""
-    signal: NonEmptyText = ""
-    """name of the signal in that message"""
-    factor: NonZero = 1.0
-    """SI value = factor * signal + offset; a negative factor reverses the direction"""
-    offset: Real = 0.0
-    """SI value = factor * signal + offset"""
-    column: NonEmptyText | None = None
-    """column (.csv, .parquet) or variable (.mat) in records"""
-
-    @property
-    def scale(self) -> tuple[float, float]:
-        """Factor and offset to the SI value."""
-        return self.factor, self.offset
-
-
-class TorqueConfig(SignalConfig):
-    """[robot.axis.torque]: the motor torque."""
-
-    kT_Nm_per_A: Real | None = None
-    """torque constant, if the signal is the motor current: torque = kT * (factor * signal + offset) [N m/A]"""
-    late_samples: int = Field(0, ge=0, le=MOST_LATE, strict=True)
-    """number of samples by which the signal comes later than the motion that it has caused"""
-
-    @property
-    def scale(self) -> tuple[float, float]:
-        """Factor and offset to N m."""
-        kT = 1.0 if self.kT_Nm_per_A is None else self.kT_Nm_per_A
-        return kT * self.factor, kT * self.offset
-
-
-class AngleConfig(SignalConfig):
-    """[robot.axis.angle]: the motor angle."""
-
-    wrap_period: Positive | None = None
-    """period after which the signal wraps, in its own unit, before the factor: 360, 65536, 6.2831853"""
-    resolution: Positive | None = None
-    """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
-
-    def wraps_after_a_turn(self, ratio: float) -> bool:
-        """Whether the angle wraps after a whole turn of the arm with this gear ratio, as that of a turntable does."""
-        if self.wrap_period is None:
-            return False
-        turn = abs(self.factor * ratio) * self.wrap_period
-        return math.isclose(turn, 2 * math.pi, rel_tol=1e-3)
-
-
-class SpeedConfig(SignalConfig):
-    """[robot.axis.speed]: the motor speed."""
-
-    interval_mean: bool = Field(False, strict=True)
-    """the drive sends the mean of the speed over each sample interval, not the speed at the sample"""
-    resolution: Positive | None = None
-    """step of the encoder, in the unit of the signal, before the factor; gives a default of output_noise"""
-
-
-class FurtherSignalConfig(TomlTable):
-    """[[robot.axis.signal]]: an auxiliary signal of the axis or of the robot, or the motion of another axis."""
-
-    name: PlainName
-    """name by which the configuration refers to it: letters, digits, - and _"""
-    axis: NonEmptyText | None = None
-    """it is the angle (or speed) of this other axis of the robot, in place of a message"""
-    speed: bool = False
-    """it is the speed of that axis [rad/s], taken from its angle; that axis may be this one"""
-    acceleration: bool = False
-    """it is the acceleration of that axis [rad/s^2], from values that come with the samples of this axis"""
-    message: NonEmptyText | None = None
-    """name of the message on the bus"""
-    signal: NonEmptyText | None = None
-    """name of the signal in that message"""
-    column: NonEmptyText | None = None
-    """column (.csv, .parquet) or variable (.mat) in records"""
-    factor: NonZero = 1.0
-    """value = factor * signal + offset"""
-    offset: Real = 0.0
-    """value = factor * signal + offset"""
-    max_age_s: Positive = 10.0
-    """a value received longer ago than this is not used any more [s]"""
-
-    @property
-    def scale(self) -> tuple[float, float]:
-        """Factor and offset to its own unit."""
-        return self.factor, self.offset
-
-    @property
-    def is_derivative(self) -> bool:
-        """Whether it is the speed or the acceleration to an angle."""
-        return self.speed or self.acceleration
-
-
-class GateConfig(TomlTable):
-    """[[robot.axis.gate]]: a condition for learning; the signal is one of [[robot.axis.signal]]."""
-
-    signal: NonEmptyText
-    """name of a signal; estimates and tests wait while it has another value"""
-    equals: tuple[Real, ...] | None = Field(None, min_length=1)
-    """open while the signal is one of these"""
-    above: Real | None = None
-    """open while the signal is greater than this"""
-    below: Real | None = None
-    """open while the signal is less than this"""
-    settle_s: NotNegative = 0.0
-    """stays closed for this time after the signal has the right value again [s]"""
-
-
-class TimeConfig(TomlTable):
-    """[robot.axis.time]: source of the time of a sample."""
-
-    column: NonEmptyText | None = None
-    """column of the time in records; without it rows are sample_interval_s apart"""
-    factor: Positive = 1.0
-    """seconds = factor * column: 0.001 for milliseconds"""
-    counter_message: NonEmptyText | None = None
-    """message that carries the sample counter; if not given, that of angle or speed"""
-    counter_signal: NonEmptyText | None = None
-    """sample counter; with it sample times are whole intervals, free of receipt jitter"""
-    clock: Literal["receipt", "cyclic"] = "receipt"
-    """without a counter: "receipt", the times of receipt, or "cyclic": the controller samples every sample_interval_s
-    by its own clock, which is fitted to the times of receipt"""
-
-
-class ThermalConfig(TomlTable):
-    """[robot.axis.thermal]: warm-up of an axis whose friction follows its heat, without thermometer (nominal_file)."""
-
-    start: ThermalStart = "unknown"
-    """how warm the axis is at a start without a checkpoint: "unknown" (friction is not tested until the first motion
-    has shown it), or "cold" """
-    unwatched: Unwatched = "unknown"
-    """motion of the axis while the daemon did not run: "unknown" (its heat is less certain the longer that was), or
-    "stood" (the robot never works without the daemon)"""
-
-
-# --- Service, buses, robots, axes -------------------------------------------------------------------------------------
+from service.config.schema_signals import (
+    AngleConfig,
+    FurtherSignalConfig,
+    GateConfig,
+    SpeedConfig,
+    ThermalConfig,
+    TimeConfig,
+    TorqueConfig,
+)
 
 
 class ServiceConfig(TomlTable):
@@ -241,77 +104,10 @@ class WebConfig(TomlTable):
     """/metrics needs no token"""
 
 
-MAX_BYTES = 64
-"""Data bytes of the longest frame"""
-LAST_STANDARD_ID, _LAST_ID = 0x7FF, 0x1FFFFFFF
-_LAST_PGN = 0x3FFFF
-FLOAT_BITS = (16, 32, 64)
-
-
-class BitsConfig(TomlTable):
-    """[[bus.message.signal]]: a signal by its bits."""
-
-    name: NonEmptyText
-    """name of the signal"""
-    start_bit: Annotated[int, Field(strict=True)] = Field(ge=0, lt=8 * MAX_BYTES)
-    """lowest bit, or highest bit in big endian: 8 * byte + bit, both from 0; bit 0 is the lowest of a byte"""
-    length: Annotated[int, Field(strict=True)] = Field(ge=1, le=64)
-    """number of bits"""
-    kind: Literal["unsigned", "signed", "float"] = "unsigned"
-    """kind of number: "unsigned", "signed" or "float" (16, 32 or 64 bits)"""
-    byte_order: Literal["little", "big"] = "little"
-    """"little": lowest byte first (Intel); "big": highest byte first (Motorola)"""
-    factor: NonZero = 1.0
-    """value = factor * number + offset"""
-    offset: Real = 0.0
-    """value = factor * number + offset"""
-
-
-class MessageConfig(TomlTable):
-    """[[bus.message]]: a message by its identifier."""
-
-    name: NonEmptyText
-    """name by which axes refer to the message"""
-    id: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=_LAST_ID)
-    """identifier, such as 0x181; or pgn"""
-    pgn: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=_LAST_PGN)
-    """parameter group number of J1939, such as 0xFF31: any priority, and any source address unless it is given"""
-    source_address: Annotated[int, Field(strict=True)] | None = Field(None, ge=0, le=0xFF)
-    """with pgn: source address of the drive"""
-    extended: Annotated[bool, Field(strict=True)] | None = None
-    """whether the identifier has 29 bits; default: if it is above 0x7FF"""
-    signal: tuple[BitsConfig, ...] = Field(min_length=1)
-    """its signals, [[bus.message.signal]]"""
-
-    @property
-    def is_extended(self) -> bool:
-        """Whether its identifier has 29 bits."""
-        if self.extended is None:
-            return self.id is None or self.id > LAST_STANDARD_ID
-        return self.extended
-
-
-class BusConfig(TomlTable):
-    """[[bus]]: one CAN bus."""
-
-    name: PlainName
-    """name by which axes refer to the bus: letters, digits, - and _"""
-    interface: NonEmptyText = "socketcan"
-    """python-can interface: socketcan, virtual, pcan, ..."""
-    channel: NonEmptyText
-    """channel of that interface, e.g. can0"""
-    messages: FilePath | None = None
-    """file that describes the messages on the bus: .dbc, .kcd, .sym or .arxml, relative to this file"""
-    message: tuple[MessageConfig, ...] = ()
-    """messages that no file describes, [[bus.message]]"""
-    queue_frames: Annotated[int, Field(strict=True)] = Field(100_000, ge=100, le=10_000_000)
-    """most frames that wait for the worker; further ones are dropped"""
-    options: dict[str, Any] = Field(default_factory=dict)
-    """passed to python-can as they are: bitrate, fd, ..."""
-
-
+NEVER_IDENTIFIED = {"kT", GEAR_RATIO}
+"""Torque constant and gear ratio of a library drive, which torque and motion of the motor do not determine."""
 _TOGETHER = 0.01
-"""Between the sample intervals of axes that are sampled together."""
+"""Largest relative difference between the sample intervals of axes that are sampled together"""
 
 
 class AxisConfig(TomlTable):

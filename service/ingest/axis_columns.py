@@ -9,7 +9,8 @@ from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
-from service.config.schema import FurtherSignalConfig, NamedAxis, SignalConfig
+from service.config.schema import NamedAxis
+from service.config.schema_signals import FurtherSignalConfig, SignalConfig
 from service.ingest.csv_tables import CsvRows
 from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldColumns

@@ -1,7 +1,7 @@
 """The role and the axis of a column or a signal, by the words in its name and by its unit."""
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from typing import TypeVar
 
 from service.config.unit_names import MeasuredQuantity, current_in, unit_in, without_unit
@@ -14,7 +14,7 @@ torque: trq torque torques tau taum moment drehmoment tq nm mot effort couple co
 current: i cur curr current currents amp strom iq isq courant corrente
 angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad posizione posicion
 speed: vel velo velocity velocities speed spd omega w qd dq qdm dqm qdot rpm drehzahl vitesse velocita velocidad
-temperature: temp temperature temperatur
+temperature: temp temps temperature temperatures temperatur temperaturen
 wanted: ref reference cmd des set soll target wanted desired command commanded qg setpoint consigne consigna
 other: error err deviation diff disturb disturbance ff limit limits gravity schleppfehler validity quality
 """
@@ -61,7 +61,7 @@ def words_in(name: str) -> list[str]:
 def role_of(name: str) -> str:
     """The role of a column by its name; empty: not known."""
     known = [role for word in words_in(name) if (role := _role_of_word(word))]
-    return next((role for role in ("other", "wanted") if role in known), known[-1] if known else "")
+    return next((role for role in ("other", "wanted", "temperature") if role in known), known[-1] if known else "")
 
 
 def _role_of_word(word: str) -> str:
@@ -95,6 +95,35 @@ def is_load(name: str, unit: str) -> bool:
     """Whether a column is a measured payload, by its name and unit; a load in per cent is that of a motor."""
     words = {*words_in(without_unit(name))} & _LOADS
     return bool(words) and (unit.lower() in _LOAD_UNITS or (not unit and "payload" in words))
+
+
+_DEGREES = {"°c", "degc", "celsius", "°f", "degf"}
+_GEARS = {"gear", "gearbox", "gears", "getriebe", "reducer"}
+_ELECTRONICS = {
+    "board",
+    "pcb",
+    "cpu",
+    "controller",
+    "inverter",
+    "amplifier",
+    "umrichter",
+    "igbt",
+    "heatsink",
+    "encoder",
+}
+
+
+def is_temperature(name: str, unit: str) -> bool:
+    """Whether a column or signal is a measured temperature, by its name or unit."""
+    return role_of(without_unit(name)) == "temperature" or (
+        unit.lower() in _DEGREES and not role_of(without_unit(name))
+    )
+
+
+def nearest_friction(names: Sequence[str]) -> str:
+    """Of several temperatures of an axis that of its gear, then that of its motor, then those of its electronics."""
+    words = {name: {*words_in(without_unit(name))} for name in names}
+    return min(names, key=lambda name: (not words[name] & _GEARS, bool(words[name] & _ELECTRONICS)))
 
 
 _GRIPPERS = {

@@ -4,7 +4,8 @@ A speed is the slope of an angle; the torque of an axis follows from its motion 
 """
 
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import product
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -90,25 +91,17 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
 
     ``values``: columns (N,) that change; ``t``: their times (N,) [s], None: evenly spaced; ``named``: by column.
     """
+    columns = _Columns(values, t, named)
     found = _candidates(values, t, named)
     step = _step(found.speeds, named)
-    rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
-    rests = {name: _rests_beside_zero(values[name]) for name in found.motions}
-    candidate_pairs = (
-        _pair(values, u, y, output, named, t)
-        for u in found.torques
-        for y in found.motions
-        for output in _outputs(named[y].role, bool(found.speeds) or rests[y])
-        if u != y and (named[u].role or rough[u] > _RATHER * rough[y])
-    )
-    pairs = sorted(candidate_pairs, key=lambda pair: _weight(pair, named, step), reverse=True)
-    axes = _chosen(pairs, found, values, named, step)
+    pairs = sorted(_pairs(columns, found), key=lambda pair: _weight(pair, named, step), reverse=True)
+    axes = list(_assigned(pairs, columns, found, step))
     alike = [pair for pair in pairs if named[pair.motion].role or pair.output == _usual_quantity(axes)]
-    again = _chosen(alike, found, values, named, step) if len(alike) < len(pairs) else axes
+    again = list(_assigned(alike, columns, found, step)) if len(alike) < len(pairs) else axes
     axes = again if len(again) == len(axes) else axes
-    axes += _in_place(axes, found, values, named, t)
+    axes += _in_place(axes, columns, found)
     sure = {pair.motion for pair in axes if pair.explained >= SURE}
-    axes = [pair._replace(better=_better(pair, pairs, sure)) for pair in axes]
+    axes = [pair._replace(better=_better(pair, pairs, sure), exchanged=_exchanged(pair, named)) for pair in axes]
     order = list(values)
     axes.sort(key=lambda pair: order.index(pair.motion))
     if len({pair.name for pair in axes}) < len(axes):
@@ -116,49 +109,69 @@ def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mappin
     return axes
 
 
-def _chosen(
-    pairs: Sequence[SignalPair],
-    found: "_CandidateColumns",
-    values: Mapping[str, Floats],
-    named: Mapping[str, Named],
-    step: int | None,
-) -> list[SignalPair]:
-    """The best pairs, each column in one of them; ``pairs``: the best first."""
-    taken, axes = set[str](), list[SignalPair]()
+class _Columns(NamedTuple):
+    """The columns to which roles are given; see ``axes_by_values``."""
+
+    values: Mapping[str, Floats]
+    t: Floats | None
+    named: Mapping[str, Named]
+
+
+class _CandidateColumns(NamedTuple):
+    """Columns that may be a torque, or a motion; ``speeds``: unnamed angles, each with the column of its speed.
+
+    ``alike``: the motions, each with others that have nearly its values.
+    """
+
+    torques: list[str]
+    motions: list[str]
+    speeds: Mapping[str, str]
+    alike: Mapping[str, Sequence[str]]
+
+
+def _pairs(columns: _Columns, found: _CandidateColumns) -> Iterator[SignalPair]:
+    """All candidates for a torque with all for a motion; a torque without a name must be rougher than the motion."""
+    values, _, named = columns
+    rough = {name: _roughness(v, _JERKS) for name, v in values.items()}
+    angles = {y: bool(found.speeds) or _rests_beside_zero(values[y]) for y in found.motions}
+    for u, y in product(found.torques, found.motions):
+        if u != y and (named[u].role or rough[u] > _RATHER * rough[y]):
+            yield from (_pair(columns, u, y, output) for output in _outputs(named[y].role, angles[y]))
+
+
+def _assigned(
+    pairs: Sequence[SignalPair], columns: _Columns, found: _CandidateColumns, step: int | None
+) -> Iterator[SignalPair]:
+    """The best pairs, from the best one on, so that each column has one role, with their rivals."""
+    named, taken = columns.named, set[str]()
     motions_of = Counter(named[name].number for name in found.motions)
     for pair in pairs:
-        if {pair.torque, pair.motion} & taken or (not named[pair.torque].role and pair.explained < LIKELY):
+        torque, motion = named[pair.torque], named[pair.motion]
+        if {pair.torque, pair.motion} & taken or (not torque.role and pair.explained < LIKELY):
             continue
-        number = named[pair.torque].number
-        if named[pair.torque].role and number == named[pair.motion].number and motions_of[number] == 1:
-            best = _larger(pair, pairs, values, named)
+        if torque.role and torque.number == motion.number and motions_of[torque.number] == 1:
+            best = _larger(pair, pairs, columns)
         else:
-            best = _measured(pair, pairs, values, named, step)
+            best = _measured(pair, pairs, columns, step)
         taken |= {best.torque, best.motion, *best.rivals}
         torques = (f"torque {name}" for name in best.rivals)
         motions = (f"{best.output} {name}" for name in found.alike.get(best.motion, ()))
-        axes.append(best._replace(exchanged=_exchanged(best, named), rivals=(*torques, *motions)))
-    return axes
+        yield best._replace(rivals=(*torques, *motions))
 
 
-def _in_place(
-    axes: Sequence[SignalPair],
-    found: "_CandidateColumns",
-    values: Mapping[str, Floats],
-    named: Mapping[str, Named],
-    t: Floats | None,
-) -> list[SignalPair]:
+def _in_place(axes: Sequence[SignalPair], columns: _Columns, found: _CandidateColumns) -> list[SignalPair]:
     """Further axes whose columns have no names, but are as far apart in the table as those of all other axes.
 
     On an arm, the load of other links may hide that a motion belongs to its torque.
     """
+    named = columns.named
     steps = {_distance(named, pair.torque, pair.motion) for pair in axes}
     step = steps.pop() if len(axes) > 1 and len(steps) == 1 else None
     if not step or any(named[pair.torque].role for pair in axes):
         return []
     taken = {name for pair in axes for name in (pair.torque, pair.motion)}
     return [
-        _pair(values, torque, motion, axes[0].output, named, t)
+        _pair(columns, torque, motion, axes[0].output)
         for motion in found.motions
         for torque in found.torques
         if _distance(named, torque, motion) == step and not {torque, motion} & taken
@@ -197,18 +210,6 @@ def _exchanged(pair: SignalPair, named: Mapping[str, Named]) -> float | None:
     if pair.record is None or not (named[pair.torque].role and named[pair.motion].role):
         return None
     return exchanged_share(pair.record)
-
-
-class _CandidateColumns(NamedTuple):
-    """Columns that may be a torque, or a motion; ``speeds``: unnamed angles, each with the column of its speed.
-
-    ``alike``: the motions, each with others that have nearly its values.
-    """
-
-    torques: list[str]
-    motions: list[str]
-    speeds: Mapping[str, str]
-    alike: Mapping[str, Sequence[str]]
 
 
 def _candidates(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> _CandidateColumns:
@@ -296,14 +297,9 @@ def _in_step(pair: SignalPair, named: Mapping[str, Named], step: int | None) -> 
     return bool(step and torque is not None and motion is not None and (torque - motion) % step == 0)
 
 
-def _measured(
-    pair: SignalPair,
-    pairs: Sequence[SignalPair],
-    values: Mapping[str, Floats],
-    named: Mapping[str, Named],
-    step: int | None,
-) -> SignalPair:
+def _measured(pair: SignalPair, pairs: Sequence[SignalPair], columns: _Columns, step: int | None) -> SignalPair:
     """Of the torques in step with a motion that fit about as well, the roughest: commanded torques are smoother."""
+    values, _, named = columns
     if not _in_step(pair, named, step):
         return pair
     alike = [
@@ -320,10 +316,9 @@ def _measured(
     return best._replace(rivals=tuple(name for name in rivals if name != best.torque))
 
 
-def _larger(
-    pair: SignalPair, pairs: Sequence[SignalPair], values: Mapping[str, Floats], named: Mapping[str, Named]
-) -> SignalPair:
+def _larger(pair: SignalPair, pairs: Sequence[SignalPair], columns: _Columns) -> SignalPair:
     """Of the torques of an axis that fit about as well, a far larger one: others are parts of it, as of a contact."""
+    values, _, named = columns
     same = [
         other
         for other in pairs
@@ -402,14 +397,9 @@ def _likeness(a: Floats, b: Floats) -> float:
     return float(np.corrcoef(u, v)[0, 1]) if changes(u) and changes(v) else 0.0
 
 
-def _pair(
-    values: Mapping[str, Floats],
-    torque: str,
-    motion: str,
-    output: Literal["angle", "speed"],
-    named: Mapping[str, Named],
-    t: Floats | None,
-) -> SignalPair:
+def _pair(columns: _Columns, torque: str, motion: str, output: Literal["angle", "speed"]) -> SignalPair:
+    """Two columns as torque and motion of an axis; rows whose time is not after those above are left out."""
+    values, t, named = columns
     u, y = values[torque], values[motion]
     good = np.isfinite(u) & np.isfinite(y)
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)

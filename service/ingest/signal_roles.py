@@ -5,7 +5,8 @@ A unit shows what a signal is; a name is less reliable.
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 from service.can.messages import Message, Signal
@@ -17,6 +18,8 @@ from service.ingest.roles_by_name import (
     axis_name,
     is_gripper,
     is_load,
+    is_temperature,
+    nearest_friction,
     own_word,
     owners,
     role_of,
@@ -29,7 +32,7 @@ _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
 _TURNS = (360.0, 2 * math.pi, 1.0)
 _NEARLY = 1e-3
 _MOST_STATE_BITS = 2
-"""Longest signal of a gripper that is its state; a longer one is its force or position."""
+"""Longest signal that is a state, of a gripper say; a longer one is its force or position."""
 
 
 class SignalRole(NamedTuple):
@@ -114,8 +117,8 @@ def axes_in(messages: Sequence[Message]) -> list[AxisRoles]:
     return [axis for n in numbers if (axis := _axis(n, by_axis[n], by_name)) is not None]
 
 
-class LoadSignal(NamedTuple):
-    """A signal that may tell what a robot carries."""
+class FurtherSignal(NamedTuple):
+    """A signal beside torque and motion: what a robot carries, or a temperature."""
 
     message: str
     signal: str
@@ -128,15 +131,40 @@ class LoadSignal(NamedTuple):
         return f"{self.message}.{self.signal}"
 
 
-def loads_in(messages: Sequence[Message]) -> list[LoadSignal]:
-    """Each measured load, by its name and unit, and each state of a gripper, by its name and length."""
-    found = ((m, s) for m in messages for s in m.signals if not counts(s))
-    loads = (
-        (m, s)
+class FurtherSignals(NamedTuple):
+    """The signals beside torque and motion that an axis may depend on."""
+
+    loads: Sequence[FurtherSignal] = ()
+    """Those that may tell what the robot carries"""
+    temperatures: Mapping[str, FurtherSignal] = MappingProxyType({})
+    """By the name of the axis"""
+
+
+def further_in(messages: Sequence[Message], axes: Sequence[AxisRoles]) -> FurtherSignals:
+    """Each measured load, by its name and unit, each state of a gripper, by its name and length; and temperatures."""
+    found = [(m, s) for m in messages for s in m.signals if not counts(s)]
+    loads = [
+        FurtherSignal(m.name, s.name, bool(m.cycle_time))
         for m, s in found
         if is_load(s.name, s.unit or "") or (is_gripper(s.name) and s.length <= _MOST_STATE_BITS)
-    )
-    return [LoadSignal(m.name, s.name, bool(m.cycle_time)) for m, s in loads]
+    ]
+    measured = [
+        FurtherSignal(m.name, s.name, bool(m.cycle_time))
+        for m, s in found
+        if is_temperature(s.name, s.unit or "") and s.length > _MOST_STATE_BITS
+    ]
+    of_axes = dict[str, list[FurtherSignal]]()
+    for signal in measured:
+        of_axes.setdefault(axis_name(number_in(signal.message, signal.signal)), []).append(signal)
+    if len(axes) == 1:
+        of_axes = {axes[0].name: measured}
+    known = {axis.name for axis in axes}
+    best = {
+        name: next(s for s in several if s.name == nearest_friction([s.name for s in several]))
+        for name, several in of_axes.items()
+        if name in known and several
+    }
+    return FurtherSignals(loads, best)
 
 
 def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:
@@ -165,32 +193,47 @@ def role_in(message: Message, signal: Signal) -> SignalRole | None:
     """The role of a signal by its unit and its name; None: it is no measurement of an axis."""
     if not may_be_measured(message, signal):
         return None
-    text = signal.unit or ""
-    named = role_of(signal.name) or role_of(message.name)
-    amperes = current_in(text)
-    current = amperes is not None or (not text and named == "current")
-    quantity: MeasuredQuantity | None = "torque" if current else None
-    unit = None
-    for candidate in _QUANTITIES:
-        if quantity is None and (unit := unit_in(text, candidate)) is not None:
-            quantity = candidate
-    if quantity is None and not text:
-        quantity = next((q for q in _QUANTITIES if q == named), None)
-    if quantity is None or (current and named not in ("current", "torque")):
+    text, named = signal.unit or "", role_of(signal.name) or role_of(message.name)
+    reading = _by_unit(text) if text else _by_name(named)
+    if reading is None:
         return None
-    if unit is not None and unit.linear and named != quantity:
-        return None  # a linear motion of a tool, or a distance
-    agrees = named == quantity or (current and named in ("current", "torque"))
-    known = unit is not None or current
-    confidence: Confidence = "sure" if agrees and known else "likely" if agrees else "guess"
-    factor = amperes if unit is None else unit.factor
+    agrees = named == reading.quantity or (reading.current and named == "current")
+    if not agrees and (reading.current or reading.linear):
+        return None  # the current of something else; the linear motion of a tool, or a distance
+    confidence: Confidence = "guess" if not agrees else "sure" if reading.known else "likely"
     return SignalRole(
-        message.name, signal.name, quantity, text, factor, current, confidence,
-        _wrap(signal) if quantity == "angle" else None,
+        message.name, signal.name, reading.quantity, text, reading.factor, reading.current, confidence,
+        _wrap(signal) if reading.quantity == "angle" else None,
     )  # fmt: skip
 
 
 _QUANTITIES: tuple[MeasuredQuantity, ...] = ("torque", "speed", "angle")
+
+
+class _Reading(NamedTuple):
+    """What the unit of a signal shows, or its name if it has no unit."""
+
+    quantity: MeasuredQuantity
+    known: bool
+    """Whether this is certain"""
+    factor: float | None = None
+    """Factor to SI units; None: not known"""
+    current: bool = False
+    linear: bool = False
+    """Whether it is in a unit of length"""
+
+
+def _by_unit(text: str) -> _Reading | None:
+    if (amperes := current_in(text)) is not None:
+        return _Reading("torque", True, amperes, current=True)
+    units = ((quantity, unit_in(text, quantity)) for quantity in _QUANTITIES)
+    return next((_Reading(q, True, unit.factor, linear=unit.linear) for q, unit in units if unit is not None), None)
+
+
+def _by_name(named: str) -> _Reading | None:
+    if named == "current":
+        return _Reading("torque", True, current=True)
+    return next((_Reading(quantity, False) for quantity in _QUANTITIES if quantity == named), None)
 
 
 def _wrap(signal: Signal) -> float | None:

@@ -65,7 +65,7 @@ class AxisPipeline:
         self._warm_up = None if self.operating is None or thermal is None else WarmUp(self.operating, monitor)
         self._outside = axis.config.detector.outside_calibration
         friction = {name for names in friction_of(model.drive) for name in names}
-        known = thermal is not None or any(follow.name in friction for follow in conditions.follows)
+        known = thermal is not None or any(schedule.name in friction for schedule in conditions.schedules)
         self.unrecorded_heat = None if known else UnrecordedHeat(monitor, self._outside == "wait")
         """The starts of its motion; None: a thermal law or a signal says what friction to expect"""
         self._calibrated: CalibratedRange | None = None

@@ -183,6 +183,9 @@ class _Extract:
     """Whether a person has requested it, who then gets the error"""
 
 
+_Job = tuple[_Extract, Frames]
+
+
 class Extracts:
     """Writes the frames around alarms, and on request the frames of the last minutes.
 
@@ -203,7 +206,7 @@ class Extracts:
         self._last_us = 0  # end of the last extract
         self._requests = queue.SimpleQueue[Future[Path]]()
         self._latest_requests = queue.SimpleQueue[tuple[float, Future[Frames]]]()
-        self._jobs = queue.SimpleQueue[tuple[_Extract, Frames] | None]()
+        self._jobs = queue.SimpleQueue[_Job | None]()
         self._writer = threading.Thread(target=self._write_all, name="recordings", daemon=True)
         self._writer.start()
         self.problem: str | None = None
@@ -269,21 +272,27 @@ class Extracts:
         self._jobs.put((extract, self._ring.between(extract.from_us, extract.until_us)))
 
     def _write_all(self) -> None:
-        # The newest extract around an alarm that the disk has refused; writing it is retried.
-        refused: tuple[_Extract, Frames] | None = None
+        """Write extracts as they come.  The newest one around an alarm that the disk refuses is tried again."""
+        refused: _Job | None = None
         going_on = True
         while going_on:
-            try:
-                job = self._jobs.get(timeout=None if refused is None else RETRY_S)
-                going_on = job is not None
-            except queue.Empty:
-                job = None
+            job, going_on = self._next_job(None if refused is None else RETRY_S)
             if job is None:
                 job, refused = refused, None
             if job is not None and not self._write(*job):
-                if refused is not None:
-                    refused[0].written.set_exception(RecordError(self.problem or ""))
+                self._give_up(refused)
                 refused = job
+        self._give_up(refused)
+
+    def _next_job(self, timeout_s: float | None) -> tuple[_Job | None, bool]:
+        """The next extract, None: none within the time; and whether more may follow."""
+        try:
+            job = self._jobs.get(timeout=timeout_s)
+        except queue.Empty:
+            return None, True
+        return job, job is not None
+
+    def _give_up(self, refused: _Job | None) -> None:
         if refused is not None:
             refused[0].written.set_exception(RecordError(self.problem or ""))
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from monitor_core.wording import duration, listed, percent
-from service.config.commissioned import Correction, Found, motion_file
+from service.config.commissioned import Found, motion_file
+from service.config.corrections import Correction, changes_in
 from service.reports.formats import Provenance, TextTable, render
 
 READY = "ready"
@@ -203,5 +204,6 @@ def as_html(outcomes: Sequence[Outcome], next_step: str, config: Path, provenanc
         motions=[motion_step(outcome, config) for outcome in outcomes],
         overview=overview(outcomes),
         tables=[smallest(outcome) for outcome in outcomes],
+        changes=[[f"{c.written}: {c.reason}" for c in changes_in(outcome.corrections)] for outcome in outcomes],
         provenance=provenance,
     )

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive import DELAY, LOAD, AxisModel, Conditions, Follow, Gate, Operating, split_name
+from monitor_core.drive import DELAY, LOAD, AxisModel, Conditions, Gate, NominalSchedule, Operating, split_name
 from monitor_core.excitation import Plant, faulty, multisine
 from monitor_core.modeling import SimulatedAxis
 from monitor_core.samples import SampleBlock
@@ -241,7 +241,7 @@ class SimulatedConditions:
 
 def _swing(name: str, conditions: Conditions) -> tuple[float, float]:
     gates = [gate for gate in conditions.gates if gate.signal == name]
-    every = (*conditions.follows, *conditions.weight)
+    every = (*conditions.schedules, *conditions.weight)
     follows = [follow for follow in every if name in follow.term.signals]
     if gates:
         candidates = list(_candidates(gates))
@@ -263,7 +263,7 @@ def _candidates(gates: list[Gate]) -> Iterator[float]:
     yield 0.0
 
 
-def _at_reference(follow: Follow, name: str) -> float:
+def _at_reference(follow: NominalSchedule, name: str) -> float:
     """The value of a signal at which the term equals its reference, with the other signals of a sum at zero."""
     factor = follow.term.factors[0]
     if len(follow.term.factors) > 1 or factor.addends[0][1] != name:

@@ -20,14 +20,12 @@ from monitor_core.detection import (
     Doubt,
 )
 from monitor_core.drive import DELAY, LOAD
-from monitor_core.wording import listed
+from monitor_core.wording import Z90, listed
 from service.texts.trend_words import reach_words
 
 SURE_CAUSE = 0.95
 """Probability above which a cause is named without a second one"""
 
-Z95 = 1.96
-"""Half the width of an interval with a probability of 95 %, in standard deviations"""
 _VAGUE = 5.0
 """Ratio of standard deviation to size above which an interval is not informative"""
 
@@ -106,7 +104,7 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
         size: its estimate minus its nominal value, in ``unit``; infinite: not known.
         nominal: its nominal value, in ``unit``.
         unit: "1" for a ratio.
-        size_sd: standard deviation of the size, for the interval with a probability of 95 %; not finite: not known.
+        size_sd: standard deviation of the size, for the interval with a probability of 90 %; not finite: not known.
     """
     if parameter == DELAY:
         return _skew(size, nominal)
@@ -138,8 +136,8 @@ def alarm_words(parameter: str, size: float, nominal: float, unit: str, size_sd:
 
 
 def _interval(size: float, sd: float) -> list[str]:
-    """Interval that contains the size with a probability of 95 %; empty: unknown, too uncertain, or not derivable."""
-    low, high = _digits(size - Z95 * sd), _digits(size + Z95 * sd)
+    """Interval that contains the size with a probability of 90 %; empty: unknown, too uncertain, or not derivable."""
+    low, high = _digits(size - Z90 * sd), _digits(size + Z90 * sd)
     return [f"{low} to {high}"] if sd < _VAGUE * size and low != high else []
 
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter
 from pydantic import Field
 from starlette.exceptions import HTTPException
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, finite
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, split_name
 from monitor_core.modeling import COMPONENT_KINDS
 from monitor_core.wording import listed
@@ -206,6 +206,6 @@ def _response(
     A, _, _ = AxisModel(drive, values, ()).matrices()
     curve = BodeCurve(magnitude_db=found.db.round(4).tolist(), phase_deg=np.degrees(found.phase).round(3).tolist())
     sd_db, sd_deg = (
-        [models.finite(x) for x in column.round(4).tolist()] for column in (found.sd_db, np.degrees(found.sd_phase))
+        [finite(x) for x in column.round(4).tolist()] for column in (found.sd_db, np.degrees(found.sd_phase))
     )
     return _Response(curve, sd_db, sd_deg, tuple(sorted(mode.frequency_hz for mode in modes(np.linalg.eigvals(A)))))

@@ -9,6 +9,7 @@ from fastapi import APIRouter, Response
 from numpy.typing import NDArray
 from pydantic import Field
 
+from monitor_core.arrays import finite
 from service.pipeline.live_signals import LiveBlock
 from service.texts.instants import iso, microseconds
 from service.web import models
@@ -62,7 +63,7 @@ def router(state: AppState) -> APIRouter:
         if found.watched is not None and (settings := found.watched.settings).outlier_limit > 0:
             limit = settings.outlier_limit * found.status.innovation_variance**0.5
             limit = max(limit, settings.least_outlier)
-        head = {"axis": found.id, "unit": OUTPUT_UNITS[found.output], "outlier_limit": models.finite(limit)}
+        head = {"axis": found.id, "unit": OUTPUT_UNITS[found.output], "outlier_limit": finite(limit)}
         return Response("".join(_body(head, blocks)), media_type="application/json")
 
     return api

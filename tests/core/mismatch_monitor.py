@@ -2,7 +2,7 @@
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import filter_gain, gains_after
-from monitor_core.drive.operating_conditions import Conditions, Follow
+from monitor_core.drive.operating_conditions import Conditions, NominalSchedule
 from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling.standard_drives import three_mass
 from monitor_core.settings import Settings, Threshold
@@ -23,7 +23,7 @@ FOUND = {
     "r": R,
 }
 TORQUE_NOISE, OUTPUT_NOISE, INNOVATION_VARIANCE = 0.2417745098, 2.191615535e-05, 1.409491523e-06
-FRICTION = Follow("fm", Term.read("temperature"), -0.0009824076915, 31.3, 21.0, 39.4)
+FRICTION = NominalSchedule("fm", Term.read("temperature"), -0.0009824076915, 31.3, 21.0, 39.4)
 THRESHOLDS = (
     Threshold(0.9238620667, 151.4268736, 0.0148059364, 0.02),
     Threshold(0.7501558646, 624.4104795, 0.0, 0.02),
@@ -32,7 +32,7 @@ THRESHOLDS = (
 MEMORY_S, SETTLE_S = 5.0, 9.0
 
 
-def watch(*follows: Follow) -> Watch:
+def watch(*follows: NominalSchedule) -> Watch:
     model = AxisModel(three_mass("angle"), FOUND, tuple(FAULTS))
     noises = model, INTERVAL_S, TORQUE_NOISE, OUTPUT_NOISE
     settings = Settings.paper(

@@ -14,7 +14,7 @@ from scipy.stats import binom
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.operating_conditions import Conditions, Follow, Operating
+from monitor_core.drive.operating_conditions import Conditions, NominalSchedule, Operating
 from monitor_core.drive.signal_terms import Term
 from monitor_core.excitation.reference_experiment import FAULT_AT, NOISE, Experiment, experiments, faulty
 from monitor_core.excitation.reference_experiment import SAMPLES as RECORD
@@ -109,7 +109,7 @@ INERTIA = REFERENCE_VALUES["Ja"] * (1 + CHANGE / 2 * np.cos(ANGLE2) / np.cos(ANG
 
 MODEL = reference_model("speed")
 SLOPE = REFERENCE_VALUES["Ja"] * CHANGE / 2 / np.cos(ANGLE2).max()
-FOLLOWS = Follow("Ja", Term.read("cos(angle2)"), float(SLOPE), 0.0, -0.99, 0.99)
+FOLLOWS = NominalSchedule("Ja", Term.read("cos(angle2)"), float(SLOPE), 0.0, -0.99, 0.99)
 
 
 def posed(seed_range: Sequence[int], fault: Mapping[str, float]) -> Experiment:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.drive import AxisModel, Conditions, Follow, Operating, Term
+from monitor_core.drive import AxisModel, Conditions, NominalSchedule, Operating, Term
 from monitor_core.drive.holding_brake import HOLD_S, HoldingBrake, rigid_accelerations
 from monitor_core.kernel.tables import COSINE, ONE, TORQUE
 from monitor_core.modeling.standard_drives import INTERVAL_S as MOVING_S
@@ -161,7 +161,7 @@ def with_brake(seed: int, seconds: float) -> SampleBlock:
 def test_an_axis_that_its_brake_holds_raises_no_alarm(seed: int) -> None:
     """Without the look at the brake the predictor expects it to fall."""
     block = with_brake(seed, 20.0)
-    follows = (Follow("tau0", Term.read("pose"), 1.0, 0.0),)
+    follows = (NominalSchedule("tau0", Term.read("pose"), 1.0, 0.0),)
     conditioned = Operating(MODEL, Conditions(("pose",), weight=follows)).conditioned(block)
     assert AxisMonitor(MODEL, SETTINGS).update(conditioned) == []
     assert AxisMonitor(MODEL, SETTINGS).update(conditioned._replace(gate=None)) != []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.drive import Conditions, Follow, Term
+from monitor_core.drive import Conditions, NominalSchedule, Term
 from monitor_core.monitoring import MOST_NEW_POSES, CalibratedRange, ConditionTracker, PoseMap, pose_maps
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
@@ -139,7 +139,7 @@ def test_any_cut_of_the_samples_gives_the_same_bits(seed: int) -> None:
 
 def test_angles_of_the_pose_are_those_in_cosines_and_sines() -> None:
     terms = ("temperature", "cos(shoulder + elbow)", "payload * sin(elbow)", "square(speed) * cos(wrist)")
-    follows = tuple(Follow("fm", Term.read(term), 1.0, 0.0) for term in terms)
+    follows = tuple(NominalSchedule("fm", Term.read(term), 1.0, 0.0) for term in terms)
     assert Conditions((), follows[:2], weight=follows[2:]).pose_angles == ("shoulder", "elbow", "wrist")
     assert Conditions((), follows[:1], angles=("wrist",)).pose_angles == ()
     assert Conditions((), follows[:2], angles=("wrist", "elbow")).pose_angles == ("shoulder", "elbow", "wrist")

@@ -62,7 +62,7 @@ def test_a_motion_is_planned_with_the_names_of_the_face(seed: int) -> None:
 
 
 def test_nominal_values_follow_a_signal_with_the_names_of_the_face() -> None:
-    follow = mc.Follow("fm", mc.Term.read("temperature"), slope=-0.001, reference=40.0)
+    follow = mc.NominalSchedule("fm", mc.Term.read("temperature"), slope=-0.001, reference=40.0)
     operating = mc.Operating(mc.reference_model(), mc.Conditions(("temperature",), (follow,)))
     times, zeros = np.arange(3, dtype=np.int64) * 5000, np.zeros(3)
     block = mc.SampleBlock(times, zeros, zeros, signals=np.array([[40.0], [50.0], [np.nan]]))

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.injection import changed_values, equivalent_load
-from monitor_core.detection.multimodel.candidates import default_hypotheses, quantity_of
+from monitor_core.detection.multimodel.candidates import quantity_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.naming import CauseIdentified, Share
-from monitor_core.drive import LOAD, AxisModel, Conditions, Follow, Operating, Term
+from monitor_core.drive import LOAD, AxisModel, Conditions, NominalSchedule, Operating, Term
 from monitor_core.kernel.tables import ONE, WEIGHT
 from monitor_core.modeling.standard_drives import INTERVAL_S, three_mass
 from monitor_core.monitoring import AxisBatch, AxisMonitor
@@ -126,8 +127,8 @@ def test_an_unknown_weight_is_that_of_before(seed: int) -> None:
 
 def test_the_weight_of_the_pose_gates_where_it_is_unknown() -> None:
     terms = (
-        Follow("tau0", Term.read("cos(q2)"), -1.2, 0.3, -1.0, 1.0),
-        Follow("tau0", Term.read("payload * cos(q2 + q3)"), -0.1, 0.0),
+        NominalSchedule("tau0", Term.read("cos(q2)"), -1.2, 0.3, -1.0, 1.0),
+        NominalSchedule("tau0", Term.read("payload * cos(q2 + q3)"), -0.1, 0.0),
     )
     operating = Operating(MODEL, Conditions(("q2", "q3", "payload"), weight=terms))
     signals = np.array([[0.0, 0.0, 5.0], [np.pi / 2, 0.0, 5.0], [0.0, np.nan, 5.0]])

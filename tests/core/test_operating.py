@@ -9,18 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.operating_conditions import MARGIN, Conditions, Follow, Gate, Operating
+from monitor_core.drive.gates import Gate
+from monitor_core.drive.operating_conditions import MARGIN, Conditions, NominalSchedule, Operating
 from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 
 MODEL = AxisModel(three_mass("angle"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
 TURNING = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "1/Ja", "fm"))
-FRICTION = Follow("fm", Term.read("temperature"), -0.0005, 40.0, 20.0, 60.0)
+FRICTION = NominalSchedule("fm", Term.read("temperature"), -0.0005, 40.0, 20.0, 60.0)
 NAN = math.nan
 
 
-def follow(name: str, function: str = "") -> Follow:
-    return Follow(name, Term.read(f"{function}(t)" if function else "t"), 1.0, 0.0)
+def follow(name: str, function: str = "") -> NominalSchedule:
+    return NominalSchedule(name, Term.read(f"{function}(t)" if function else "t"), 1.0, 0.0)
 
 
 def taken(
@@ -38,7 +39,7 @@ def test_a_nominal_value_follows_its_signals_and_no_other() -> None:
     assert reason == ""
     np.testing.assert_allclose(shift[:, 2], [0.0, -0.005, 0.0075], rtol=1e-12)
     assert (shift[:, :2] == 0).all()
-    more = Follow("fm", Term.read("square(load)"), 0.001, 1.0)
+    more = NominalSchedule("fm", Term.read("square(load)"), 0.001, 1.0)
     shift, _, _ = taken(Conditions(("temperature", "load"), (FRICTION, more)), (50, 3))
     assert shift[0, 2] == pytest.approx(-0.005 + 0.008)
 
@@ -48,7 +49,7 @@ def test_slopes_of_a_parameter_and_of_its_reciprocal_are_converted_exactly(watch
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", watched))
     ja = REFERENCE_VALUES["Ja"]
     base = ja if given == "Ja" else 1 / ja
-    follow = Follow(given, Term.read("s"), 0.3 * base, 0.0)
+    follow = NominalSchedule(given, Term.read("s"), 0.3 * base, 0.0)
     shift, _, _ = taken(Conditions(("s",), (follow,)), (0.0,), (1.0,), (-1.0,), model=model)
     value = base * np.array([1.0, 1.3, 0.7])
     expected = value if given == watched else 1 / value
@@ -82,7 +83,7 @@ def test_an_impossible_nominal_value_is_none(name: str, slope: float) -> None:
     model = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("1/Ja", "fm"), bounds={"fm": (0.01, 0.1)})
     value = {"Ja": REFERENCE_VALUES["Ja"], "1/Ja": 1 / REFERENCE_VALUES["Ja"], "fm": REFERENCE_VALUES["fm"]}[name]
     i = 1 if name == "fm" else 0
-    follow = Follow(name, Term.read("s"), slope * value, 0.0)
+    follow = NominalSchedule(name, Term.read("s"), slope * value, 0.0)
     shift, _, reason = taken(Conditions(("s",), (follow,)), (0.1,), (1.0,), model=model)
     assert np.isnan(shift[:, i]).tolist() == [False, True]
     assert reason == f"{model.monitored[i]} would leave its bounds"
@@ -157,7 +158,7 @@ def test_slow_is_gated(model: AxisModel, t_ms: list[int], y: list[float], expect
 @given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1))
 def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
     rng = np.random.default_rng(seed)
-    inertia = Follow("Ja", Term.read("cos(angle2)"), 20.0, 0.1)
+    inertia = NominalSchedule("Ja", Term.read("cos(angle2)"), 20.0, 0.1)
     conditions = Conditions(
         ("temperature", "angle2", "mode"), (FRICTION, inertia), (Gate("mode", (1.0, 2.0)),), min_speed=1.0
     )

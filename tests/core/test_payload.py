@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from monitor_core.detection import Alarm, same_payload
-from monitor_core.drive import AxisModel, Conditions, Follow, Operating, Term
+from monitor_core.drive import AxisModel, Conditions, NominalSchedule, Operating, Term
 from monitor_core.monitoring import AxisMonitor, MonitoringOptions, recommended_settings
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings, Threshold
@@ -75,7 +75,7 @@ class AxisWatch:
         values = {"kT": 1.0, "J": found.J, "fm": found.fm, "fc": found.fc, "tau0": found.tau0, "load": 1.0}
         model = AxisModel(one_mass("angle").with_load("tau0"), values, monitored)
         self.monitor = AxisMonitor(model, settings(model, found))
-        terms = [Follow("tau0", Term.read(text), slope, 0.0, *ends) for text, slope, *ends in found.weight]
+        terms = [NominalSchedule("tau0", Term.read(text), slope, 0.0, *ends) for text, slope, *ends in found.weight]
         self._operating = Operating(model, Conditions(("q2", "q3"), (), (), MIN_SPEED, weight=tuple(terms)))
 
     def take(self, samples: SampleBlock) -> list[Alarm]:

@@ -17,7 +17,7 @@ from monitor_core.drive import (
     AxisModel,
     Conditions,
     Fast,
-    Follow,
+    NominalSchedule,
     Operating,
     Term,
     ThermalModel,
@@ -34,7 +34,7 @@ TURNING = AxisModel(three_mass("speed"), REFERENCE_VALUES, ("kT", "fm"))
 MODEL = AxisModel(three_mass("angle"), REFERENCE_VALUES, ("kT", "fm"))
 COLD = ThermalModel(600.0, 0.05, 0.4, 30.0, "cold")
 UNKNOWN = ThermalModel(600.0, 0.05, 0.4, 30.0)
-FRICTION = Follow("fm", Term.read(HEAT), -0.001, 10.0, 0.0, 30.0)
+FRICTION = NominalSchedule("fm", Term.read(HEAT), -0.001, 10.0, 0.0, 30.0)
 H_US = 100_000
 
 

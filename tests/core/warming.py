@@ -67,6 +67,11 @@ class WarmingPlant(MismatchPlant):
         self._warmth = Warmth(warming or Warming())
         self._broken: dict[str, float] = dict.fromkeys(("kT", "fc", "fm"), 1.0)
 
+    @property
+    def warmth(self) -> float:
+        """0: cold; 1: as after a lasting friction power of ``Warming.watts``."""
+        return self._warmth.now
+
     def break_down(self, fault: Mapping[str, float]) -> None:
         """From now on kT, fc and fm have so many times their values."""
         self._broken.update(fault)

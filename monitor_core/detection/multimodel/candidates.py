@@ -1,18 +1,16 @@
 """Candidate changes: the monitored parameters up and down in several sizes, another payload, faults of the sensors.
 
-Also converts their sizes to physical units (``quantity_of``), and selects the candidates that can be distinguished
-(``default_hypotheses``).
+Also converts their sizes to physical units (``quantity_of``).
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import (
     INERTIA,
     OUTPUT_NOISE,
@@ -28,14 +26,12 @@ from monitor_core.detection.alarm import (
     TORQUE_SIGN,
     TORQUE_STUCK,
 )
-from monitor_core.detection.multimodel.hypothesis import REFERENCE, Distortion, Hypothesis
-from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
+from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
 from monitor_core.drive.structure import DELAY, LOAD, split_name
-from monitor_core.kernel.hypotheses import BankTrace, Block, run_hypotheses
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
 
@@ -254,86 +250,3 @@ def quantity_of(model: AxisModel, settings: Settings, cause: str) -> CauseQuanti
     if cause == OUTPUT_OFFSET:
         return CauseQuantity(0.0, "rad" if model.drive.output == "angle" else "rad/s", math.sqrt(settings.lam0))
     return CauseQuantity(0.0, "1", 0.0)
-
-
-# --- Isolability: causes that produce the same data, such as a scaled torque and a torque constant --------------------
-
-
-_SAME = 1e-4
-"""Two candidates count as the same if they differ by at most this share of their evidence against REFERENCE."""
-_MEMORIES = 6
-_STRENGTH = 5.0
-
-
-class Distinct(NamedTuple):
-    """A candidate whose effect on the data no earlier candidate has."""
-
-    place: int
-    """Index of the candidate"""
-    alike: tuple[str, ...]
-    """Causes of later candidates with the same effect"""
-
-
-def default_hypotheses(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
-    """The distinct candidates; of candidates with the same effect, the first one lists the causes of the others."""
-    every = candidates(model, settings)
-    return chosen(every, distinct_candidates(model, settings, every))
-
-
-def chosen(every: Sequence[Hypothesis], distinct: Sequence[Distinct]) -> tuple[Hypothesis, ...]:
-    """The distinct ones of all candidates, with the causes that have the same effect.
-
-    Raises:
-        ValueError: an index beyond the candidates.
-    """
-    if any(not 0 <= d.place < len(every) for d in distinct):
-        raise ValueError(f"there are {len(every)} candidates")
-    return tuple(replace(every[d.place], alike=d.alike) for d in distinct)
-
-
-def distinct_candidates(model: AxisModel, settings: Settings, every: Sequence[Hypothesis]) -> tuple[Distinct, ...]:
-    """Find the candidates that change the data, each in another way.
-
-    Their predictions for one random record are compared over its second half.
-    """
-    eps = _innovations(model, settings, (REFERENCE, *every))
-    effect = ((eps - eps[:, :1]) ** 2).sum(axis=0)
-    kept: list[int] = []
-    names: dict[int, list[str]] = {}
-    for k, hypothesis in enumerate(every, 1):
-        if effect[k] == 0.0 and hypothesis.variance == 1.0 and not hypothesis.still:
-            continue
-        same = next((j for j in kept if _have_same_effect(eps, effect, j, k, every)), None)
-        if same is None:
-            kept.append(k)
-        elif every[same - 1].cause != hypothesis.cause:
-            names.setdefault(same, []).append(hypothesis.cause)
-    return tuple(Distinct(k - 1, tuple(names.get(k, ()))) for k in kept)
-
-
-def _have_same_effect(eps: Floats, effect: Floats, j: int, k: int, every: Sequence[Hypothesis]) -> bool:
-    a, b = every[j - 1], every[k - 1]
-    apart = float(((eps[:, j] - eps[:, k]) ** 2).sum())
-    alike = apart <= _SAME * min(effect[j], effect[k])
-    return alike and abs(a.variance / b.variance - 1) < _SAME and a.still == b.still
-
-
-def _innovations(model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]) -> Floats:
-    """Innovations (N, len(hypotheses)) for white torque, output and weight.
-
-    Any signals serve to compare the hypotheses, as all predictors are linear.
-    """
-    many, N = len(hypotheses), 2 * round(_MEMORIES * s.memory / 2)
-    tables, predictors = lanes_of(
-        model, replace(s, outlier_limit=0.0), hypotheses, Tests(np.full(many, np.inf), *np.zeros((3, many)))
-    )
-    H = predictors.own.shape[1]
-    rng = np.random.default_rng(0)
-    u = _STRENGTH * torque_unit(model, s) * rng.standard_normal(N)
-    y = _STRENGTH * np.sqrt(s.lam0) * rng.standard_normal(N)
-    weight = _STRENGTH * torque_unit(model, s) * rng.standard_normal(N)
-    t_us = np.arange(N, dtype=np.int64) * round(s.interval_s * 1e6)
-    trace = BankTrace(*(np.empty((N, H)) for _ in range(3)))
-    block = Block(t_us, u, y, np.empty((0, 1), np.bool_), weight)
-    run_hypotheses(np.arange(H), tables, predictors, memory_of(tables, H), block, 0, trace)
-    return trace.eps[N // 2 :, :many]

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from monitor_core.arrays import Floats
 from monitor_core.detection.multimodel.active_faults import ActiveFaults
 from monitor_core.detection.multimodel.bank_evidence import LOOKS, BankEvidence
-from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis, moved_model, steps
+from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.lanes import Tests, lanes_of, memory_of
 from monitor_core.detection.multimodel.naming import (
     CauseEnded,
@@ -82,7 +82,6 @@ class HypothesisBank:
         self.evidence_share = evidence_share
         chosen = default_hypotheses(model, settings) if hypotheses is None else hypotheses
         self.active_faults = ActiveFaults(model, settings, chosen)
-        """Active faults"""
         many = len(self.hypotheses)
         self.h, self.allowance = (np.broadcast_to(np.asarray(v, float), (many,)) for v in (h, allowance))
         """Thresholds and allowances (len(hypotheses),)"""
@@ -275,11 +274,12 @@ class HypothesisBank:
 
     def _identify(self, now_us: int) -> Iterator[Event]:
         """Name the cause if it is certain, or if the waiting time is over."""
-        integers, memory = self._memory.integers, self.settings.memory
+        integers, found = self._memory.integers, self._evidence
+        since = int(integers[kernel.SINCE, 0])
         integers[kernel.CHECKS, 0] += 1
-        integers[kernel.WAIT, 0], since = max(1, round(memory / LOOKS)), int(integers[kernel.SINCE, 0])
-        looked, found = integers[kernel.CHECKS, 0] / (LOOKS * MEMORIES), self._evidence
-        if looked >= 1 and not found.lasts():
+        integers[kernel.WAIT, 0] = max(1, round(self.settings.memory / LOOKS))
+        waited = integers[kernel.CHECKS, 0] / (LOOKS * MEMORIES)  # as a share of the waiting time
+        if waited >= 1 and not found.lasts():
             self._start(0)
             yield CauseEnded(now_us, since, HEALTHY)
             return
@@ -287,7 +287,7 @@ class HypothesisBank:
         early = now_us - since < self._slowest_us
         shares = found.shares()
         sure, resort = shares[0].probability >= SURE_ENOUGH, shares[0].cause in self._last_resort
-        if looked >= (PATIENCE if resort else 1) or (sure and not early and not resort):
+        if waited >= (PATIENCE if resort else 1) or (sure and not early and not resort):
             total = self.active_faults.with_total_sizes(shares)
             self._wait(kernel.REFINING, MEMORIES)
             self._memory.sums[SINCE_DETECTION] = 0.0  # what raised the alarm may not last

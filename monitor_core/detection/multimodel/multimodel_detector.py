@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, finite
 from monitor_core.detection.alarm import (
     MIN_PROBABILITY,
     MODEL_ERROR,
@@ -23,20 +23,17 @@ from monitor_core.detection.alarm import (
     DetectorName,
     Leading,
     direction_of,
-    known,
 )
 from monitor_core.detection.multimodel.candidates import (
     CauseQuantity,
-    Distinct,
     candidates,
     causes_of,
-    chosen,
-    distinct_candidates,
     hypothesis_of,
     quantity_of,
 )
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.isolability import Distinct, chosen, distinct_candidates
 from monitor_core.detection.multimodel.naming import (
     CauseIdentified,
     ChangeDetected,
@@ -275,7 +272,7 @@ class MultiModelDetector:
     def _size(self, share: Share) -> tuple[float | None, float | None]:
         """Size of a cause and its standard deviation; None: the cause has no size, or the size is not known."""
         quantity = self.quantity(share.cause)
-        size, size_sd = (known(value) for value in quantity.change(share.size, share.size_sd))
+        size, size_sd = (finite(value) for value in quantity.change(share.size, share.size_sd))
         if size is None or size_sd is None:
             return None, None
         _, healthy = quantity.change(share.size, self._size_errors.get(share.cause, 0.0))

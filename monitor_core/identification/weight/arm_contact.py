@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.operating_conditions import Gate, OpenGates
+from monitor_core.drive.gates import Gate, OpenGates
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.contact_force import (
     MIN_EXPLAINED,

@@ -17,6 +17,7 @@ half, and vice versa.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from copy import copy
 from functools import partial
 from itertools import combinations, product
 from types import MappingProxyType
@@ -125,13 +126,13 @@ def _weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | No
         return None
     balance = _LinkBalance(parts, window, speed_scales(records)[1], signals.own, signals.angles)
     before = balance.explained(())
-    balance.couple(accelerations)
+    balance = balance.coupled_with(accelerations)
     chosen = _chosen(balance, signals)
-    balance.uncouple(chosen)
+    balance = balance.without_needless(chosen)
     if not chosen and not balance.coupled:
         return LinkWeights((), before, before)
     needed = balance.needed(chosen)
-    balance.couple_for_inertia(needed, accelerations)
+    balance = balance.with_positive_inertia(needed, accelerations)
     return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
 
 
@@ -240,7 +241,8 @@ def _plain(signal: str) -> Term:
 class _LinkBalance(WeightBalance):
     """The torque balance with further terms, fitted to each half of the equations and tested on the other half.
 
-    ``own`` and ``angles`` as in ``ArmSignals``.
+    ``own`` and ``angles`` as in ``ArmSignals``.  ``coupled``: the accelerations of other axes that are in all
+    equations; another choice of them is another balance.
     """
 
     def __init__(self, parts: Sequence[GridPart], window: int, scale: float, own: str, angles: Sequence[str]) -> None:
@@ -248,29 +250,35 @@ class _LinkBalance(WeightBalance):
         self._own, self._angles = own, angles
         self._columns: dict[Term, Floats] = {}
         self.coupled: tuple[Term, ...] = ()
-        """The accelerations of other axes that are in all equations"""
 
-    def couple(self, accelerations: Iterable[Term]) -> None:
-        """Add the accelerations of other axes that reduce the error, one by one.
+    def _with(self, coupled: Sequence[Term]) -> _LinkBalance:
+        """The balance with these accelerations; both share the columns that are known."""
+        balance = copy(self)
+        balance.coupled = tuple(coupled)
+        return balance
+
+    def coupled_with(self, accelerations: Iterable[Term]) -> _LinkBalance:
+        """The balance with those accelerations of other axes that reduce the error, added one by one.
 
         This comes before the search for weights, which a torque that changes so much faster would hide.
         """
-        left, missing = self.error(()), list(accelerations)
+        balance, left, missing = self, self.error(()), list(accelerations)
         while missing:
-            best = min(missing, key=lambda term: self.error([term]))
-            if not self._is_needed(least := self.error([best]), left, 1, True):
+            best = min(missing, key=lambda term: balance.error([term]))
+            if not balance._is_needed(least := balance.error([best]), left, 1, True):
                 break
-            left = least
-            self.coupled += (best,)
+            balance, left = balance._with((*balance.coupled, best)), least
             missing.remove(best)
+        return balance
 
-    def uncouple(self, terms: Sequence[Term]) -> None:
-        """Remove the accelerations that explain nothing in addition to these terms."""
+    def without_needless(self, terms: Sequence[Term]) -> _LinkBalance:
+        """The balance without the accelerations that explain nothing in addition to these terms."""
+        balance = self
         for term in self.coupled:
-            left, every = self.error(terms), self.coupled
-            self.coupled = tuple(other for other in every if other != term)
-            if self._is_needed(left, self.error(terms), 1, True):
-                self.coupled = every
+            fewer = balance._with([other for other in balance.coupled if other != term])
+            if not fewer._is_needed(balance.error(terms), fewer.error(terms), 1, True):
+                balance = fewer
+        return balance
 
     def needed(self, terms: Sequence[Term]) -> Sequence[Term]:
         """Those of these terms that explain something beside the others; one at least, unless an axis is coupled."""
@@ -281,27 +289,23 @@ class _LinkBalance(WeightBalance):
                 needed = fewer
         return needed
 
-    def couple_for_inertia(self, terms: Sequence[Term], accelerations: Sequence[Term]) -> None:
-        """Add the fewest accelerations with which the inertia is positive, if it is negative beside these terms.
+    def with_positive_inertia(self, terms: Sequence[Term], accelerations: Sequence[Term]) -> _LinkBalance:
+        """The balance with the fewest further accelerations that make a negative inertia beside these terms positive.
 
         If axes move together, as in a program, the torque for the acceleration of another axis is attributed to the
         inertia of this one.  At a wrist it is larger than that of the inertia, and has the opposite sign.  So it is
         needed even if it explains little of the torque.
         """
         if max(self.inertias(self._columns_of(terms))) >= 0:
-            return
-        left, before = self.error(terms), self.coupled
-        missing = [term for term in accelerations if term not in before]
+            return self
+        missing = [term for term in accelerations if term not in self.coupled]
         for count in range(1, len(missing) + 1):
-            trials = dict[float, tuple[Term, ...]]()
-            for more in combinations(missing, count):
-                self.coupled = (*before, *more)
-                if min(self.inertias(self._columns_of(terms))) > 0:
-                    trials[self.error(terms)] = self.coupled
-            if trials and min(trials) < left:
-                self.coupled = trials[min(trials)]
-                return
-        self.coupled = before
+            trials = [self._with((*self.coupled, *more)) for more in combinations(missing, count)]
+            positive = [trial for trial in trials if min(trial.inertias(trial._columns_of(terms))) > 0]
+            best = min(positive, key=lambda trial: trial.error(terms), default=self)
+            if best.error(terms) < self.error(terms):
+                return best
+        return self
 
     def sums(self, load: Term | None) -> list[AngleSum]:
         """Sums of angles, added one by one as long as the next one reduces the error.

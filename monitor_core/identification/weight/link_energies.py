@@ -80,27 +80,35 @@ class Energy(NamedTuple):
     factors: tuple[tuple[str, AngleSum], ...] = ()
 
     def torque(self, own: str, signals: Mapping[str, MotionSignals]) -> Term:
-        """Its torque on the axis with the angle ``own``, in terms of signals, but for a factor."""
+        """Its torque on the axis with the angle ``own``, in terms of signals, but for a factor.
+
+        With n_i the number of times that the angle i is in s, and a the accelerations:
+
+            f(s)                                            of a weight
+            -n_own f'(s) v_j v_k                            of the speeds of other axes
+            f(s) a_k + f'(s) v_k sum of n_i v_i, i != own   of the own speed and that of k: what has n_own cancels
+        """
         load = (_signal(self.load),) if self.load else ()
         if not self.axes and not self.angles:
             return Term.product(*load)
         f = _factor(self.function, self.angles)
-        slope = Factor("sin" if self.function == "cos" else "cos", f.addends)
-        sign = -1 if self.function == "cos" else 1
         if not self.axes:
             return Term.product(*load, f, *(_factor(function, angles) for function, angles in self.factors))
+        slope = Factor("sin" if self.function == "cos" else "cos", f.addends)
+        sign = -1 if self.function == "cos" else 1
         j, k = self.axes
         if own not in self.axes:
             number = -sign * float(np.sign(self.times(own)))
             speeds = (Factor("square", ((1, signals[j].speed),)),) if j == k else _speeds(signals, j, k)
             return Term((SignalProduct((*load, *speeds, slope), number),))
         other = k if j == own else j
-        factors = (*load, _signal(signals[other].acceleration), *((f,) if self.angles else ()))
-        parts = [SignalProduct(factors)]
-        for n, angle in self.angles:
-            if angle != own:  # its part of the rate cancels with dE / dq
-                parts.append(SignalProduct((*load, *_speeds(signals, other, angle), slope), float(sign * n)))
-        return Term(tuple(parts))
+        accelerating = (*load, _signal(signals[other].acceleration), *((f,) if self.angles else ()))
+        turning = (
+            SignalProduct((*load, *_speeds(signals, other, angle), slope), float(sign * n))
+            for n, angle in self.angles
+            if angle != own
+        )
+        return Term((SignalProduct(accelerating), *turning))
 
     def function_values(self, part: GridPart) -> tuple[Floats, Floats]:
         """f and its derivative by s (N,)."""

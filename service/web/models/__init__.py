@@ -24,7 +24,6 @@ from service.web.models.bodies import (
     Sentence,
     TextOrNull,
     Time,
-    finite,
     sentence_bodies,
     sentences,
 )

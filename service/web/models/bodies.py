@@ -1,6 +1,5 @@
 """Common parts of all bodies: numbers, times, texts, sentences."""
 
-import math
 import re
 from collections.abc import Iterable
 from typing import Annotated
@@ -8,13 +7,9 @@ from typing import Annotated
 from pydantic import AfterValidator, AwareDatetime, BaseModel, BeforeValidator, ConfigDict, Field
 
 from monitor_core import wording
+from monitor_core.arrays import finite
 from service.store.alarm_transitions import control_character
 from service.texts.instants import iso
-
-
-def finite(value: float | None) -> float | None:
-    """The number, or None if it is not finite."""
-    return value if value is not None and math.isfinite(value) else None
 
 
 def _iso(value: object) -> object:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.multimodel_tails import ExcursionPeaks
-from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold
 from monitor_core.kernel.compile import entry
 from monitor_core.samples import SampleBlock

@@ -9,8 +9,8 @@ from monitor_core.calibration.fault_trials import PROBES, run_trials
 from monitor_core.calibration.injection import InjectedFault, changed_values, equivalent_load, faulty_torque
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.simulated_copies import Plants, innovations
-from monitor_core.detection.multimodel.candidates import default_hypotheses
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.multimodel_detector import HypothesisThreshold, MultiModelThresholds
 from monitor_core.detection.multimodel.naming import Event
 from monitor_core.drive.structure import Output

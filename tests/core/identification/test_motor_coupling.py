@@ -109,3 +109,12 @@ def test_the_factors_of_a_coupled_wrist_are_found(number: int, seed: int) -> Non
 @pytest.mark.parametrize(("points", "terms"), [(12, WEIGHT), (40, ())])
 def test_none_are_found_without_a_coupling(points: int, terms: Sequence[str], number: int, seed: int) -> None:
     assert motor_coupling([Wrist(seed + number, points=points).record], BEFORE, terms) is None
+
+
+@pytest.mark.parametrize("factor", [-1.0, 1.0])
+def test_an_elbow_whose_angle_counts_from_the_horizontal(factor: float, seed: int) -> None:
+    """Some controllers show it so; its motor turns by the difference to the shoulder."""
+    found = motor_coupling([Wrist(seed, (0.0, factor)).record], BEFORE, WEIGHT)
+    assert found is not None
+    assert found.factors.keys() == {"bend"}
+    assert found.factors["bend"].value == pytest.approx(factor, rel=0.05)

@@ -124,6 +124,30 @@ def test_a_measured_load_is_a_signal(record: Path, column: str, axes: list[str])
 
 
 @pytest.mark.parametrize(
+    ("columns", "found_columns"),
+    [
+        (["joint_temperatures_1", "joint_temperatures_2"], ["joint_temperatures_1", "joint_temperatures_2"]),
+        (["Motor 1 [°C]", "Temp_Getriebe_1", "Temperatur_Umrichter_2"], ["Temp_Getriebe_1", "Temperatur_Umrichter_2"]),
+        (["Cabinet temperature"], [None, None]),
+    ],
+)
+def test_the_temperature_of_an_axis_is_a_signal(
+    record: Path, columns: list[str], found_columns: list[str | None]
+) -> None:
+    """Of several that of the gear; that of a cabinet is of no axis."""
+    _, _, rows = record.read_text(encoding="utf-8").partition("\n")
+    names = "Time,A1 Moment [Nm],A1 Istwinkel [deg],A2 Moment [Nm],A2 Istwinkel [deg]"
+    warmer = [",".join([row, *(str(25 + k // 900) for _ in columns)]) for k, row in enumerate(rows.splitlines())]
+    record.write_text("\n".join([",".join([names, *columns]), *warmer]), encoding="utf-8")
+    text = shown("init", record)
+    signals = [{s.name: s.column for s in axis.signal}.get("temperature") for axis in proposed()]
+    assert signals == found_columns
+    for column in columns:
+        assert (f"not used: {column}" in text or f", {column}" in text) or column in found_columns
+    assert ("temperatures, which friction may follow: axis1: " in text) == any(found_columns)
+
+
+@pytest.mark.parametrize(
     ("columns", "signals"),
     [
         ({"Greifer": 500}, ["Greifer"]),

@@ -91,6 +91,18 @@ def test_a_gripper_and_a_payload(folder: Path) -> None:
         }
 
 
+def test_the_temperature_of_each_axis(folder: Path) -> None:
+    """That of the gear rather than that of the motor or of a board; a flag and a limit are none."""
+    more = 'BO_ 704 Temps1: 8 Drive\n SG_ MotorTemp1 : 0|16@1+ (0.1,0) [0|200] "degC" M\n'
+    more += ' SG_ GearTemp1 : 16|16@1+ (0.1,0) [0|200] "degC" M\n SG_ TempLimit1 : 32|16@1+ (1,0) [0|9] "degC" M\n'
+    more += 'BO_ 705 Temps2: 8 Drive\n SG_ BoardTemp2 : 0|16@1+ (0.1,0) [0|200] "degC" M\n'
+    more += ' SG_ Motor2 : 16|16@1+ (0.1,0) [0|200] "degC" M\n SG_ GearOverTemp2 : 48|1@1+ (1,0) [0|1] "" M\n\n'
+    text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", more))
+    assert "temperatures, which friction may follow: axis1: Temps1.GearTemp1, axis2: Temps2.Motor2" in text
+    found = [(s.name, s.message, s.signal) for axis in axes for s in axis.config.signal]
+    assert found == [("temperature", "Temps1", "GearTemp1"), ("temperature", "Temps2", "Motor2")]
+
+
 def test_many_outputs_of_grippers_are_one_line_for_people_and_one_each_in_the_file(folder: Path) -> None:
     signals = "".join(f' SG_ Gripper{k} : {k}|1@1+ (1,0) [0|1] "" M\n' for k in range(40))
     text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", f"BO_ 703 Outputs: 8 Controller\n{signals}\n"))

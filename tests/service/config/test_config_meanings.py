@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from monitor_core.drive.operating_conditions import Conditions, Follow, Gate
+from monitor_core.drive.gates import Gate
+from monitor_core.drive.operating_conditions import Conditions, NominalSchedule
 from monitor_core.drive.signal_terms import Term
 from monitor_core.kernel.tables import WEIGHT as WEIGHT_INPUT
 from service.config import AxisConfig, Config, ConfigErrors, conditions_of, load, needed
@@ -93,7 +94,7 @@ def test_a_weight_is_an_input_of_the_drive(monitor: str, term: str, folder: Path
     axis = loaded(folder, text).axes[0]
     conditions = conditions_of(axis)
     assert [str(follow.term) for follow in conditions.weight] == [term]
-    assert conditions.follows == ()
+    assert conditions.schedules == ()
     assert axis_model(axis.config).drive.inputs[-1] == WEIGHT_INPUT
 
 
@@ -105,7 +106,7 @@ def test_a_monitored_torque_follows_the_pose_as_any_parameter(folder: Path) -> N
     )
     axis = loaded(folder, text).axes[0]
     assert conditions_of(axis).weight == ()
-    assert [str(follow.term) for follow in conditions_of(axis).follows] == ["cos(angle2)"]
+    assert [str(follow.term) for follow in conditions_of(axis).schedules] == ["cos(angle2)"]
     assert WEIGHT_INPUT not in axis_model(axis.config).drive.inputs
 
 
@@ -118,8 +119,8 @@ def test_conditions_with_all_keys_and_with_none(folder: Path) -> None:
     assert conditions_of(axis) == Conditions(
         ("temperature", "mode", "speed2"),
         (
-            Follow("fm", Term.read("temperature"), -0.0004, 40.0, 20.0, 60.0),
-            Follow("kT", Term.read("cos(speed2)"), 0.1, 1.0),
+            NominalSchedule("fm", Term.read("temperature"), -0.0004, 40.0, 20.0, 60.0),
+            NominalSchedule("kT", Term.read("cos(speed2)"), 0.1, 1.0),
         ),
         (Gate("mode", (3.0, 4.0)), Gate("temperature", above=5.0)),
         0.2,
@@ -166,7 +167,7 @@ model = { drive = "three-mass", monitor = ["fm"] }
 """
     axis, _ = loaded(folder, content).axes
     assert [(s.column, s.factor, s.message) for s in axis.sources] == [("warm", 1.0, None), ("z", 2.0, None)]
-    assert conditions_of(axis).follows[0].high == math.inf
+    assert conditions_of(axis).schedules[0].high == math.inf
 
 
 def test_where_the_load_follows_the_pose_all_angles_of_axes_are_in_it(folder: Path) -> None:

@@ -11,15 +11,8 @@ import tomlkit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.config.commissioned import (
-    Correction,
-    Found,
-    commissioned,
-    connected,
-    corrected,
-    monitoring,
-    with_drive,
-)
+from service.config.commissioned import Found, commissioned, connected, corrected, monitoring, with_drive
+from service.config.corrections import Correction
 from service.config.robot_defaults import completed
 
 law = settings(deadline=None, max_examples=8)

@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from service.config import load
-from service.config.commissioned import Correction, Found, commissioned, corrected
+from service.config.commissioned import Found, commissioned, corrected
+from service.config.corrections import Correction
 
 ROBOT = """\
 [[robot]]

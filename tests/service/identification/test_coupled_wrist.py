@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -12,11 +13,12 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
-from monitor_core.identification import Effect, FitQuality
+from monitor_core.identification import ArmLoad, ArmSignals, Effect, FitQuality, Record, arm_load
+from service.commands.commissioning.axis import load_search
 from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.identification_retries import retry
-from service.commands.commissioning.axis.load_search import LoadSearch
+from service.commands.commissioning.axis.load_search import LoadSearch, LoadSearches
 from service.commands.commissioning.axis.missing_motion import SuggestedMotion, within_arm
 from service.commands.excite import MotionRequest
 from service.config import load
@@ -183,8 +185,8 @@ def test_no_drive_with_a_weight_is_tried(coupling: str, drive: str, tmp_path: Pa
     report: Any = SimpleNamespace(rejection="no fit", result=SimpleNamespace(watched=(), verdict=verdict))
     path = robot(tmp_path, coupling)
     axis = next(axis for axis in load(path, {}).axes if axis.id == "cell.turn")
-    nothing: Any = SimpleNamespace(links=None, turn=None, pressing=None)
-    again = retry(report, path.read_text(encoding="utf-8"), axis, (), nothing)
+    nothing: Any = SimpleNamespace(links=None, pressing=None)
+    again = retry(report, path.read_text(encoding="utf-8"), axis, (), nothing, lambda: None)
     assert again is not None
     assert [change.value for change in again.changes if change.key == ("model", "drive")] == [drive]
 
@@ -201,7 +203,11 @@ def job(folder: Path, record: Path, coupling: str = "", yes: bool = True) -> Axi
 
 
 def coupled(task: AxisJob) -> tuple[AxisJob, Outcome]:
-    return with_coupling(task, BEFORE, lambda *_: None)
+    return with_coupling(task, BEFORE, searches(task), lambda *_: None)
+
+
+def searches(task: AxisJob) -> LoadSearches:
+    return LoadSearches(task.axis_id, task.records, task.folder)
 
 
 def coupling_in(text: str, folder: Path) -> dict[str, float]:
@@ -233,6 +239,28 @@ def test_without_consent_it_is_only_proposed(tmp_path: Path, seed: int) -> None:
 def test_where_the_motor_does_not_move_with_another_axis_nothing_is_set(tmp_path: Path, seed: int) -> None:
     task = job(tmp_path, written(tmp_path, seed, factor=0.0))
     assert coupled(task) == (task, BEFORE)
+
+
+def test_the_load_is_searched_once_for_one_configuration(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The identification that follows takes the search of the coupling, however its configuration is written."""
+    calls = list[ArmSignals]()
+
+    def counted(records: Sequence[Record], signals: ArmSignals) -> ArmLoad | None:
+        calls.append(signals)
+        return arm_load(records, signals)
+
+    monkeypatch.setattr(load_search, "arm_load", counted)
+    task = job(tmp_path, written(tmp_path, seed, WEIGHT, factor=0.0))
+    loads = searches(task)
+    assert with_coupling(task, BEFORE, loads, lambda *_: None) == (task, BEFORE)
+    assert len(calls) == 1
+    found = loads.search(f"# the same\n{task.text}").links
+    assert len(calls) == 1
+    assert found == LoadSearch(task.text, task.axis_id, task.records, task.folder).links
+    other = task.text.replace('name = "turn"', f'name = "turn"\n{COUPLING}')
+    assert loads.search(other) is not loads.search(task.text)
 
 
 @pytest.mark.parametrize(

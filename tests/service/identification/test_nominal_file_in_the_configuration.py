@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.kalman import filter_gain
-from monitor_core.drive.operating_conditions import Follow
+from monitor_core.drive.operating_conditions import NominalSchedule
 from monitor_core.drive.signal_terms import Term
 from service.config import AxisConfig, Config, ConfigErrors, ConfigProblem, conditions_of, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.config.remarks import remarks
-from service.config.schema import SpeedConfig
+from service.config.schema_signals import SpeedConfig
 from tests.demo_text import demo_text
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
@@ -166,11 +166,11 @@ def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path
     path = file_with(robot)
     path.write_text(path.read_text(encoding="utf-8") + FOLLOWS, encoding="utf-8")
     edit(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
-    (found,) = conditions_of(load(robot, {}).axes[0]).follows
-    assert found == Follow("fm", Term.read("temperature"), -0.0012, 32.5, 20.0, 45.0)
+    (found,) = conditions_of(load(robot, {}).axes[0]).schedules
+    assert found == NominalSchedule("fm", Term.read("temperature"), -0.0012, 32.5, 20.0, 45.0)
     table = '[[robot.axis.model.schedule]]\nparameter = "kT"\nsignal = "temperature"\nslope = 0.1\nreference = 30.0\n'
     edit(robot, (ESTIMATOR, f"{table}{ESTIMATOR}"))
-    assert [follow.name for follow in conditions_of(load(robot, {}).axes[0]).follows] == ["fm", "kT"]
+    assert [follow.name for follow in conditions_of(load(robot, {}).axes[0]).schedules] == ["fm", "kT"]
     edit(robot, ('parameter = "kT"', 'parameter = "fm"'))
     (problem,) = problems(robot)
     assert "fm follows temperature already by robot[1].axis[1].model.nominal_file in line" in problem.message

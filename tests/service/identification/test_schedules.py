@@ -129,6 +129,17 @@ def test_the_schedule_of_the_configuration_is_the_default(directory: Path) -> No
         assert [entry["signal"] for entry in followed] == signals
 
 
+def test_friction_follows_a_signal_that_is_called_temperature_by_itself(directory: Path, seed: int) -> None:
+    """In a record that is long enough to look for a warm-up."""
+    write(directory / "long.csv", load(directory / "robot.toml", {}), 64, seed)
+    result = identify("--free", "Jm", "--free", "fm", "--validate", "other.csv", record="long.csv")
+    assert result.exit_code == 0, result.output
+    (friction,) = read_found(NominalFile, directory / "nominal.toml").schedule
+    assert (friction.parameter, friction.signal) == ("fm", "temperature")
+    assert friction.slope == pytest.approx(SLOPE, abs=5 * friction.standard_deviation)
+    assert "fm follows temperature, by" in " ".join(result.stdout.split())
+
+
 def test_a_long_term_has_a_number_in_tables(directory: Path) -> None:
     term = "cos(angle2) - 0.5 * square(angle2) * sin(angle2)"
     result = identify("--free", "Jm", "--free", "fm", "--schedule", "fm: temperature", "--schedule", f"Jm: {term}")

@@ -126,7 +126,7 @@ def test_a_message_for_a_new_alarm_and_for_its_end(posted: Callable[..., Post]) 
     assert begun.get_content().replace("\r", "") == (
         "New:\n\n"
         "* Alarm 1: axis demo.axis1, priority high\n"
-        "  fm is 0.018 N m s/rad (30 %, 23 to 37) above its nominal value\n"
+        "  fm is 0.018 N m s/rad (30 %, 25 to 35) above its nominal value\n"
         "  fm is: viscous friction of the motor\n"
         "  since 2026-03-01 12:00:00 UTC\n\n"
         "Active alarms now: 0.\n"

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from monitor_core.drive.operating_conditions import Gate
+from monitor_core.drive.gates import Gate
 from monitor_core.drive.signal_terms import Term
 from monitor_core.modeling import EXAMPLE_VALUES
 from monitor_core.samples import SampleBlock
 from service.can.bus import open_buses
 from service.config import NamedAxis, conditions_of
 from service.config.axis_settings import AxisError
-from service.config.schema import SpeedConfig
 from service.config.schema_model import EstimatorConfig
+from service.config.schema_signals import SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, SimulatedConditions
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot, run_robot, sender

@@ -234,7 +234,7 @@ def test_alarms_are_told_with_their_times(stage: Stage, client: TestClient, fm_a
                 {"parameter": "kT", "probability": 0.03, "alike": []},
             ],
             "doubt": "", "inside_calibration": None, "kind": "step", "reaches": [], "active": True,
-            "words": "fm is 0.018 N m s/rad (31 %, 24 to 37) above its nominal value",
+            "words": "fm is 0.018 N m s/rad (31 %, 25 to 36) above its nominal value",
             "unit": "N m s/rad", "nominal": 0.06, "size": 0.01832, "size_sd": 0.0021, "crossings": 4,
             "onset": "2026-03-01T11:59:51.000000Z", "onset_low": "2026-03-01T11:59:50.400000Z",
             "onset_high": "2026-03-01T11:59:51.200000Z", "raised": "2026-03-01T11:59:53.000000Z",

@@ -21,14 +21,14 @@ def test_an_axis_shows_estimates_over_time_and_the_long_term_trend_where_it_is_k
     panel = page.get_by_role("region", name="fm")
     for words in (
         "viscous friction of the motor",
-        "0.0783 ± 0.0050",
+        "0.0783 ± 0.0042",
         "0.06000",
         "+30.5 %",
         "72.5 % of threshold",
         "tested for 10 min with these nominal values",
     ):
         expect(panel).to_contain_text(words)
-    for plot in ("fm: estimate with 95 % band", "fm: test statistic"):
+    for plot in ("fm: estimate with 90 % band", "fm: test statistic"):
         expect(page.get_by_role("img", name=plot).locator("canvas")).to_be_visible()
     drift = "fm drifts up by 0.0024 N m s/rad ± 0.00013 per day; fm reaches 0.09 N m s/rad in 12 to 20 days"
     expect(page.get_by_text(drift)).to_be_visible()

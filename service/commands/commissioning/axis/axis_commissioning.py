@@ -16,10 +16,12 @@ from service.commands.commissioning.axis.axis_calibration import calibrated, tes
 from service.commands.commissioning.axis.axis_identification import identified
 from service.commands.commissioning.axis.axis_job import AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.coupling_search import with_coupling
+from service.commands.commissioning.axis.load_search import LoadSearches
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.output_files import replace_text
 from service.config import AxisConfig
-from service.config.commissioned import Correction, motion_file
+from service.config.commissioned import motion_file
+from service.config.corrections import Correction
 from service.ingest.axis_records import sha256_of, wanted
 from service.reports.commissioning_report import Outcome
 
@@ -48,8 +50,9 @@ def commission_axis(
     if review.faults:
         return replace(outcome, refusal=f"not identified: {'; '.join(review.faults)}")
     job = job._replace(records=tuple(r for r in job.records if r not in review.standing))
-    job, outcome = with_coupling(job, replace(outcome, notes=tuple(_open_points(review))), progress)
-    outcome = identified(job, outcome, progress)
+    loads = LoadSearches(name, job.records, job.folder)
+    job, outcome = with_coupling(job, replace(outcome, notes=tuple(_open_points(review))), loads, progress)
+    outcome = identified(job, outcome, loads, progress)
     if outcome.found is not None:
         outcome = calibrated(job, outcome, progress)
         if outcome.thresholds_file is not None:

@@ -1,10 +1,17 @@
 """Identification of an axis: attempts, each with the changes that the one before suggests, and its nominal values."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
-from monitor_core.identification import FitQuality, IdentificationError
+from monitor_core.identification import (
+    FitQuality,
+    IdentificationError,
+    Record,
+    TurningWeight,
+    turning_weight,
+)
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, within
 from service.commands.commissioning.axis.identification_retries import (
@@ -17,12 +24,13 @@ from service.commands.commissioning.axis.identification_retries import (
     without_fit,
     without_unsettled,
 )
-from service.commands.commissioning.axis.load_search import LoadSearch
+from service.commands.commissioning.axis.load_search import LoadSearch, LoadSearches
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion, within_arm
-from service.commands.identification_task import IdentificationTask, Request, drawing_of, prepare
+from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import NamedAxis
-from service.config.commissioned import SIGNAL, pages_of
+from service.config.commissioned import pages_of
+from service.config.corrections import SIGNAL
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_files import as_toml
@@ -33,37 +41,72 @@ _MOST_LEFT_OUT = 2
 """Terms of the load of links that are left out, one after the other, if the fit does not converge: each takes a fit"""
 
 
-def identified(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
+def identified(job: AxisJob, outcome: Outcome, loads: LoadSearches, progress: CommissioningProgress) -> Outcome:
     """The outcome with nominal values, and with a motion for what the records do not show, written into the folder."""
     progress("identify", "reading the records", 0.0)
-    attempts = _Attempts(job, outcome)
+    attempt, without_links = _Attempt(job, outcome), None
     try:
-        found = attempts.run(progress)
-        outcome = replace(found.outcome, notes=(*found.outcome.notes, *_unknown_gears(found)))
+        while True:
+            fit, again = _fit(attempt, loads, progress)
+            if without_links is not None and not fit.is_usable and not (again and again.left_out):
+                fit = without_links
+                break
+            fit, again = _agreed(fit, again)
+            if again is None:
+                break
+            if again.schedule and fit.is_usable:
+                without_links = fit  # it stands if none of those with the load of links is usable
+            attempt = fit.attempt._replace(lacks=fit.lacks, offer=fit.offer)
+            attempt = _following(attempt, again, fit.axis.config.model.drive)
+        job, outcome = fit.attempt.job, fit.attempt.outcome
+        outcome = replace(outcome, notes=(*outcome.notes, *_unknown_gears(fit)))
     except REFUSALS as error:
-        return replace(attempts.outcome, refusal=f"not identified: {error}")
-    outcome = _with_values(found, outcome, attempts.offer, attempts.lacks)
-    motion = motion_for(found.report, [item.record for item in found.task.estimation])
+        return replace(attempt.outcome, refusal=f"not identified: {error}")
+    outcome = _with_values(fit, outcome)
+    motion = motion_for(fit.report, fit.records)
     if motion is None:
         return outcome
     progress("identify", "planning a motion", 0.0)
-    if found.axis.config.coupling:
-        motion = within_arm(motion, found.job)
-    return with_motion(found.job, outcome, motion)
+    if fit.axis.config.coupling:
+        motion = within_arm(motion, job)
+    return with_motion(job, outcome, motion)
 
 
 # --- The attempts -----------------------------------------------------------------------------------------------------
 
 
 class _Attempt(NamedTuple):
-    """An identification with a configuration, that of its job, and the outcome before it."""
+    """What is identified, and what the attempts before it have shown."""
 
     job: AxisJob
-    axis: NamedAxis
-    task: IdentificationTask
-    report: IdentificationReport
+    """With the configuration of this attempt"""
     outcome: Outcome
+    """The outcome so far: changes that were tried, and notes"""
+    schedule: tuple[str, ...] = ()
+    """The terms of the load of links"""
+    drives: tuple[str, ...] = ()
+    """Those of the attempts before"""
+    left_out: int = 0
+    """Number of terms that were left out"""
+    lacks: str = ""
+    """What the drive before lacked, see ``lacks_of``"""
+    offer: str = ""
+    """What --yes would have applied, as the end of a sentence"""
+
+
+class _Fit(NamedTuple):
+    """The identification of an attempt."""
+
+    attempt: _Attempt
+    axis: NamedAxis
+    report: IdentificationReport
+    records: Sequence[Record]
+    """Those to which the drive is fitted"""
     search: LoadSearch
+    lacks: str
+    """What its drive lacks, see ``lacks_of``"""
+    offer: str
+    """What --yes would apply, as the end of a sentence"""
 
     @property
     def is_usable(self) -> bool:
@@ -71,87 +114,67 @@ class _Attempt(NamedTuple):
         return not self.report.rejection and bool(watched_in(self.report))
 
 
-class _Attempts:
-    """Identifications of an axis, each with the configuration that the one before suggests."""
+def _fit(attempt: _Attempt, loads: LoadSearches, progress: CommissioningProgress) -> tuple[_Fit, Retry | None]:
+    """Identify with the configuration of the attempt; also the changes that the result suggests."""
+    job, text = attempt.job, attempt.job.text
+    config, axis = job.configured()
+    request = Request(schedule=attempt.schedule, memories_s=memories_of(axis.config))
+    task = prepare(config, axis, job.records, [], request)
+    records = [item.record for item in task.estimation]
+    provenance = job.provenance._replace(drawing=drawing_of(axis.config))
+    search, turn = loads.search(text), partial(_turn_of_weight, records)
+    is_guess = job.shorten and not attempt.drives  # the first drive may be one
+    for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
+        try:
+            report = part.run(provenance, within("identify", progress))
+        except IdentificationError:
+            first = job.shorten and not attempt.schedule and not attempt.drives
+            if (with_links := without_fit(text, axis, search) if first else None) is None:
+                raise
+            return _fit(_following(attempt, with_links, axis.config.model.drive), loads, progress)
+        if attempt.schedule and report.rejection:
+            again = without_unsettled(report, text) if attempt.left_out < _MOST_LEFT_OUT else None
+        else:
+            again = retry(report, text, axis, attempt.drives, search, turn)
+        if report.rejection and again:  # the complete records would not help
+            break
+    return _Fit(attempt, axis, report, records, search, lacks_of(report, attempt.lacks), attempt.offer), again
 
-    def __init__(self, job: AxisJob, outcome: Outcome) -> None:
-        self._job = job
-        """With the configuration of the next attempt"""
-        self.outcome = outcome
-        """The outcome so far: changes that were tried, and notes"""
-        self.lacks = ""
-        """See ``lacks_of``"""
-        self.offer = ""
-        """What --yes would apply, as the end of a sentence"""
-        self._schedule: tuple[str, ...] = ()
-        """The terms of the load of links"""
-        self._drives: list[str] = []
-        """Those that were tried"""
-        self._left_out = 0
-        """Number of terms that were left out"""
-        self._without_links: _Attempt | None = None
-        """A usable fit without the load of links, which stands if the one with it is not usable"""
 
-    def run(self, progress: CommissioningProgress) -> _Attempt:
-        """The attempt that stands."""
-        while True:
-            found, again = self._attempt(progress)
-            self._drives.append(found.axis.config.model.drive)
-            self.lacks = lacks_of(found.report, self.lacks)
-            if self._without_links is not None and not found.is_usable and not (again and again.left_out):
-                return self._without_links
-            again = self._agreed(found, again)
-            if again is None:
-                return found
-            if again.schedule and found.is_usable:
-                self._without_links = found
-            self._apply(again)
+def _turn_of_weight(records: Sequence[Record]) -> TurningWeight | None:
+    return turning_weight(max(records, key=len))
 
-    def _attempt(self, progress: CommissioningProgress) -> tuple[_Attempt, Retry | None]:
-        """Identify with the present configuration; also the changes that the result suggests."""
-        job, text = self._job, self._job.text
-        config, axis = job.configured()
-        request = Request(schedule=self._schedule, memories_s=memories_of(axis.config))
-        task = prepare(config, axis, job.records, [], request)
-        provenance = job.provenance._replace(drawing=drawing_of(axis.config))
-        search = LoadSearch(text, axis.id, job.records, job.folder, [item.record for item in task.estimation])
-        is_guess = job.shorten and not self._drives  # the first drive may be one
-        for part in (task.with_most_moving_parts(), task) if is_guess else (task,):
-            try:
-                report = part.run(provenance, within("identify", progress))
-            except IdentificationError:
-                first = job.shorten and not self._schedule and not self._drives
-                if (with_links := without_fit(text, axis, search) if first else None) is None:
-                    raise
-                self._drives.append(axis.config.model.drive)
-                self._apply(with_links)
-                return self._attempt(progress)
-            if self._schedule and report.rejection:
-                again = without_unsettled(report, text) if self._left_out < _MOST_LEFT_OUT else None
-            else:
-                again = retry(report, text, axis, self._drives, search)
-            if report.rejection and again:  # the complete records would not help
-                break
-        return _Attempt(job, axis, task, report, self.outcome, search), again
 
-    def _agreed(self, found: _Attempt, again: Retry | None) -> Retry | None:
-        """What is tried next: without --yes nothing that changes more than which parameters are monitored."""
-        if again is None or not again.changes or self._job.shorten:
-            return again
-        self.offer = self.offer or f"; --yes applies {again.words}"
-        return None if found.report.rejection else followers_monitored(found.report, self._job.text, found.axis)
+def _agreed(fit: _Fit, again: Retry | None) -> tuple[_Fit, Retry | None]:
+    """What is tried next: without --yes nothing that changes more than which parameters are monitored.
 
-    def _apply(self, again: Retry) -> None:
-        self._job = self._job._replace(text=again.text)
-        self._schedule = again.schedule or self._schedule
-        notes = self.outcome.notes
-        if again.left_out:
-            self._left_out += 1
-            notes = (*notes, f"The fit does not converge with {again.left_out}, so this term is left out.")
-        elif again.schedule:
-            self.lacks = ""  # the schedules have it
-            notes = (*notes, f"The torque shows {again.shown}. {', '.join(again.schedule)}.")
-        self.outcome = replace(self.outcome, notes=notes, corrections=(*self.outcome.corrections, *again.changes))
+    The first change of another kind is offered.
+    """
+    job, report = fit.attempt.job, fit.report
+    if again is None or not again.changes or job.shorten:
+        return fit, again
+    fit = fit._replace(offer=fit.offer or f"; --yes applies {again.words}")
+    return fit, None if report.rejection else followers_monitored(report, job.text, fit.axis)
+
+
+def _following(before: _Attempt, again: Retry, drive: str) -> _Attempt:
+    """The attempt after this one, which was with ``drive``."""
+    left_out, lacks, notes = before.left_out, before.lacks, before.outcome.notes
+    if again.left_out:
+        left_out += 1
+        notes = (*notes, f"The fit does not converge with {again.left_out}, so this term is left out.")
+    elif again.schedule:
+        lacks = ""  # the schedules have it
+        notes = (*notes, f"The torque shows {again.shown}. {', '.join(again.schedule)}.")
+    return _Attempt(
+        before.job._replace(text=again.text),
+        replace(before.outcome, notes=notes, corrections=(*before.outcome.corrections, *again.changes)),
+        again.schedule or before.schedule,
+        (*before.drives, drive),
+        left_out,
+        lacks,
+        before.offer,
+    )
 
 
 def lacks_of(report: IdentificationReport, before: str) -> str:
@@ -162,15 +185,15 @@ def lacks_of(report: IdentificationReport, before: str) -> str:
 # --- What the attempt that stands gives -------------------------------------------------------------------------------
 
 
-def _unknown_gears(found: _Attempt) -> Iterator[str]:
+def _unknown_gears(fit: _Fit) -> Iterator[str]:
     """What unknown gear ratios hide from a fit that is not good, or that follows the motion of another axis."""
-    report, corrections = found.report, found.outcome.corrections
-    own = found.axis.config.name
+    report, corrections = fit.report, fit.attempt.outcome.corrections
+    own = fit.axis.config.name
     follows = any(c.key[0] == SIGNAL and c.key[-1] == "axis" and c.value != own for c in corrections)
     good = not report.is_poor and report.result.verdict.quality is not FitQuality.FAIR
     if good and not follows:
         return
-    if motors := found.search.motors_without_ratio:
+    if motors := fit.search.motors_without_ratio:
         yield (
             f"The angles of {listed(motors)} turn by more than two turns, so they are those of motors, and their gear"
             " ratios are not known. Without them only a weight is looked for that follows the pose of the arm, not the"
@@ -179,12 +202,9 @@ def _unknown_gears(found: _Attempt) -> Iterator[str]:
         )
 
 
-def _with_values(found: _Attempt, outcome: Outcome, offer: str, lacks: str) -> Outcome:
-    """Outcome with the identified values, written into the folder.
-
-    ``offer``: what --yes would apply, as the end of a sentence; ``lacks``: see ``lacks_of``.
-    """
-    folder, axis, report = found.job.folder, found.axis, found.report
+def _with_values(fit: _Fit, outcome: Outcome) -> Outcome:
+    """Outcome with the identified values, written into the folder."""
+    folder, axis, report, offer = fit.attempt.job.folder, fit.axis, fit.report, fit.offer
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     better = [f"A better fit can be tried{offer}."] if offer and not report.rejection and watched_in(report) else []
     replace_text(folder / page, identification_html.as_html(report))
@@ -197,7 +217,7 @@ def _with_values(found: _Attempt, outcome: Outcome, offer: str, lacks: str) -> O
         no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,
     )
     if report.rejection:
-        return replace(outcome, refusal=not_identified(report, offer, lacks))
+        return replace(outcome, refusal=not_identified(report, offer, fit.lacks))
     replace_text(folder / values, as_toml(report))
     watched = watched_in(report)
     return replace(
@@ -210,5 +230,8 @@ def _with_values(found: _Attempt, outcome: Outcome, offer: str, lacks: str) -> O
 
 
 def not_identified(report: IdentificationReport, offer: str, lacks: str) -> str:
-    """Reason why an axis has no nominal values; ``offer``, ``lacks``: as above."""
+    """Reason why an axis has no nominal values.
+
+    ``offer``: what --yes would apply, as the end of a sentence; ``lacks``: see ``lacks_of``.
+    """
     return f"not identified: {report.rejection}{offer}" + (f". {lacks.removesuffix('.')}" if lacks else "")

@@ -8,9 +8,10 @@ import numpy as np
 from monitor_core.identification import CouplingFactor, MotorCoupling, motor_coupling
 from monitor_core.wording import percent
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress
-from service.commands.commissioning.axis.load_search import LoadSearch
+from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearches
 from service.config import AxisConfig
-from service.config.commissioned import SIGNAL, Correction, configured, corrected, uncoupled
+from service.config.commissioned import configured, corrected, uncoupled
+from service.config.corrections import SIGNAL, Correction
 from service.config.coupling_rules import may_be_coupled
 from service.config.robot_defaults import COUPLING
 from service.ingest.loaded_records import load
@@ -22,7 +23,9 @@ _INTERVALS = 3.0
 """.. and by so many halves of its 90 % interval."""
 
 
-def with_coupling(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) -> tuple[AxisJob, Outcome]:
+def with_coupling(
+    job: AxisJob, outcome: Outcome, loads: LoadSearches, progress: CommissioningProgress
+) -> tuple[AxisJob, Outcome]:
     """The job and the outcome with the coupling of the motor, if the friction in the records shows one.
 
     A coupling that is given is kept; a note says so if the records contradict it.  Without --yes a note says what would
@@ -33,7 +36,7 @@ def with_coupling(job: AxisJob, outcome: Outcome, progress: CommissioningProgres
         if axis.config.output != "angle":
             return job, outcome
         progress("identify", "looking for coupled motors", 0.0)
-        found = _found(job, axis.config.coupling)
+        found = _found(job, axis.config.coupling, loads)
     except REFUSALS:  # the drive has a weight, so it cannot be coupled; or identification says what is wrong
         return job, outcome
     if found is None:
@@ -52,21 +55,23 @@ def with_coupling(job: AxisJob, outcome: Outcome, progress: CommissioningProgres
 # --- The search in the records ----------------------------------------------------------------------------------------
 
 
-def _found(job: AxisJob, given: Mapping[str, float]) -> MotorCoupling | None:
+def _found(job: AxisJob, given: Mapping[str, float], loads: LoadSearches) -> MotorCoupling | None:
     """The factors by the names of axes or signals, found one by one, with the load of links that each makes known."""
     plain = uncoupled(job.text, job.axis_id)
     factors, found = dict(given), None
     while True:
         text = corrected(plain, job.axis_id, [Correction((COUPLING, n), c, "") for n, c in factors.items()])
-        again = _one_more(job, plain, text, list(factors))
+        again = _one_more(job, plain, loads.search(text).links, list(factors))
         if again is None or again.factors.keys() == factors.keys():
             return again or found
         factors, found = _rounded(again), again
 
 
-def _one_more(job: AxisJob, plain: str, text: str, known: list[str]) -> MotorCoupling | None:
-    """The coupling with one axis more than are known; texts of the configuration without and with the known factors."""
-    links = LoadSearch(text, job.axis_id, job.records, job.folder).links
+def _one_more(job: AxisJob, plain: str, links: LinkLoad | None, known: list[str]) -> MotorCoupling | None:
+    """The coupling with one axis more than are known.
+
+    ``plain``: the text of the configuration without factors; ``links``: the load of links with the known factors.
+    """
     config, axis = configured(plain, job.axis_id, job.folder)
     partners = [o for o in config.axes if o.robot == axis.robot and may_be_coupled(axis.config, o.config)]
     signals = {other.config.name: _signal(other.config.name, axis.config) for other in partners}

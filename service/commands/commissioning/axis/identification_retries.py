@@ -1,6 +1,6 @@
 """What commissioning tries next if an axis was not identified, or cannot be monitored as it is."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.drive import Term, split_name
@@ -8,7 +8,8 @@ from monitor_core.identification import Effect, FitQuality, Rejection, TurningWe
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.config import AxisConfig, NamedAxis
-from service.config.commissioned import Correction, corrected, monitoring, with_drive
+from service.config.commissioned import corrected, monitoring, with_drive
+from service.config.corrections import Correction, changes_in
 from service.reports.identification_report import IdentificationReport
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")
@@ -50,7 +51,7 @@ class Retry(NamedTuple):
     @property
     def words(self) -> str:
         """The changes together with the schedules."""
-        return ", ".join((*(change.change for change in self.changes), *self.schedule))
+        return ", ".join((*(change.written for change in changes_in(self.changes)), *self.schedule))
 
 
 def watched_in(report: IdentificationReport) -> tuple[str, ...]:
@@ -64,13 +65,15 @@ def retry(
     axis: NamedAxis,
     tried: Collection[str],
     search: LoadSearch,
+    turn: Callable[[], TurningWeight | None],
 ) -> Retry | None:
     """Changes to try if the axis was not identified or cannot be monitored as it is; None: none needed or known.
 
     The load of links is also considered if one mass without it is only a fair fit, or if it explains much more.  Parts
     with a force that no motion explains are left out, if that explains much more than loads do.
 
-    ``text``: the configuration of that identification; ``tried``: drives that were tried.
+    ``text``: the configuration of that identification; ``tried``: drives that were tried; ``turn``: finds how far a
+    weight turns with the motion of the axis.
     """
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
@@ -85,7 +88,7 @@ def retry(
     if load and (unfit or fair or load.weights.explains_much_more):
         return _with_links(text, axis, load)
     if unfit:
-        return _with_other_drive(report, text, axis, tried, search)
+        return _with_other_drive(report, text, axis, tried, turn)
     return followers_monitored(report, text, axis)
 
 
@@ -136,7 +139,7 @@ def _with_other_drive(
     text: str,
     axis: NamedAxis,
     tried: Collection[str],
-    search: LoadSearch,
+    turn: Callable[[], TurningWeight | None],
 ) -> Retry | None:
     """The drive that may explain what this one does not; see ``retry``."""
     config, missing = axis.config, report.result.verdict.missing
@@ -152,7 +155,7 @@ def _with_other_drive(
     why = report.rejection or "no parameter could be monitored"
     reason = f"as {config.model.drive} it was not identified: {why}"
     changes = [Correction(("model", "drive"), drive.name, reason)]
-    if bears_weight and "r" not in config.model.nominal and (ratio := _gear_ratio(search.turn)) is not None:
+    if bears_weight and "r" not in config.model.nominal and (ratio := _gear_ratio(turn())) is not None:
         reason = f"the weight repeats as with a gear of about 1/{1 / ratio:.3g}; its data sheet has the exact ratio"
         changes.append(Correction(("model", "nominal", "r"), ratio, reason))
         drive = drive._replace(values={**drive.values, "r": ratio})

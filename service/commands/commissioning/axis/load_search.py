@@ -21,16 +21,15 @@ from monitor_core.identification import (
     LinkWeights,
     MotionSignals,
     Record,
-    TurningWeight,
     arm_contact,
     arm_load,
     contact_force,
     motor_angles,
     recorded_signals,
-    turning_weight,
 )
 from service.config import Config, NamedAxis, gear_ratio
-from service.config.commissioned import GATE, SIGNAL, Correction, configured, corrected
+from service.config.commissioned import configured, corrected
+from service.config.corrections import GATE, SIGNAL, Correction
 from service.config.unit_names import unit_in
 from service.ingest.loaded_records import load
 
@@ -66,17 +65,18 @@ class LoadSearch:
         axis_id: "robot.axis".
         records: files, each with or without a range.
         folder: where the configuration is valid.
-        identified: the records of its identification, as they were used there.
 
     Raises:
         RecordError, DescriptionError, IngestError: by a search, if a record cannot be read.
     """
 
-    def __init__(
-        self, text: str, axis_id: str, records: Sequence[str], folder: Path, identified: Sequence[Record] = ()
-    ) -> None:
+    def __init__(self, text: str, axis_id: str, records: Sequence[str], folder: Path) -> None:
         self._text, self._axis_id, self._files, self._folder = text, axis_id, records, folder
-        self._identified = identified
+
+    @cached_property
+    def configuration(self) -> tuple[Config, NamedAxis]:
+        """The configuration of the text, and the axis."""
+        return configured(self._text, self._axis_id, self._folder)
 
     @cached_property
     def links(self) -> LinkLoad | None:
@@ -91,7 +91,7 @@ class LoadSearch:
         found = arm_load(records, signals)
         if found is None:
             return None
-        if found.weights.signals == {signals.own} and not self._configured[1].config.coupling:
+        if found.weights.signals == {signals.own} and not self.configuration[1].config.coupling:
             return None  # a drive has that weight, but not of a coupled axis: the angle in it is the motor's
         return LinkLoad(found.weights, tuple(_changes(motions, found)))
 
@@ -116,18 +116,13 @@ class LoadSearch:
         return PressingGate(contact.force, _gate(contact.force, "one mass with the load of links explains"), links)
 
     @cached_property
-    def turn(self) -> TurningWeight | None:
-        """How far a weight turns with the motion of the axis, in the longest record of its identification."""
-        return turning_weight(max(self._identified, key=len))
-
-    @cached_property
     def motors_without_ratio(self) -> tuple[str, ...]:
         """The axes of the same robot, by name, whose angles are those of motors with an unknown gear ratio.
 
         Their angles turn by more than those of an arm do.  Linear axes are not among them, if their unit tells.  None,
         if a ratio is configured for some axis of the robot: then the others are linear.
         """
-        arm = {other.config.name: other for other in _arm(*self._configured)}
+        arm = {other.config.name: other for other in _arm(*self.configuration)}
         if any(gear_ratio(other.config) != 1.0 for other in arm.values()):
             return ()
         motions, _ = self._candidates
@@ -136,12 +131,8 @@ class LoadSearch:
         return tuple(name for name in names if not _is_linear(arm[name]))
 
     @cached_property
-    def _configured(self) -> tuple[Config, NamedAxis]:
-        return configured(self._text, self._axis_id, self._folder)
-
-    @cached_property
     def _candidates(self) -> tuple[Sequence[_MotionSignal], ArmSignals]:
-        return _candidates(*self._configured)
+        return _candidates(*self.configuration)
 
     @cached_property
     def _recorded(self) -> tuple[list[Record], ArmSignals]:
@@ -152,6 +143,29 @@ class LoadSearch:
         config, _ = configured(corrected(self._text, self._axis_id, searched), self._axis_id, self._folder)
         records = [load(file, config, self._axis_id).record for file in self._files]
         return records, recorded_signals(records, signals)
+
+
+class LoadSearches:
+    """The searches of one axis, each with a configuration: the last one is kept.
+
+    A search may take half a minute.  Commissioning looks for coupled motors and identifies the axis, mostly with the
+    same configuration, so both take the same search.
+    """
+
+    def __init__(self, axis_id: str, records: Sequence[str], folder: Path) -> None:
+        self._axis_id, self._files, self._folder = axis_id, records, folder
+        self._last: LoadSearch | None = None
+
+    def search(self, text: str) -> LoadSearch:
+        """The search with the configuration of this text, which may be written in another way.
+
+        Raises:
+            ConfigErrors: all problems of the text.
+        """
+        search = LoadSearch(text, self._axis_id, self._files, self._folder)
+        if self._last is None or self._last.configuration != search.configuration:
+            self._last = search
+        return self._last
 
 
 # --- The signals that the load may depend on --------------------------------------------------------------------------
@@ -251,7 +265,7 @@ def _geared(name: str, other: NamedAxis) -> Iterator[Correction]:
     """The given gear ratio of an axis as the factor of a signal; none if there is none."""
     ratio = gear_ratio(other.config)
     if ratio != 1.0:
-        reason = "the gear ratio: the motion of the arm, not of the motor"
+        reason = "the gear ratio, as it follows the motion of the arm, not of the motor"
         yield Correction((SIGNAL, name, "factor"), ratio, reason)
 
 

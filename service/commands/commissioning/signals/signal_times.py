@@ -11,7 +11,7 @@ from monitor_core.wording import sentence
 from service.can.messages import find_counter
 from service.commands.commissioning.signals.recorded_axis import RecordedAxis
 from service.commands.identification_task import SAME_INTERVAL, TIME_UNITS
-from service.config.commissioned import Correction
+from service.config.corrections import Correction
 from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import RecordOrigin
 from service.ingest.records import LogRecord

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from monitor_core.identification import TurningWeight, is_about_nominal, top_speed, turning_weight
-from monitor_core.wording import Sentence, sentence
+from monitor_core.wording import Sentence
+from service.commands.commissioning.signals import unit_words
 from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis
-from service.config.commissioned import Correction
+from service.config.corrections import Correction
 from service.config.unit_names import unit_in, unit_passed_over
 from service.ingest.recorded_units import Signal
 
@@ -54,15 +55,8 @@ def by_name(recorded: RecordedAxis) -> Iterator[Correction]:
         unit = unit_passed_over(recorded.unit_text(signal), quantity, recorded.factor(signal))
         if unit is None or unit.factor is None:
             continue
-        place = "the column" if recorded.in_tables else "the description of the bus"
-        reason = sentence(
-            "unit in name",
-            "{place} says that the {quantity} is in {words}: {text}",
-            place=place,
-            quantity=quantity,
-            words=unit.words,
-            text=recorded.unit_text(signal),
-        )
+        text = recorded.unit_text(signal)
+        reason = unit_words.unit_in_name(recorded.in_tables, quantity, unit.words, text)
         yield Correction(recorded.key(signal), recorded.factor(signal) * unit.factor, reason)
 
 
@@ -77,19 +71,12 @@ def by_weight(recorded: RecordedAxis) -> Iterator[Correction]:
     found = turning_weight(recorded.records[0])
     if found is None or found.least / _DOUBT_MARGIN < ratio < found.most * _DOUBT_MARGIN:
         return
-    shows = sentence(
-        "weight repeats",
-        "the torque of the weight repeats with {low} to {high} times the configured turn of the arm",
-        low=f"{found.least / ratio:.2g}",
-        high=f"{found.most / ratio:.2g}",
-    )
+    shows = unit_words.weight_repeats(found.least / ratio, found.most / ratio)
     if not recorded.agrees and (unit := _unit_by_weight(recorded, found, ratio, shows)) is not None:
         yield unit
     elif found.most / found.least < _BETWEEN**2 and "r" in recorded.axis.config.model.nominal:
-        words = "{shows}: the gear ratio is about 1/{gear}; its data sheet says it"
-        reason = sentence("gear by weight", words, shows=shows, gear=f"{1 / found.ratio:.3g}")
-        sign = math.copysign(1.0, recorded.values["r"])
-        yield Correction(("model", "nominal", "r"), sign * float(f"{found.ratio:.3g}"), reason)
+        value = math.copysign(float(f"{found.ratio:.3g}"), recorded.values["r"])
+        yield Correction(("model", "nominal", "r"), value, unit_words.gear_by_weight(shows, found.ratio))
 
 
 def _unit_by_weight(recorded: RecordedAxis, found: TurningWeight, ratio: float, shows: str) -> Correction | None:
@@ -97,37 +84,21 @@ def _unit_by_weight(recorded: RecordedAxis, found: TurningWeight, ratio: float, 
     before, width = recorded.factor("motion"), found.most / found.least
     counts = 2 * math.pi * ratio / found.ratio / abs(before)
     if recorded.in_whole_numbers("motion") and width < _BETWEEN**2 and counts > 2 * math.pi / _COUNTED:
-        return _counts(recorded, counts, _whole(shows, recorded.output))
+        return _counts(recorded, counts, shows)
     units = {**_ANGLES[recorded.output], "that of the arm": 1 / ratio}
     for words, factor in units.items():
         if width < _SAME_ANGLE and found.least < ratio * factor < found.most:
-            reason = sentence("is so", "{shows}: {what}", shows=shows, what=_unit(recorded.output, words))
+            reason = unit_words.unit_shown(shows, unit_words.unit(recorded.output, words))
             return Correction(recorded.key("motion"), before * factor, reason)
     return None
 
 
-def _unit(quantity: str, unit: str) -> Sentence:
-    return sentence("in unit", "the {quantity} is {unit}", quantity=quantity, unit=unit)
-
-
-def _whole(shows: str, quantity: str) -> Sentence:
-    words = "{shows}, and the {quantity} is in whole numbers"
-    return sentence("whole numbers", words, shows=shows, quantity=quantity)
-
-
 def _counts(recorded: RecordedAxis, counts: float, shows: str) -> Correction:
+    """The motion, which is in whole numbers, is in about so many counts of a turn: a power of two, as encoders have."""
     power = round(math.log2(counts))
-    reason = sentence(
-        "counts",
-        "{shows}: counts, about {counts} a turn of the motor, so likely 2^{power} = {likely}; the data sheet of the"
-        " encoder says it",
-        shows=shows,
-        counts=f"{counts:.3g}",
-        power=power,
-        likely=2**power,
-    )
-    sign = math.copysign(1.0, recorded.factor("motion"))
-    return Correction(recorded.key("motion"), sign * 2 * math.pi / 2**power, reason)
+    value = math.copysign(2 * math.pi / 2**power, recorded.factor("motion"))
+    reason = unit_words.counts(unit_words.whole_numbers(shows, recorded.output), counts, power)
+    return Correction(recorded.key("motion"), value, reason)
 
 
 # --- By the nominal inertia -------------------------------------------------------------------------------------------
@@ -145,40 +116,21 @@ class _Candidate(NamedTuple):
 def by_inertia(recorded: RecordedAxis) -> Iterator[Correction]:
     """With one mass, the drive has another inertia than the nominal values give."""
     times = recorded.times_nominal
-    if times is None:
+    if times is None or recorded.shown is None:
         return
-    counted = {signal: recorded.in_whole_numbers(signal) for signal in SIGNALS}
-    torque = _torque_times(recorded, times) if counted["torque"] else 1.0
-    is_torque = recorded.axis.config.torque.kT_Nm_per_A is None
-    per_mille = counted["torque"] and is_torque and _PER_MILLE[0] < torque < _PER_MILLE[1]
+    shows = unit_words.inertia(recorded.shown[0], times)
+    torque_times = _torque_times(recorded, times)
     # If both are counts, the error of one may compensate that of the other.
-    if is_about_nominal(times) and not per_mille:
+    if _is_per_mille(recorded, torque_times):
+        yield _per_mille(recorded, torque_times, shows)
+    elif is_about_nominal(times):
         return
-    assert recorded.shown is not None
-    shows = _shows_inertia(recorded.shown[0], times)
-    if per_mille:
-        yield _per_mille(recorded, torque, _whole(shows, "torque"))
-    elif counted["motion"] and times < _COUNTED:
-        yield _counts(
-            recorded, 2 * math.pi / times / abs(recorded.factor("motion")),
-            _whole(shows, recorded.output),
-        )  # fmt: skip
-    elif (found := _nearest(recorded, times)) is not None:
-        sure = 1 / _MAX_MATCH_RATIO < times / found.times < _MAX_MATCH_RATIO
-        words = "{shows}: {what}" if sure else "{shows}: probably {what}"
-        reason = sentence(
-            "then times" if sure else "probably",
-            f"{words}; then it is {{times}} times",
-            shows=shows,
-            what=found.words,
-            times=f"{times / found.times:.2g}",
-        )
-        yield Correction(found.key, found.value, reason)
-
-
-def _shows_inertia(inertia: float, times: float) -> Sentence:
-    words = "as one mass the drive shows an inertia of {inertia} kg m^2, {times} times the nominal"
-    return sentence("shows inertia", words, inertia=f"{inertia:.3g}", times=f"{times:.3g}")
+    elif recorded.in_whole_numbers("motion") and times < _COUNTED:
+        yield _counts(recorded, 2 * math.pi / times / abs(recorded.factor("motion")), shows)
+    elif (mistake := _nearest(recorded, times)) is not None:
+        left = times / mistake.times
+        sure = 1 / _MAX_MATCH_RATIO < left < _MAX_MATCH_RATIO
+        yield Correction(mistake.key, mistake.value, unit_words.unit_likely(shows, mistake.words, left, sure))
 
 
 def _torque_times(recorded: RecordedAxis, times: float) -> float:
@@ -188,16 +140,16 @@ def _torque_times(recorded: RecordedAxis, times: float) -> float:
     return shown / friction if friction > 0 and shown > 0 and recorded.in_whole_numbers("motion") else times
 
 
+def _is_per_mille(recorded: RecordedAxis, times: float) -> bool:
+    """Whether a torque that is so many times too large is likely in per mille of the rated one."""
+    is_torque = recorded.axis.config.torque.kT_Nm_per_A is None
+    return is_torque and recorded.in_whole_numbers("torque") and _PER_MILLE[0] < times < _PER_MILLE[1]
+
+
 def _per_mille(recorded: RecordedAxis, times: float, shows: str) -> Correction:
     before = recorded.factor("torque")
     rated = float(f"{1000 * abs(before) / times:.2g}")
-    reason = sentence(
-        "per mille",
-        "{shows}: it is likely in per mille of a rated torque of about {rated} N m (by the nominal inertia; the name"
-        " plate says it)",
-        shows=shows,
-        rated=f"{rated:g}",
-    )
+    reason = unit_words.per_mille(unit_words.whole_numbers(shows, "torque"), rated)
     return Correction(recorded.key("torque"), math.copysign(rated / 1000, before), reason)
 
 
@@ -211,20 +163,18 @@ def _candidates(recorded: RecordedAxis) -> Iterator[_Candidate]:
     motion, torque = recorded.factor("motion"), recorded.factor("torque")
     key, name, ratio = recorded.key("motion"), recorded.output, recorded.ratio
     for words, factor in _ANGLES[name].items():
-        yield _Candidate(factor, _unit(name, words), key, motion * factor)
-    yield _Candidate(1e3, _unit("torque", "in N mm"), recorded.key("torque"), torque * 1e-3)
+        yield _Candidate(factor, unit_words.unit(name, words), key, motion * factor)
+    yield _Candidate(1e3, unit_words.unit("torque", "in N mm"), recorded.key("torque"), torque * 1e-3)
     times: dict[Signal, float] = {"torque": abs(torque), "motion": 1 / abs(motion)}
     for signal, factor in times.items():
         if not 1 / _MIN_GEAR_RATIO < factor < _MIN_GEAR_RATIO:
-            quantity = recorded.quantity(signal)
-            what = sentence("no factor", "the {quantity} needs no factor", quantity=quantity)
-            value = math.copysign(1.0, recorded.factor(signal))
-            yield _Candidate(factor, what, recorded.key(signal), value)
+            what = unit_words.no_factor(recorded.quantity(signal))
+            yield _Candidate(factor, what, recorded.key(signal), math.copysign(1.0, recorded.factor(signal)))
     if ratio is None or 1 / _MIN_GEAR_RATIO < ratio < _MIN_GEAR_RATIO:
         return
-    yield _Candidate(1 / ratio, _unit(name, "that of the arm"), key, motion / ratio)
+    yield _Candidate(1 / ratio, unit_words.unit(name, "that of the arm"), key, motion / ratio)
     degrees = math.pi / 180 / ratio
-    yield _Candidate(degrees, _unit(name, "that of the arm, in degrees"), key, motion * degrees)
+    yield _Candidate(degrees, unit_words.unit(name, "that of the arm, in degrees"), key, motion * degrees)
 
 
 # --- By the gear ratio, where it can be seen --------------------------------------------------------------------------
@@ -236,13 +186,7 @@ def by_ratio(recorded: RecordedAxis) -> Iterator[Correction]:
     if given is None or recorded.ratio is None:
         return
     if recorded.ratio > _MIN_GEAR_RATIO:
-        reason = sentence(
-            "r turned",
-            "r = {r} would turn the arm faster than the motor; r is the angle of the arm over that of the motor,"
-            " so it is given the other way round",
-            r=f"{given:g}",
-        )
-        yield Correction(key, 1 / given, reason)
+        yield Correction(key, 1 / given, unit_words.gear_turned(given))
         return
     times = recorded.times_nominal
     if times is None or _nearest(recorded, times) is not None or any(map(recorded.in_whole_numbers, SIGNALS)):
@@ -250,12 +194,7 @@ def by_ratio(recorded: RecordedAxis) -> Iterator[Correction]:
     assert recorded.shown is not None
     found = _fitting_ratio(recorded, recorded.shown[0])
     if found is not None and not 1 / _RATIO_OFF < found / recorded.ratio < _RATIO_OFF:
-        reason = sentence(
-            "gear by inertia",
-            "{shows}: with the nominal inertias of motor and arm that is a gear of 1/{gear}; its data sheet says it",
-            shows=_shows_inertia(recorded.shown[0], times),
-            gear=f"{1 / found:.3g}",
-        )
+        reason = unit_words.gear_by_inertia(unit_words.inertia(recorded.shown[0], times), found)
         yield Correction(key, math.copysign(float(f"{found:.3g}"), given), reason)
 
 
@@ -282,9 +221,4 @@ def by_speed(recorded: RecordedAxis) -> Iterator[Correction]:
         return  # of a linear axis: fast in mm/s
     speed = top_speed(recorded.records)
     if FASTEST < speed < FASTEST * 180 / math.pi:
-        reason = sentence(
-            "too fast",
-            "the motor would turn at {speed} revolutions per minute, which none does: the angle is likely in degrees",
-            speed=f"{speed * 30 / math.pi:.3g}",
-        )
-        yield Correction(recorded.key("motion"), recorded.factor("motion") * math.pi / 180, reason)
+        yield Correction(recorded.key("motion"), recorded.factor("motion") * math.pi / 180, unit_words.too_fast(speed))

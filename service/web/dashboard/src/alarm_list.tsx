@@ -10,7 +10,7 @@ import { alarmLink, AlarmMark, arrow, axisLink, Time } from "./marks";
 import { isHidden } from "./need";
 import { useFollowed } from "./polled";
 import { causeName } from "./sentences";
-import { Z95 } from "./series";
+import { Z90 } from "./series";
 import { Table, type Cells } from "./table";
 import { t } from "./texts";
 
@@ -159,9 +159,9 @@ export function OnsetRange({ alarm, full = false }: { alarm: Alarm; full?: boole
   );
 }
 
-/** Size with its 95 % interval, also as a share of nominal. */
+/** Size with its 90 % interval, also as a share of nominal. */
 export function sizeText(alarm: Alarm): string {
   if (alarm.size === null) return alarm.active ? t.notKnown : "–";
   const share = alarm.nominal ? ` (${percent(alarm.size / Math.abs(alarm.nominal))})` : "";
-  return `${withMargin(alarm.size, Z95 * (alarm.size_sd ?? 0), true)} ${unit(alarm.unit)}${share}`;
+  return `${withMargin(alarm.size, Z90 * (alarm.size_sd ?? 0), true)} ${unit(alarm.unit)}${share}`;
 }

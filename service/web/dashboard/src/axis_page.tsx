@@ -16,7 +16,7 @@ import { causeName, translated, Words } from "./sentences";
 import { evidence } from "./need";
 import { Plot, type Range } from "./plot";
 import { SignalPanel } from "./signal_panel";
-import { columnsOf, marksOf, rangeOf, Z95, type Columns, type History } from "./series";
+import { columnsOf, marksOf, rangeOf, Z90, type Columns, type History } from "./series";
 import { t } from "./texts";
 import { TimeRange, type Span } from "./time_range";
 import { Trends } from "./trends";
@@ -173,7 +173,7 @@ function Figures({ p, shadow }: { p: Parameter; shadow: boolean }) {
       <dt>{t.state}</dt><dd><span class={`pill ${kindOf(p)}`}>{stateOf(p)}</span>{p.not_tested_reason && <small>{t.notTestedReason[p.not_tested_reason]}</small>}</dd>
       <dt>{t.estimate}</dt><dd>{estimateText(p)}</dd>
       <dt>{t.nominal}</dt><dd>{numberWithUnit(p.nominal, p.unit)}</dd>
-      <dt>{t.deviation}</dt><dd class="share">{p.status === "waiting" ? "–" : deviationText(p)}</dd>
+      <dt>{t.deviation}</dt><dd class="share">{deviationText(p)}</dd>
       <dt>{t.tolerance}</dt><dd>± {numberWithUnit(p.tolerance, p.unit)}</dd>
       <dt>{t.test}</dt><dd>{t.ofThreshold(percent(evidence(p), false))}<small>▲ {number(p.cusum.up)} ▼ {number(p.cusum.down)} / {number(p.threshold)}</small>{shadow && <small>{t.testInShadow}</small>}</dd>
       <dt>{t.excitation}</dt><dd>{p.not_tested_reason === "no sample" ? "–" : t.observation[p.observation]}<small>{t.testedFor(span(p.tested_s ?? 0))}</small></dd>
@@ -192,7 +192,7 @@ function Facts({ axis }: { axis: Axis }) {
             {detector.leading !== null && `; ${t.nearest(causeName(detector.leading), t.ofThreshold(percent(detector.evidence, false)))}`}
           </li>
         ))}
-        {axis.heat !== null && <li>{t.heat(`${withMargin(axis.heat.heat_w, Z95 * (axis.heat.sd_w ?? 0))} W`)}</li>}
+        {axis.heat !== null && <li>{t.heat(`${withMargin(axis.heat.heat_w, Z90 * (axis.heat.sd_w ?? 0))} W`)}</li>}
       </ul>
       <h2>{t.model}</h2>
       <p class="constants">

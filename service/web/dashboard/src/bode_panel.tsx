@@ -6,7 +6,7 @@ import { Opened } from "./opened";
 import { Plot, type Range } from "./plot";
 import { useRepeated } from "./polled";
 import { farthest, isMoved, signsOf } from "./resonances";
-import { rangeOf, Z95 } from "./series";
+import { rangeOf, Z90 } from "./series";
 import { t } from "./texts";
 
 const EVERY_MS = 5000;
@@ -34,7 +34,7 @@ function BodePlots({ axis }: { axis: Axis }) {
   const change = farthest(bode);
   const plot = { time: f, range, kind: "frequency" as const, signs: signsOf(bode.resonances) };
   const curves = (of: "magnitude_db" | "phase_deg") => [bode.nominal[of], bode.present?.[of] ?? nothing];
-  const edges = (of: "magnitude_db" | "phase_deg", sd: (number | null)[]) => [-Z95, Z95].map((z) => f.map((_, i) => {
+  const edges = (of: "magnitude_db" | "phase_deg", sd: (number | null)[]) => [-Z90, Z90].map((z) => f.map((_, i) => {
     const [value, one] = [bode.present?.[of][i] ?? null, sd[i] ?? null];
     return value === null || one === null ? null : value + z * one;
   }));

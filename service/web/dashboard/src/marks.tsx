@@ -2,7 +2,7 @@
 import type { Alarm, Parameter } from "./ask";
 import { local, moment, number, percent, stamp, unit, withMargin } from "./format";
 import { isHidden, type Item, type Need } from "./need";
-import { Z95 } from "./series";
+import { Z90 } from "./series";
 import { causeName } from "./sentences";
 import { t } from "./texts";
 
@@ -37,9 +37,9 @@ export function NeedMark({ need }: { need: Need }) {
 
 const HALF_WIDTH = 0.4; // the ends of a bar, in shares of nominal
 
-/** Estimate minus nominal; null if one of them is missing. */
+/** Estimate minus nominal; null if one of them is missing, or before the first sample. */
 export const deviationOf = (p: Parameter): number | null =>
-  p.estimate === null || p.nominal === null ? null : p.estimate - p.nominal;
+  p.status === "waiting" || p.estimate === null || p.nominal === null ? null : p.estimate - p.nominal;
 
 export const arrow = (direction: string): string => (direction === "up" ? "▲" : "▼");
 
@@ -61,27 +61,27 @@ export const stateOf = (p: Parameter): string =>
   p.tested || p.status === "alarm" ? (t.status[p.status] ?? p.status)
     : p.status === "seeding" ? t.learning : t.notTested;
 
-/** The estimate with its 95 % interval; before the first sample there is none. */
+/** The estimate with its 90 % interval; before the first sample there is none. */
 export const estimateText = (p: Parameter): string =>
-  p.status === "waiting" || p.estimate === null ? "–" : `${withMargin(p.estimate, Z95 * (p.standard_deviation ?? 0))} ${unit(p.unit)}`.trim();
+  p.status === "waiting" || p.estimate === null ? "–" : `${withMargin(p.estimate, Z90 * (p.standard_deviation ?? 0))} ${unit(p.unit)}`.trim();
 
 /** State in which a parameter is drawn. */
 export const kindOf = (p: Parameter): string => (p.status === "alarm" ? "out" : p.tested ? "" : "untested");
 
-/** The deviation of a parameter with its 95 % band, on its normal band. */
+/** The deviation of a parameter with its 90 % band, on its normal band. */
 export function Bar({ p }: { p: Parameter }) {
   // A nominal value of zero has no percentage: then the bar is five tolerances wide on each side.
   const half = p.nominal ? HALF_WIDTH * Math.abs(p.nominal) : 5 * (p.tolerance || 1);
   const place = (d: number): number => Math.min(1, Math.max(0, 0.5 + d / (2 * half)));
   const part = (from: number, to: number) => ({ "margin-left": `${100 * place(from)}%`, width: `${100 * (place(to) - place(from))}%` });
-  const d = p.status === "waiting" ? null : deviationOf(p);
+  const d = deviationOf(p);
   const sd = p.standard_deviation ?? 0;
   const thick = p.status === "alarm" ? 6 : 4; // of the tick [px]
   return (
     <span class={`bar ${kindOf(p)}`} aria-hidden="true">
       <i class="zone" style={part(-(p.tolerance ?? 0), p.tolerance ?? 0)} />
       <i class="middle" />
-      {d !== null && <i class="band" style={part(d - Z95 * sd, d + Z95 * sd)} />}
+      {d !== null && <i class="band" style={part(d - Z90 * sd, d + Z90 * sd)} />}
       {d !== null && <i class="tick" style={{ "margin-left": `clamp(0px, ${100 * place(d)}% - ${thick / 2}px, 100% - ${thick}px)`, width: `${thick}px` }} />}
     </span>
   );

@@ -237,7 +237,7 @@ function WideRow({ p }: { p: Item["axis"]["parameters"][number] }) {
     <span class={`row ${kindOf(p)}`}>
       <bdi class="parameter">{p.name}</bdi>
       <span class="value">{estimateText(p)}</span>
-      <span class="share">{p.status === "waiting" ? "–" : shareText(p)}</span>
+      <span class="share">{shareText(p)}</span>
       <Bar p={p} />
       <span class="state">{stateOf(p)}</span>
     </span>

@@ -51,10 +51,11 @@ function App() {
     redraw((n) => n + 1);
   };
   return (
-    <div class={gone !== null || live.locked !== null ? "stale" : ""} key={language()}>
+    <div class={(live.locked ?? gone) !== null ? "stale" : ""} key={language()}>
       <a class="skip" href="#main" onClick={toMain}>{t.skip}</a>
       <Header {...{ live, gone, page, other }} />
-      <main id="main" tabIndex={-1}><Content {...{ page, name }} /></main>
+      {/* Not before the header has its messages: they would move what is about to be clicked. */}
+      <main id="main" tabIndex={-1}>{(live.locked ?? gone ?? live.answered) !== null && <Content {...{ page, name }} />}</main>
       <footer class="quiet"><p>{t.zone(zone())}</p></footer>
     </div>
   );

@@ -21,15 +21,15 @@ export interface Columns {
 const NAMES = ["estimate", "low", "high", "nominal", "up", "down"] as const;
 type Row = Partial<Record<(typeof NAMES)[number], number | null>>;
 
-/** Half the width of a band that holds 95 % of a normal distribution, in standard deviations. */
-export const Z95 = 1.96;
+/** Half the width of a band that holds 90 % of a normal distribution, in standard deviations. */
+export const Z90 = 1.645;
 
 const finite = (x: number | null | undefined): number | null => (typeof x === "number" && Number.isFinite(x) ? x : null);
 const minus = (a: number | null, b: number | null): number | null => (a === null || b === null ? null : a - b);
 const share = (g: number | null, h: number | null): number | null => (g === null || h === null || h <= 0 ? null : g / h);
 
 function row(estimate: number | null, sd: number | null, nominal: number | null, g: (number | null)[], h: number | null): Row {
-  const half = sd === null ? null : Z95 * sd;
+  const half = sd === null ? null : Z90 * sd;
   const low = minus(estimate, half);
   const high = half === null ? null : minus(estimate, -half);
   return { estimate, low, high, nominal, up: share(g[0] ?? null, h), down: share(g[1] ?? null, h) };

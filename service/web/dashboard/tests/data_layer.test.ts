@@ -142,11 +142,11 @@ describe("what is not tested", () => {
 });
 
 describe("columns of a plot", () => {
-  test("have the 95 % band, the nominal value of that time, the statistics relative to the threshold", () => {
+  test("have the 90 % band, the nominal value of that time, the statistics relative to the threshold", () => {
     const c = columnsOf("fm", historyOf([1], [1.5]), []);
     expect(c).toMatchObject({ time: [T0], estimate: [1.5], nominal: [1], up: [0.5], down: [0] });
-    expect(c.low[0]).toBeCloseTo(1.5 - 0.196);
-    expect(c.high[0]).toBeCloseTo(1.5 + 0.196);
+    expect(c.low[0]).toBeCloseTo(1.5 - 0.1645, 4);
+    expect(c.high[0]).toBeCloseTo(1.5 + 0.1645, 4);
   });
 
   test("are broken at a gap, whatever a row without points holds", () => {

@@ -22,8 +22,9 @@ from monitor_core.detection.alarm import (
     TORQUE_SIGN,
     TORQUE_STUCK,
 )
-from monitor_core.detection.multimodel.candidates import default_hypotheses, hypothesis_of
+from monitor_core.detection.multimodel.candidates import hypothesis_of
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.multimodel_detector import least_delay
 from monitor_core.detection.multimodel.naming import (
     CauseEnded,

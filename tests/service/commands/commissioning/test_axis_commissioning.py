@@ -24,7 +24,7 @@ from monitor_core.identification import (
     Watched,
 )
 from monitor_core.identification.parameter_selection import ScheduledTerm
-from service.commands.commissioning.axis import axis_identification, axis_processes
+from service.commands.commissioning.axis import axis_commissioning, axis_identification, axis_processes
 from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
 from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
 from service.commands.commissioning.axis.axis_job import AxisJob
@@ -41,7 +41,8 @@ from service.commands.commissioning.signals import exchanged_torques, signal_pro
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE
 from service.config import AxisConfig
-from service.config.commissioned import Correction, configured
+from service.config.commissioned import configured
+from service.config.corrections import Correction
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
@@ -109,8 +110,8 @@ def next_try(
     pressing: PressingGate | None = None,
 ) -> Retry | None:
     """What is tried after this identification with the configuration of this text."""
-    search: Any = SimpleNamespace(links=links, turn=turn, pressing=pressing)
-    return retry(found, text, configured(text, NAME, folder)[1], before, search)
+    search: Any = SimpleNamespace(links=links, pressing=pressing)
+    return retry(found, text, configured(text, NAME, folder)[1], before, search, lambda: turn)
 
 
 def retried(folder: Path, found: Any, text: str = TEXT, **given: Any) -> tuple[Retry, AxisConfig]:
@@ -362,7 +363,7 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
 
     monkeypatch.setattr(axis_identification, "prepare", prepare)
     search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=())
-    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
+    loads: Any = SimpleNamespace(search=lambda _: search)
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")
@@ -372,7 +373,7 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
     job = AxisJob(
         TWO, NAME, (str(tmp_path / "a.csv"),), tmp_path, CalibrationOptions(600.0), Provenance.now(), shorten=True
     )
-    outcome = axis_identification.identified(job, Outcome(NAME, ""), lambda *_: None)
+    outcome = axis_identification.identified(job, Outcome(NAME, ""), loads, lambda *_: None)
     assert not reports
     assert [len(schedule) for schedule in schedules] == [0, 1, 1, 1]
     assert "a2-acceleration, " not in schedules[-1][0]
@@ -393,7 +394,7 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     load = load_of(signals, "a2-acceleration")
     monkeypatch.setattr(axis_identification, "prepare", lambda *_: task)
     search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=("a1", "a2"))
-    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
+    monkeypatch.setattr(axis_commissioning, "LoadSearches", lambda *_: SimpleNamespace(search=lambda _: search))
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     taken = list[Any]()
 
@@ -444,7 +445,7 @@ def test_links_are_looked_for_where_nothing_can_be_fitted_without_them(
     monkeypatch.setattr(axis_identification, "prepare", prepare)
     load = load_of((Correction(("signal", "a2", "axis"), "a2", "links"),), "cos(a2)") if links else None
     search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=())
-    monkeypatch.setattr(axis_identification, "LoadSearch", lambda *_: search)
+    loads: Any = SimpleNamespace(search=lambda _: search)
     monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")
     monkeypatch.setattr(axis_identification, "verdict_line", lambda _: "")
@@ -452,7 +453,7 @@ def test_links_are_looked_for_where_nothing_can_be_fitted_without_them(
     (tmp_path / "a.csv").touch()
     records = (str(tmp_path / "a.csv"),)
     job = AxisJob(TWO, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), shorten=True)
-    outcome = axis_identification.identified(job, Outcome(NAME, ""), lambda *_: None)
+    outcome = axis_identification.identified(job, Outcome(NAME, ""), loads, lambda *_: None)
     if links:
         assert (outcome.watched, outcome.refusal) == (("kT",), "")
         assert schedules == [(), ("tau0: cos(a2)",)]

@@ -1,7 +1,7 @@
 // German. Sentences of the daemon are here by their kinds; what is not, as the text of an error of the system, is English.
 import type { Alarm, Body, Parameter } from "../ask";
 import { moment, unit as unitOf } from "../format";
-import { Z95 } from "../series";
+import { Z90 } from "../series";
 import type { Texts } from "./en";
 
 const comma = (digits: string): string => digits.replace(".", ",");
@@ -85,9 +85,9 @@ function fact(alarm: Alarm, unit: string): string {
   return `${alarm.parameter} liegt ${[digits(Math.abs(size)), unit].filter(Boolean).join(" ")}${part} ${side} dem Nennwert`;
 }
 
-/** Worin die Größe mit 95 % Wahrscheinlichkeit liegt; leer: kaum bekannt, oder nicht von ihr zu unterscheiden. */
+/** Worin die Größe mit 90 % Wahrscheinlichkeit liegt; leer: kaum bekannt, oder nicht von ihr zu unterscheiden. */
 function interval(size: number, sd: number): string[] {
-  const [low, high] = [digits(size - Z95 * sd), digits(size + Z95 * sd)];
+  const [low, high] = [digits(size - Z90 * sd), digits(size + Z90 * sd)];
   return sd < VAGUE * size && low !== high ? [`${low} bis ${high}`] : [];
 }
 
@@ -614,7 +614,7 @@ export const de: Texts = {
   legendAlarm: "Alarm, von Beginn bis Ende",
   plotOf: (name) => `${name}: Schätzwert mit 95-%-Band und Nennwert über der Zeit`,
   plotOfTest: (name) => `${name}: Teststatistik bezogen auf ihre Schwelle über der Zeit`,
-  estimate: "Schätzwert (95 %)",
+  estimate: "Schätzwert (90 %)",
   deviation: "Abweichung",
   tolerance: "Zulässig",
   test: "Teststatistik",

@@ -1,0 +1,99 @@
+"""Friction follows a measured temperature where the records show it, and otherwise the heat of the axis, or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from monitor_core.arrays import Floats
+from monitor_core.drive.thermal_state import TEMPERATURE
+from monitor_core.identification import IdentificationOptions, IdentificationResult, identify
+from monitor_core.identification.greybox import Estimate, fit
+from monitor_core.identification.problem import Problem
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.thermal.measured_temperature import following_temperature
+from monitor_core.modeling.standard_drives import three_mass
+from tests.core.mismatch_monitor import FOUND
+from tests.core.warming import Warming, WarmingPlant
+
+QUICK = Warming(fast_s=60.0, slow_s=150.0)
+STEADY = Warming(fm=0.0, fc=0.0, stribeck=0.0)
+FOLLOWERS = ("fm", "fc")
+SECONDS, STEP_S = 300.0, 5.0
+
+Thermometer = Callable[[float, float], float]
+"""Temperature for the warmth of the gearbox, and the time since the start [s]"""
+
+
+def of_gearbox(warmth: float, _since: float) -> float:
+    return round(22.0 + 30.0 * warmth)  # whole degrees, as many drives send
+
+
+def of_winding(_warmth: float, since: float) -> float:
+    return 60.0 - 38.0 * float(np.exp(-since / 8.0))
+
+
+def constant(_warmth: float, _since: float) -> float:
+    return 30.0
+
+
+def recorded(seed: int, warming: Warming, thermometer: Thermometer) -> Record:
+    """A record from cold on, with the temperature as a signal."""
+    plant = WarmingPlant(np.random.default_rng(seed), warming=warming)
+    blocks, temperatures = [], list[Floats]()
+    for k in range(round(SECONDS / STEP_S)):
+        now = thermometer(plant.warmth, k * STEP_S)
+        blocks.append(plant.take(STEP_S))
+        temperatures.append(np.full(blocks[-1].u.size, now))
+    t, u, y = (np.concatenate([getattr(block, name) for block in blocks]) for name in ("t_us", "u", "y"))
+    signals = {TEMPERATURE: np.concatenate(temperatures)}
+    return Record(np.asarray(t * 1e-6, np.float64), u, y, "angle", "cold", signals=signals)
+
+
+def identified(record: Record, *validation: Record) -> IdentificationResult:
+    options = IdentificationOptions("values", monitored=FOLLOWERS, thermal="cold", begins_s=(0.0,))
+    return identify(Problem(three_mass("angle"), FOUND, FOLLOWERS), [record], validation, options)
+
+
+def refit(problem: Problem, records: Sequence[Record]) -> Estimate:
+    return fit(problem, records, most_iterations=15)
+
+
+def followed(record: Record) -> list[str]:
+    """The parameters that follow the temperature."""
+    before = refit(Problem(three_mass("angle"), FOUND, FOLLOWERS), [record])
+    found = following_temperature(before, [record], FOLLOWERS, refit)
+    return [] if found is None else [term.parameter for term in found.terms]
+
+
+def test_friction_follows_the_temperature_of_the_gearbox(seed: int) -> None:
+    found = identified(recorded(seed, QUICK, of_gearbox), recorded(seed + 1, QUICK, of_gearbox))
+    assert found.warm_up is None
+    own, other = (float(np.std(r.y - r.predicted)) for r in (*found.estimation, *found.validation))
+    assert other == pytest.approx(own, rel=0.3)
+    terms = {s.parameter: s for s in found.options.scheduled}
+    assert "fm" in terms
+    assert {s.term for s in terms.values()} == {TEMPERATURE}
+    assert not {*found.not_following} & {*terms}
+    slope = dict(zip(found.estimate.names, found.estimate.theta.tolist(), strict=True))[f"fm per {TEMPERATURE}"]
+    warmest = terms["fm"].high
+    cold, warm = (found.estimate.values["fm"] + slope * (x - terms["fm"].reference) for x in (22.0, warmest))
+    assert warm / cold == pytest.approx(np.exp(-QUICK.fm * (warmest - 22.0) / 30.0), abs=0.1)
+
+
+def test_friction_follows_the_heat_where_the_temperature_is_of_something_else(seed: int) -> None:
+    found = identified(recorded(seed, QUICK, of_winding))
+    assert found.warm_up is not None
+    assert TEMPERATURE not in {s.term for s in found.options.scheduled}
+
+
+def test_what_does_not_show_that_friction_follows(seed: int) -> None:
+    assert followed(recorded(seed, STEADY, of_gearbox)) == []
+    assert followed(recorded(seed, QUICK, constant)) == []
+    without = recorded(seed, QUICK, of_gearbox)
+    assert followed(replace(without, signals={})) == []
+    rising = replace(QUICK, fm=-0.2, fc=-0.1, stribeck=0.0)
+    assert followed(recorded(seed, rising, of_gearbox)) == []
