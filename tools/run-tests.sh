@@ -25,16 +25,20 @@ ahead() {
   .venv/bin/python -c "import os
 import tests.conftest # without garbage collection, which would take a tenth of the time
 from service.commands.warm import compile_offline
-from service.pipeline.kernel_cache import Shape, compile_kernel
+from service.pipeline.kernel_cache import KernelShape, compile_kernel
 $1
 os._exit(0) # it is written; to take the compiler's memory apart would take a second"
 }
 if [ $# = 0 ]; then
-  ahead "compile_kernel(Shape.MANY_AXES); compile_kernel(Shape.MULTIMODEL); compile_kernel(Shape.CYCLIC_CLOCK)" &
-  ahead "compile_kernel(Shape.FEW_AXES); compile_offline()" &
+  shapes="KernelShape.MANY_AXES, KernelShape.MULTIMODEL, KernelShape.CYCLIC_CLOCK"
+  ahead "[compile_kernel(shape) for shape in ($shapes)]" &
+  ahead "compile_kernel(KernelShape.FEW_AXES); compile_offline()" &
 fi
+compiling=$(jobs -p)
 { .venv/bin/ruff check . && .venv/bin/ruff format --check .; } || { kill $(jobs -p) 2>/dev/null; exit 1; }
-wait
+for job in $compiling; do
+  wait "$job" || { echo "the kernel was not compiled ahead: see the error above" >&2; exit 1; }
+done
 
 # The SocketCAN tests, in one order: what records in real time is before what simulates a robot of its own.  Everything
 # is slow in there, imports above all: without a selection, collect only the files concerned.
