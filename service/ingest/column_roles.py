@@ -16,10 +16,10 @@ from service.ingest.roles_by_name import (
     axis_name,
     axis_number,
     commanded_role,
+    distance_from_gear,
     is_gripper,
     is_load,
     is_temperature,
-    nearest_friction,
     own_word,
     owners,
     role_with,
@@ -130,7 +130,7 @@ def _temperatures(names: Sequence[str], units: Mapping[str, str], axes: Sequence
     of_axes = {axis: [name for name in measured if _axis_of(name, axes) == axis] for axis in axes}
     if len(axes) == 1:
         of_axes = {axes[0]: measured}
-    return {axis: nearest_friction(several) for axis, several in of_axes.items() if several}
+    return {axis: min(several, key=distance_from_gear) for axis, several in of_axes.items() if several}
 
 
 def _switches(columns: Mapping[str, Floats]) -> tuple[str, ...]:

@@ -1,7 +1,7 @@
 """The role and the axis of a column or a signal, by the words in its name and by its unit."""
 
 import re
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping
 from typing import TypeVar
 
 from service.config.unit_names import MeasuredQuantity, current_in, unit_in, without_unit
@@ -120,10 +120,10 @@ def is_temperature(name: str, unit: str) -> bool:
     )
 
 
-def nearest_friction(names: Sequence[str]) -> str:
-    """Of several temperatures of an axis that of its gear, then that of its motor, then those of its electronics."""
-    words = {name: {*words_in(without_unit(name))} for name in names}
-    return min(names, key=lambda name: (not words[name] & _GEARS, bool(words[name] & _ELECTRONICS)))
+def distance_from_gear(name: str) -> int:
+    """Of a temperature, by its name: 0: that of a gear; 1: of a motor, or of nothing named; 2: of electronics."""
+    words = {*words_in(without_unit(name))}
+    return 0 if words & _GEARS else 2 if words & _ELECTRONICS else 1
 
 
 _GRIPPERS = {

@@ -16,10 +16,10 @@ from service.ingest.roles_by_name import (
     NO_MOTION,
     NOT_MEASURED,
     axis_name,
+    distance_from_gear,
     is_gripper,
     is_load,
     is_temperature,
-    nearest_friction,
     own_word,
     owners,
     role_of,
@@ -31,6 +31,8 @@ Confidence = Literal["sure", "likely", "guess"]
 _COUNTS = {"counter", "cnt", "seq", "sequence", "alive", "rolling"}
 _TURNS = (360.0, 2 * math.pi, 1.0)
 _NEARLY = 1e-3
+_SLOW_MS = 5000
+"""Values that come more seldom would count as too old between two of them."""
 _MOST_STATE_BITS = 2
 """Longest signal that is a state, of a gripper say; a longer one is its force or position."""
 
@@ -123,7 +125,7 @@ class FurtherSignal(NamedTuple):
     message: str
     signal: str
     cyclic: bool
-    """Whether its message has a cycle time; otherwise it may be sent only when something changes"""
+    """Whether its message has a short cycle time; otherwise it is sent seldom, or only when something changes"""
 
     @property
     def name(self) -> str:
@@ -141,30 +143,30 @@ class FurtherSignals(NamedTuple):
 
 
 def further_in(messages: Sequence[Message], axes: Sequence[AxisRoles]) -> FurtherSignals:
-    """Each measured load, by its name and unit, each state of a gripper, by its name and length; and temperatures."""
-    found = [(m, s) for m in messages for s in m.signals if not counts(s)]
+    """Loads by their names and units, states of grippers by their names and lengths, and the temperatures of axes."""
+    found = [
+        (FurtherSignal(m.name, s.name, 0 < (m.cycle_time or 0) <= _SLOW_MS), s)
+        for m in messages
+        for s in m.signals
+        if not counts(s)
+    ]
     loads = [
-        FurtherSignal(m.name, s.name, bool(m.cycle_time))
-        for m, s in found
+        further
+        for further, s in found
         if is_load(s.name, s.unit or "") or (is_gripper(s.name) and s.length <= _MOST_STATE_BITS)
     ]
-    measured = [
-        FurtherSignal(m.name, s.name, bool(m.cycle_time))
-        for m, s in found
+    warm = [
+        (axis_name(number_in(further.message, further.signal)), further)
+        for further, s in found
         if is_temperature(s.name, s.unit or "") and s.length > _MOST_STATE_BITS
     ]
-    of_axes = dict[str, list[FurtherSignal]]()
-    for signal in measured:
-        of_axes.setdefault(axis_name(number_in(signal.message, signal.signal)), []).append(signal)
-    if len(axes) == 1:
-        of_axes = {axes[0].name: measured}
-    known = {axis.name for axis in axes}
-    best = {
-        name: next(s for s in several if s.name == nearest_friction([s.name for s in several]))
-        for name, several in of_axes.items()
-        if name in known and several
+    of_axes = {a.name: [signal for name, signal in warm if len(axes) == 1 or name == a.name] for a in axes}
+    nearest = {
+        axis: min(several, key=lambda signal: distance_from_gear(signal.name))
+        for axis, several in of_axes.items()
+        if several
     }
-    return FurtherSignals(loads, best)
+    return FurtherSignals(loads, nearest)
 
 
 def owners_of(roles: Iterable[SignalRole]) -> dict[tuple[str, str], str]:

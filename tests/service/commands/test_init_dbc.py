@@ -97,10 +97,15 @@ def test_the_temperature_of_each_axis(folder: Path) -> None:
     more += ' SG_ GearTemp1 : 16|16@1+ (0.1,0) [0|200] "degC" M\n SG_ TempLimit1 : 32|16@1+ (1,0) [0|9] "degC" M\n'
     more += 'BO_ 705 Temps2: 8 Drive\n SG_ BoardTemp2 : 0|16@1+ (0.1,0) [0|200] "degC" M\n'
     more += ' SG_ Motor2 : 16|16@1+ (0.1,0) [0|200] "degC" M\n SG_ GearOverTemp2 : 48|1@1+ (1,0) [0|1] "" M\n\n'
+    more += 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\nBA_DEF_DEF_ "GenMsgCycleTime" 0;\n'
+    more += 'BA_ "GenMsgCycleTime" BO_ 704 1000;\nBA_ "GenMsgCycleTime" BO_ 705 10000;\n'
     text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", more))
     assert "temperatures, which friction may follow: axis1: Temps1.GearTemp1, axis2: Temps2.Motor2" in text
-    found = [(s.name, s.message, s.signal) for axis in axes for s in axis.config.signal]
-    assert found == [("temperature", "Temps1", "GearTemp1"), ("temperature", "Temps2", "Motor2")]
+    found = [(s.name, s.message, s.signal, s.max_age_s) for axis in axes for s in axis.config.signal]
+    assert found == [
+        ("temperature", "Temps1", "GearTemp1", 10.0),
+        ("temperature", "Temps2", "Motor2", 3600.0),  # every ten seconds, so the last value is of use for longer
+    ]
 
 
 def test_many_outputs_of_grippers_are_one_line_for_people_and_one_each_in_the_file(folder: Path) -> None:
