@@ -11,13 +11,25 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from monitor_core.drive import COULOMB, HEAT, LOAD, AxisModel, Drive, ThermalStart, friction_of, split_name
+from monitor_core.drive import (
+    COULOMB,
+    HEAT,
+    LOAD,
+    TEMPERATURE,
+    AxisModel,
+    Drive,
+    Term,
+    ThermalStart,
+    friction_of,
+    split_name,
+)
 from monitor_core.identification import (
     Disturbance,
     GapCut,
     IdentificationError,
     IdentificationOptions,
     IdentificationProgress,
+    IdentificationResult,
     KnownAxis,
     ParameterSelection,
     PredictorKind,
@@ -114,15 +126,29 @@ class IdentificationTask:
         """
         estimation = [item.record for item in self.estimation]
         validation = [item.record for item in self.validation]
+        result = identify(self.problem, estimation, validation, self.options, progress)
         return IdentificationReport(
             self.axis.id,
-            identify(self.problem, estimation, validation, self.options, progress),
+            result,
             tuple(item.source for item in self.estimation),
             tuple(item.source for item in self.validation),
-            self.warnings,
+            (*self.warnings, *_unused_temperature(self.axis.config, result)),
             provenance,
             tuple(sorted(self.axis.config.coupling.values())),
         )
+
+
+def _unused_temperature(axis: AxisConfig, result: IdentificationResult) -> Iterator[str]:
+    """Why friction does not follow the temperature of the axis, if that is measured."""
+    measured = any(signal.name == TEMPERATURE for signal in axis.signal)
+    followed = any(TEMPERATURE in Term.read(term.term).signals for term in result.options.scheduled)
+    if measured and not followed and result.options.thermal is not None:
+        why = (
+            "the records do not show that friction falls as it rises"
+            if result.warm_up is None
+            else "the heat of the axis's own motion explains friction better"
+        )
+        yield f"Friction does not follow the signal {TEMPERATURE}: {why}."
 
 
 def prepare(

@@ -151,30 +151,20 @@ def verdict_of(
 
     If there are no validation records, the fitted ones are divided.
     """
-    found = _verdict_of(estimate, records, validation, traces, validated)
-    return found._replace(repeats_s=repeated_after([*records, *validation]))
-
-
-def _verdict_of(
-    estimate: Estimate,
-    records: Sequence[Record],
-    validation: Sequence[Record],
-    traces: Sequence[ComparedRecord],
-    validated: Sequence[ComparedRecord],
-) -> Verdict:
     own: list[_Tried] = [(estimate.problem, records)]
     basis, others = VerdictBasis.RECORDS, [(estimate.problem, validation)]
     if not validation:
         others = _cross_validated(estimate, records)
         basis = VerdictBasis.HALVES if others else VerdictBasis.NONE
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
-    found = Verdict(explained(traces), explained(validated), basis, ())
+    repeats_s = repeated_after([*records, *validation])
+    found = Verdict(explained(traces), explained(validated), basis, (), repeats_s=repeats_s)
     ill_posed = found.quality is FitQuality.POOR and friction_dominates(estimate.problem, records)
     leaves_out = estimate.problem.min_speed > 0
     if ill_posed or (found.quality is not FitQuality.GOOD and (leaves_out or _weight_acts(estimate.problem, records))):
         fitted, other = (explained_torque(tried) for tried in (own, others or own))
         if min(fitted, other) > found.per_cent:
-            found = Verdict(fitted, other, basis, (), Measure.TORQUE)
+            found = Verdict(fitted, other, basis, (), Measure.TORQUE, repeats_s=repeats_s)
     if found.quality is FitQuality.GOOD:
         return found
     missing = missing_effects(estimate.problem, records)

@@ -32,6 +32,9 @@ def rename_columns(record: Path, names: str) -> None:
     record.write_text(f"{names}\n{rows}", encoding="utf-8")
 
 
+# --- Names ------------------------------------------------------------------------------------------------------------
+
+
 def test_names_of_columns(record: Path) -> None:
     text = shown("init", record)
     assert "axis1: torque A1_Trq, angle A1_Pos: sure" in text
@@ -92,13 +95,93 @@ def test_torque_and_angle_of_one_axis_that_are_exchanged_are_noticed(record: Pat
     assert "exchanged" not in second
 
 
-def test_a_cell_that_holds_no_number_does_not_cost_its_column(record: Path) -> None:
-    lines = record.read_text(encoding="utf-8").splitlines()
-    for row, column in ((300, 1), (500, 2)):
-        cells = lines[row].split(",")
-        lines[row] = ",".join([*cells[:column], "none", *cells[column + 1 :]])
-    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    assert "axis1: torque A1_Trq, angle A1_Pos: sure" in shown("init", record)
+@pytest.mark.parametrize(
+    ("names", "axes"),
+    [
+        ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
+        ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
+        ("Torque_J1 [Nm],J1 [deg],Torque_J3 [Nm],J3 [mm]", ["axis1", "axis3"]),
+        ("Torque_J1 [Nm],J1 [deg],Torque_Z [Nm],Z [mm]", ["axis1", "axisZ"]),
+        (
+            "Band.Moment [Nm],Band.Istdrehzahl [1/min],Hub.Moment [Nm],Hub.Istdrehzahl [1/min]",
+            ["band", "hub"],
+        ),
+        ("Trq_Shoulder,Pos_Shoulder,Trq_Elbow,Pos_Elbow", ["shoulder", "elbow"]),
+        ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
+        ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),
+        ("left motor torque,right arm angle,motor torque,arm angle", ["axis1", "axis2"]),
+    ],
+)
+def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes: list[str]) -> None:
+    """A torque that a drive is asked for is one, too, where no other is recorded."""
+    rename_columns(record, f"Time,{names}")
+    shown("init", record)
+    found = proposed()
+    assert [axis.name for axis in found] == axes
+    columns = names.split(",")
+    assert [axis.torque.column for axis in found] == columns[::2]
+    assert [axis.motion.column for axis in found] == columns[1::2]
+
+
+def test_a_command_that_its_name_does_not_show(record: Path, seed: int) -> None:
+    """It is smoother than the measured angle, which is proposed although it stands behind, and both are named."""
+    rows = read_rows(record)
+    noise = 1e-3 * np.ptp(rows[:, 2]) * np.random.default_rng(seed).standard_normal(len(rows))
+    table = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], rows[:, 2], rows[:, 2] + noise])
+    write_rows(record, table, "Time,MACur.A1,ASPos.A1,AIPos.A1")
+    assert "axis1: torque MACur.A1, angle AIPos.A1: likely; or angle ASPos.A1" in shown("init", record)
+    write_rows(record, table, "Time,Channel 1,Channel 2,Channel 3")
+    assert "torque Channel 1, angle Channel 3: likely; or angle Channel 2" in shown("init", record, "--force")
+
+
+def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
+    rename_columns(record, "t,tau_1,q_1,tau_ref_2,q_cmd_2")
+    assert "not used: tau_ref_2, q_cmd_2" in shown("init", record)
+    assert [axis.name for axis in proposed()] == ["axis1"]
+
+
+@pytest.mark.parametrize(
+    ("name", "role"),
+    [
+        ("A1_Motorstrom", "current"),
+        ("Achse 2 Istwinkel", "angle"),
+        ("Istposition_3", "angle"),
+        ("Motordrehzahl", "speed"),
+        ("A1_Sollwinkel", "wanted"),
+        ("Sollstrom", "wanted"),
+        ("Achse 1 Lageistwert", "angle"),
+        ("Momentenistwert", "torque"),
+        ("Drehzahlsollwert_2", "wanted"),
+        ("Drahtvorschub", ""),
+        ("AIPos.A1", "angle"),
+        ("TorqueReference", "wanted"),
+        ("Consigne couple", "wanted"),
+        ("Axis_X.PositionError", "other"),
+        ("torque_ff_ref", "other"),
+    ],
+)
+def test_words_of_loggers(name: str, role: str) -> None:
+    """Of German compound words, of words without a space between them; what is neither measured nor commanded."""
+    assert role_of(name) == role
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("Axis 2 S-0-0084 Torque", "2"),
+        ("SERVO_1.r63[0]", "1"),
+        ("gAxis[3].Drive0", "3"),
+        ("A4_Pos", "4"),
+        ("field.effort0", "0"),
+        ("17", ""),
+    ],
+)
+def test_the_number_of_an_axis(name: str, number: str) -> None:
+    """It stands behind a word for an axis, otherwise last; a column that is called by its place has none."""
+    assert axis_number(name) == number
+
+
+# --- Further signals --------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -176,75 +259,7 @@ def test_a_column_of_two_values_may_tell_what_is_carried(
     assert not unused or f"not used: {', '.join(unused)}" in text
 
 
-@pytest.mark.parametrize(
-    ("names", "axes"),
-    [
-        ("X.ActTrq[%],X.ActPos[deg],C.ActTrq[%],C.ActPos[deg]", ["axisX", "axisC"]),
-        ("J1.ActTrq[%],J1.ActPos[deg],Z.ActTrq[%],Z.ActPos[mm]", ["axis1", "axisZ"]),
-        ("Torque_J1 [Nm],J1 [deg],Torque_J3 [Nm],J3 [mm]", ["axis1", "axis3"]),
-        ("Torque_J1 [Nm],J1 [deg],Torque_Z [Nm],Z [mm]", ["axis1", "axisZ"]),
-        (
-            "Band.Moment [Nm],Band.Istdrehzahl [1/min],Hub.Moment [Nm],Hub.Istdrehzahl [1/min]",
-            ["band", "hub"],
-        ),
-        ("Trq_Shoulder,Pos_Shoulder,Trq_Elbow,Pos_Elbow", ["shoulder", "elbow"]),
-        ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
-        ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),
-        ("left motor torque,right arm angle,motor torque,arm angle", ["axis1", "axis2"]),
-    ],
-)
-def test_axes_are_named_by_what_tells_them_apart(record: Path, names: str, axes: list[str]) -> None:
-    """A torque that a drive is asked for is one, too, where no other is recorded."""
-    rename_columns(record, f"Time,{names}")
-    shown("init", record)
-    found = proposed()
-    assert [axis.name for axis in found] == axes
-    columns = names.split(",")
-    assert [axis.torque.column for axis in found] == columns[::2]
-    assert [axis.motion.column for axis in found] == columns[1::2]
-
-
-def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> None:
-    rows = read_rows(record)
-    turned = np.column_stack([rows[:, 0], -rows[:, 1], np.degrees(rows[:, 2]) % 360])
-    write_rows(record, turned, "Time,Trq,Pos_deg")
-    assert "torque Trq, angle Pos_deg: sure" in shown("init", record)
-    (axis,) = proposed()
-    assert axis.angle is not None
-    assert (axis.torque.factor, axis.angle.wrap_period) == (-1, 360)
-
-
-@pytest.mark.usefixtures("folder")
-def test_a_fast_motor_angle_of_a_slow_recorder(seed: int) -> None:
-    """Every 12 ms, at up to 1400 turns a minute, rows missing: it moves a hundred degrees in a sample."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(5000) * 0.012
-    accelerations = np.repeat(rng.uniform(-300, 300, 250), 20)
-    speed = 150 * np.sin(np.cumsum(accelerations) * 0.012 / 150)
-    torque = 0.004 * np.gradient(speed, t) + 0.002 * speed + 0.1 * np.tanh(speed)
-    rows = np.column_stack([t * 1e3, torque, np.degrees(np.cumsum(speed) * 0.012) % 360])
-    kept = rows[rng.random(len(rows)) > 0.004]
-    np.savetxt("plc.csv", kept, "%.6g", ",", header="TimeMs,Current [A],MotorAngle [deg]", comments="")
-    shown("init", "plc.csv")
-    (axis,) = proposed()
-    assert axis.angle is not None
-    assert (axis.torque.factor, axis.angle.wrap_period) == (1, 360)
-
-
-def test_values_alone(record: Path) -> None:
-    """Without names, times in milliseconds, one torque turned, a speed beside its angle, a wanted angle."""
-    rows = read_rows(record)
-    t = 1e3 * (rows[:, 0] - rows[0, 0])
-    first, second = (np.gradient(rows[:, k], 0.005) for k in (2, 4))
-    columns = np.column_stack([t, rows[:, 2], first, -rows[:, 1], rows[:, 3], rows[:, 4], second, 0 * t])
-    write_rows(record, columns, "")
-    text = shown("init", record)
-    assert "not used: 2, 6, 7" in text
-    a, b = proposed()
-    assert (a.torque.column, a.motion.column, a.torque.factor) == ("3", "1", -1)
-    assert (b.torque.column, b.motion.column, b.torque.factor) == ("4", "5", 1)
-    assert a.time.factor == 0.001
-    assert a.sample_interval_s == pytest.approx(0.005)
+# --- Times ------------------------------------------------------------------------------------------------------------
 
 
 def retime(record: Path, head: str, cells: Iterable[str]) -> None:
@@ -289,6 +304,8 @@ def test_a_unit_of_the_time_that_no_name_shows_is_asked_for(
 
 
 _FILETIME = 134_404_344_000_000_000
+
+
 _TICKS = 639_085_896_000_000_000
 
 
@@ -358,15 +375,122 @@ def test_signals_with_times_of_their_own(record: Path, rate: float, columns: int
     assert (apart in text) == (columns == 1)
 
 
-def test_a_command_that_its_name_does_not_show(record: Path, seed: int) -> None:
-    """It is smoother than the measured angle, which is proposed although it stands behind, and both are named."""
+@pytest.mark.parametrize(
+    ("times", "words"),
+    [("{:.0f}", "time: Time"), ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005")],
+)
+def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None:
+    """In nanoseconds since 1970; in a way that is not read, which must not go unsaid."""
+    lines = record.read_text(encoding="utf-8").splitlines()
+    cells = [line.split(",", 1) for line in lines[1:]]
+    text = [f"{times.format(1.77e18 + 5e6 * k)},{rest}" for k, (_, rest) in enumerate(cells)]
+    record.write_text("\n".join([lines[0], *text]) + "\n", encoding="utf-8")
+    assert words in shown("init", record)
+    first, _ = proposed()
+    assert first.time.column is None or (first.time.factor, first.sample_interval_s) == (1e-9, 0.005)
+
+
+# --- Units, wraps and sides of the gear -------------------------------------------------------------------------------
+
+
+def test_an_angle_that_starts_again_is_judged_by_its_motion(record: Path) -> None:
     rows = read_rows(record)
-    noise = 1e-3 * np.ptp(rows[:, 2]) * np.random.default_rng(seed).standard_normal(len(rows))
-    table = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], rows[:, 2], rows[:, 2] + noise])
-    write_rows(record, table, "Time,MACur.A1,ASPos.A1,AIPos.A1")
-    assert "axis1: torque MACur.A1, angle AIPos.A1: likely; or angle ASPos.A1" in shown("init", record)
-    write_rows(record, table, "Time,Channel 1,Channel 2,Channel 3")
-    assert "torque Channel 1, angle Channel 3: likely; or angle Channel 2" in shown("init", record, "--force")
+    turned = np.column_stack([rows[:, 0], -rows[:, 1], np.degrees(rows[:, 2]) % 360])
+    write_rows(record, turned, "Time,Trq,Pos_deg")
+    assert "torque Trq, angle Pos_deg: sure" in shown("init", record)
+    (axis,) = proposed()
+    assert axis.angle is not None
+    assert (axis.torque.factor, axis.angle.wrap_period) == (-1, 360)
+
+
+@pytest.mark.usefixtures("folder")
+def test_a_fast_motor_angle_of_a_slow_recorder(seed: int) -> None:
+    """Every 12 ms, at up to 1400 turns a minute, rows missing: it moves a hundred degrees in a sample."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(5000) * 0.012
+    accelerations = np.repeat(rng.uniform(-300, 300, 250), 20)
+    speed = 150 * np.sin(np.cumsum(accelerations) * 0.012 / 150)
+    torque = 0.004 * np.gradient(speed, t) + 0.002 * speed + 0.1 * np.tanh(speed)
+    rows = np.column_stack([t * 1e3, torque, np.degrees(np.cumsum(speed) * 0.012) % 360])
+    kept = rows[rng.random(len(rows)) > 0.004]
+    np.savetxt("plc.csv", kept, "%.6g", ",", header="TimeMs,Current [A],MotorAngle [deg]", comments="")
+    shown("init", "plc.csv")
+    (axis,) = proposed()
+    assert axis.angle is not None
+    assert (axis.torque.factor, axis.angle.wrap_period) == (1, 360)
+
+
+def test_units_in_names(record: Path) -> None:
+    rename_columns(record, "Time,A1_Trq_mNm,A1_Pos_deg,A2_Trq [Nm],A2_Pos")
+    assert "sure" in shown("init", record)
+    first, second = proposed()
+    assert first.torque.factor == 0.001
+    assert first.motion.factor == pytest.approx(0.0174532925)
+    assert (second.torque.factor, second.motion.factor) == (1, 1)
+
+
+def test_units_below_the_names(record: Path) -> None:
+    """Of an axis its current, of the other its torque; a linear axis; times in milliseconds; remarks above."""
+    lines = record.read_text(encoding="utf-8").splitlines()
+    head = ["# export", "Zeit,A1,Achse1,A2.Torque,A2.ActPos", "[ms],[mA],[deg],[%],[mm]"]
+    rows = [line.split(",") for line in lines[1:]]
+    late = [",".join([f"{1e3 * float(t):.1f}", *cells]) for t, *cells in rows]
+    record.write_text("\n".join([*head, *late]) + "\n", encoding="utf-8")
+    text = shown("init", record)
+    assert "axis1: torque A1 [mA], angle Achse1 [deg]: sure" in text
+    assert "axis2: torque A2.Torque [%], angle A2.ActPos [mm]: sure" in text
+    first, second = proposed()
+    assert (first.time.factor, first.torque.factor) == (0.001, 0.001)
+    assert first.motion.factor == pytest.approx(0.0174532925)
+    assert (second.torque.factor, second.motion.factor) == (1, 1)
+    written = Path("axis.toml").read_text(encoding="utf-8")
+    assert "a current: add kT_Nm_per_A" in written
+    assert "in percent of the rated torque; factor is rated torque / 100 [N m]" in written
+    assert "in mm of a linear axis; factor is 2 pi / (mm that a turn of the motor moves it)" in written
+
+
+def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) -> None:
+    """In degrees: of the arm behind a gear of 1 to 100, of a motor that is as fast as servo motors are."""
+    rows = read_rows(record)
+    fastest = np.quantile(np.abs(rows[10:, 2] - rows[:-10, 2]), 0.999) / 0.05
+    for rad_s, words in (
+        (2.5, "of the arm, as it reaches 2.5 rad/s only: for that of the motor multiply factor by the gear ratio"),
+        (50.0, ""),
+        (250.0, "of the motor, as it reaches 250 rad/s; if it turns an arm, add r to nominal"),
+    ):
+        angle = np.degrees(rows[:, 2] * rad_s / fastest)
+        columns = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], angle])
+        write_rows(record, columns, "Time,Trq [Nm],Pos [deg]")
+        shown("init", record, "--force")
+        (line,) = (x for x in Path("axis.toml").read_text("utf-8").splitlines() if x.startswith("angle"))
+        assert (words in line) if words else "likely of the" not in line
+
+
+@pytest.mark.parametrize("name", ["Achse 1 Istposition (Grad)", "Pos_deg(:,1)", "Winkel [deg]"])
+def test_degrees(record: Path, name: str) -> None:
+    rename_columns(record, f'Time,A1_Trq,"{name}",A2_Trq,A2_Pos')
+    shown("init", record)
+    factors = {axis.motion.column: axis.motion.factor for axis in proposed()}
+    assert factors[name] == pytest.approx(np.pi / 180)
+
+
+# --- Values -----------------------------------------------------------------------------------------------------------
+
+
+def test_values_alone(record: Path) -> None:
+    """Without names, times in milliseconds, one torque turned, a speed beside its angle, a wanted angle."""
+    rows = read_rows(record)
+    t = 1e3 * (rows[:, 0] - rows[0, 0])
+    first, second = (np.gradient(rows[:, k], 0.005) for k in (2, 4))
+    columns = np.column_stack([t, rows[:, 2], first, -rows[:, 1], rows[:, 3], rows[:, 4], second, 0 * t])
+    write_rows(record, columns, "")
+    text = shown("init", record)
+    assert "not used: 2, 6, 7" in text
+    a, b = proposed()
+    assert (a.torque.column, a.motion.column, a.torque.factor) == ("3", "1", -1)
+    assert (b.torque.column, b.motion.column, b.torque.factor) == ("4", "5", 1)
+    assert a.time.factor == 0.001
+    assert a.sample_interval_s == pytest.approx(0.005)
 
 
 def test_a_part_of_a_torque_is_not_the_torque(record: Path, seed: int) -> None:
@@ -495,39 +619,16 @@ def test_two_torques_that_may_be_measured_are_both_named(record: Path, seed: int
     assert "torque 5, angle 1: likely; or torque 7" in text or "torque 7, angle 1: likely; or torque 5" in text
 
 
-def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
-    rename_columns(record, "t,tau_1,q_1,tau_ref_2,q_cmd_2")
-    assert "not used: tau_ref_2, q_cmd_2" in shown("init", record)
-    assert [axis.name for axis in proposed()] == ["axis1"]
+# --- Files ------------------------------------------------------------------------------------------------------------
 
 
-def test_units_in_names(record: Path) -> None:
-    rename_columns(record, "Time,A1_Trq_mNm,A1_Pos_deg,A2_Trq [Nm],A2_Pos")
-    assert "sure" in shown("init", record)
-    first, second = proposed()
-    assert first.torque.factor == 0.001
-    assert first.motion.factor == pytest.approx(0.0174532925)
-    assert (second.torque.factor, second.motion.factor) == (1, 1)
-
-
-def test_units_below_the_names(record: Path) -> None:
-    """Of an axis its current, of the other its torque; a linear axis; times in milliseconds; remarks above."""
+def test_a_cell_that_holds_no_number_does_not_cost_its_column(record: Path) -> None:
     lines = record.read_text(encoding="utf-8").splitlines()
-    head = ["# export", "Zeit,A1,Achse1,A2.Torque,A2.ActPos", "[ms],[mA],[deg],[%],[mm]"]
-    rows = [line.split(",") for line in lines[1:]]
-    late = [",".join([f"{1e3 * float(t):.1f}", *cells]) for t, *cells in rows]
-    record.write_text("\n".join([*head, *late]) + "\n", encoding="utf-8")
-    text = shown("init", record)
-    assert "axis1: torque A1 [mA], angle Achse1 [deg]: sure" in text
-    assert "axis2: torque A2.Torque [%], angle A2.ActPos [mm]: sure" in text
-    first, second = proposed()
-    assert (first.time.factor, first.torque.factor) == (0.001, 0.001)
-    assert first.motion.factor == pytest.approx(0.0174532925)
-    assert (second.torque.factor, second.motion.factor) == (1, 1)
-    written = Path("axis.toml").read_text(encoding="utf-8")
-    assert "a current: add kT_Nm_per_A" in written
-    assert "in percent of the rated torque; factor is rated torque / 100 [N m]" in written
-    assert "in mm of a linear axis; factor is 2 pi / (mm that a turn of the motor moves it)" in written
+    for row, column in ((300, 1), (500, 2)):
+        cells = lines[row].split(",")
+        lines[row] = ",".join([*cells[:column], "none", *cells[column + 1 :]])
+    record.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    assert "axis1: torque A1_Trq, angle A1_Pos: sure" in shown("init", record)
 
 
 @pytest.mark.usefixtures("folder")
@@ -563,84 +664,3 @@ def test_a_table_with_a_row_for_each_axis_or_signal(record: Path, head: str, lin
     text = shown("init", record)
     for k in (1, 2):
         assert f"axis{k}: torque {names[0]}{k}, angle {names[1]}{k}: sure" in text
-
-
-@pytest.mark.parametrize(
-    ("times", "words"),
-    [("{:.0f}", "time: Time"), ("03/02/2026 08:00:{:.0f}", "write a date as 2026-03-02 08:00:00.005")],
-)
-def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None:
-    """In nanoseconds since 1970; in a way that is not read, which must not go unsaid."""
-    lines = record.read_text(encoding="utf-8").splitlines()
-    cells = [line.split(",", 1) for line in lines[1:]]
-    text = [f"{times.format(1.77e18 + 5e6 * k)},{rest}" for k, (_, rest) in enumerate(cells)]
-    record.write_text("\n".join([lines[0], *text]) + "\n", encoding="utf-8")
-    assert words in shown("init", record)
-    first, _ = proposed()
-    assert first.time.column is None or (first.time.factor, first.sample_interval_s) == (1e-9, 0.005)
-
-
-def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) -> None:
-    """In degrees: of the arm behind a gear of 1 to 100, of a motor that is as fast as servo motors are."""
-    rows = read_rows(record)
-    fastest = np.quantile(np.abs(rows[10:, 2] - rows[:-10, 2]), 0.999) / 0.05
-    for rad_s, words in (
-        (2.5, "of the arm, as it reaches 2.5 rad/s only: for that of the motor multiply factor by the gear ratio"),
-        (50.0, ""),
-        (250.0, "of the motor, as it reaches 250 rad/s; if it turns an arm, add r to nominal"),
-    ):
-        angle = np.degrees(rows[:, 2] * rad_s / fastest)
-        columns = np.column_stack([rows[:, 0] - rows[0, 0], rows[:, 1], angle])
-        write_rows(record, columns, "Time,Trq [Nm],Pos [deg]")
-        shown("init", record, "--force")
-        (line,) = (x for x in Path("axis.toml").read_text("utf-8").splitlines() if x.startswith("angle"))
-        assert (words in line) if words else "likely of the" not in line
-
-
-@pytest.mark.parametrize("name", ["Achse 1 Istposition (Grad)", "Pos_deg(:,1)", "Winkel [deg]"])
-def test_degrees(record: Path, name: str) -> None:
-    rename_columns(record, f'Time,A1_Trq,"{name}",A2_Trq,A2_Pos')
-    shown("init", record)
-    factors = {axis.motion.column: axis.motion.factor for axis in proposed()}
-    assert factors[name] == pytest.approx(np.pi / 180)
-
-
-@pytest.mark.parametrize(
-    ("name", "role"),
-    [
-        ("A1_Motorstrom", "current"),
-        ("Achse 2 Istwinkel", "angle"),
-        ("Istposition_3", "angle"),
-        ("Motordrehzahl", "speed"),
-        ("A1_Sollwinkel", "wanted"),
-        ("Sollstrom", "wanted"),
-        ("Achse 1 Lageistwert", "angle"),
-        ("Momentenistwert", "torque"),
-        ("Drehzahlsollwert_2", "wanted"),
-        ("Drahtvorschub", ""),
-        ("AIPos.A1", "angle"),
-        ("TorqueReference", "wanted"),
-        ("Consigne couple", "wanted"),
-        ("Axis_X.PositionError", "other"),
-        ("torque_ff_ref", "other"),
-    ],
-)
-def test_words_of_loggers(name: str, role: str) -> None:
-    """Of German compound words, of words without a space between them; what is neither measured nor commanded."""
-    assert role_of(name) == role
-
-
-@pytest.mark.parametrize(
-    ("name", "number"),
-    [
-        ("Axis 2 S-0-0084 Torque", "2"),
-        ("SERVO_1.r63[0]", "1"),
-        ("gAxis[3].Drive0", "3"),
-        ("A4_Pos", "4"),
-        ("field.effort0", "0"),
-        ("17", ""),
-    ],
-)
-def test_the_number_of_an_axis(name: str, number: str) -> None:
-    """It stands behind a word for an axis, otherwise last; a column that is called by its place has none."""
-    assert axis_number(name) == number

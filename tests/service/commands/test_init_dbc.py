@@ -72,14 +72,19 @@ def test_shipped_files(name: str, count: int) -> None:
     ]
 
 
+def cycle_times(ms: dict[int, int]) -> str:
+    """The end of a DBC with the cycle times of messages by their ids."""
+    head = 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\nBA_DEF_DEF_ "GenMsgCycleTime" 0;\n'
+    return head + "".join(f'BA_ "GenMsgCycleTime" BO_ {number} {time};\n' for number, time in ms.items())
+
+
 def test_a_gripper_and_a_payload(folder: Path) -> None:
     """A message without a cycle may be sent only when something changes, so its values do not become too old."""
     more = 'BO_ 704 Scale: 8 Controller\n SG_ Payload : 8|16@1+ (0.1,0) [0|100] "kg" Monitor\n'
     more += 'BO_ 703 Outputs: 8 Controller\n SG_ DO_Gripper : 0|1@1+ (1,0) [0|1] "" Monitor\n'
     more += ' SG_ GripperCounter : 24|8@1+ (1,0) [0|255] "" M\n SG_ GripperForce : 32|16@1+ (1,0) [0|9] "N" M\n'
     more += 'BO_ 705 Second: 8 Controller\n SG_ DO_Gripper : 0|1@1+ (1,0) [0|1] "" M\n\n'
-    more += 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\n'
-    more += 'BA_DEF_DEF_ "GenMsgCycleTime" 0;\nBA_ "GenMsgCycleTime" BO_ 704 100;\n'
+    more += cycle_times({704: 100})
     text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", more))
     assert "all axes: Scale.Payload, Outputs.DO_Gripper, Second.DO_Gripper may tell what the robot carries" in text
     for axis in axes:
@@ -97,8 +102,7 @@ def test_the_temperature_of_each_axis(folder: Path) -> None:
     more += ' SG_ GearTemp1 : 16|16@1+ (0.1,0) [0|200] "degC" M\n SG_ TempLimit1 : 32|16@1+ (1,0) [0|9] "degC" M\n'
     more += 'BO_ 705 Temps2: 8 Drive\n SG_ BoardTemp2 : 0|16@1+ (0.1,0) [0|200] "degC" M\n'
     more += ' SG_ Motor2 : 16|16@1+ (0.1,0) [0|200] "degC" M\n SG_ GearOverTemp2 : 48|1@1+ (1,0) [0|1] "" M\n\n'
-    more += 'BA_DEF_ BO_ "GenMsgCycleTime" INT 0 65535;\nBA_DEF_DEF_ "GenMsgCycleTime" 0;\n'
-    more += 'BA_ "GenMsgCycleTime" BO_ 704 1000;\nBA_ "GenMsgCycleTime" BO_ 705 10000;\n'
+    more += cycle_times({704: 1000, 705: 10_000})
     text, axes = proposed(can_logs.dbc(folder / "robot.dbc", 2, "deg", more))
     assert "temperatures, which friction may follow: axis1: Temps1.GearTemp1, axis2: Temps2.Motor2" in text
     found = [(s.name, s.message, s.signal, s.max_age_s) for axis in axes for s in axis.config.signal]
