@@ -18,7 +18,6 @@ from monitor_core.drive import (
     TEMPERATURE,
     AxisModel,
     Drive,
-    Term,
     ThermalStart,
     friction_of,
     split_name,
@@ -49,6 +48,7 @@ from monitor_core.identification import (
     with_schedule,
     with_terms,
 )
+from monitor_core.wording import listed
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
 from service.config.conditions import schedules_of, term_of
@@ -132,23 +132,26 @@ class IdentificationTask:
             result,
             tuple(item.source for item in self.estimation),
             tuple(item.source for item in self.validation),
-            (*self.warnings, *_unused_temperature(self.axis.config, result)),
+            (*self.warnings, *_temperature_remark(self.axis.config, result)),
             provenance,
             tuple(sorted(self.axis.config.coupling.values())),
         )
 
 
-def _unused_temperature(axis: AxisConfig, result: IdentificationResult) -> Iterator[str]:
-    """Why friction does not follow the temperature of the axis, if that is measured."""
-    measured = any(signal.name == TEMPERATURE for signal in axis.signal)
-    followed = any(TEMPERATURE in Term.read(term.term).signals for term in result.options.scheduled)
-    if measured and not followed and result.options.thermal is not None:
-        why = (
-            "the records do not show that friction falls as it rises"
-            if result.warm_up is None
-            else "the heat of the axis's own motion explains friction better"
+def _temperature_remark(axis: AxisConfig, result: IdentificationResult) -> Iterator[str]:
+    """What follows the temperature of the axis, if that is measured, or why nothing does."""
+    if all(signal.name != TEMPERATURE for signal in axis.signal) or result.options.thermal is None:
+        return
+    followed = [term for term in result.options.scheduled if term.term == TEMPERATURE]
+    if followed:
+        names, first = listed([term.parameter for term in followed]), followed[0]
+        yield f"Follows the signal {TEMPERATURE}: {names}. In the records it is {first.low:.3g} to {first.high:.3g}."
+    elif result.warm_up is None:
+        yield f"Friction does not follow the signal {TEMPERATURE}: it does not clearly fall while that rises."
+    else:
+        yield (
+            f"Friction does not follow the signal {TEMPERATURE}: the heat of the axis's own motion explains it better."
         )
-        yield f"Friction does not follow the signal {TEMPERATURE}: {why}."
 
 
 def prepare(

@@ -138,10 +138,9 @@ def test_friction_follows_a_signal_that_is_called_temperature_by_itself(director
     assert (friction.parameter, friction.signal) == ("fm", "temperature")
     assert friction.slope == pytest.approx(SLOPE, abs=5 * friction.standard_deviation)
     assert "fm follows temperature, by" in " ".join(result.stdout.split())
-    unused = "Friction does not follow the signal temperature"
-    assert unused not in result.stdout
-    short = identify("--free", "fm")
-    assert f"{unused}: the records do not show that friction falls as it rises." in " ".join(short.stdout.split())
+    assert "Follows the signal temperature: fm. In the records it is 20 to 45." in " ".join(result.stdout.split())
+    short = " ".join(identify("--free", "fm").stdout.split())
+    assert "Friction does not follow the signal temperature: it does not clearly fall" in short
 
 
 def test_a_long_term_has_a_number_in_tables(directory: Path) -> None:
