@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.detection.multimodel import lanes
 from monitor_core.detection.multimodel.bank_evidence import BankEvidence
-from monitor_core.detection.multimodel.candidates import hypothesis_of
+from monitor_core.detection.multimodel.candidates import candidate_cause
 from monitor_core.detection.multimodel.hypothesis import REFERENCE
 from monitor_core.detection.multimodel.naming import CausePosterior
 from monitor_core.kernel.likelihood import SINCE_DETECTION, G
@@ -21,7 +21,10 @@ H = 10.0
 def evidence() -> BankEvidence:
     """For kT -20 and +20 %, fm +40 %, and the healthy axis; no sums yet."""
     axis = (PLANT.model, PLANT.settings)
-    changes = [hypothesis_of(*axis, cause, size) for cause, size in (("kT", -0.2), ("kT", 0.2), ("fm", math.log(1.4)))]
+    changes = [
+        candidate_cause(*axis, cause).hypothesis(size)
+        for cause, size in (("kT", -0.2), ("kT", 0.2), ("fm", math.log(1.4)))
+    ]
     hypotheses = (REFERENCE, *changes, REFERENCE)
     zeros = np.zeros(len(hypotheses))
     tables, predictors = lanes.lanes_of(
