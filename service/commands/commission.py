@@ -40,7 +40,6 @@ RecordsOrBus = Annotated[
         metavar="RECORD...",
         help=f"Tables (.csv .parquet .mat) or CAN logs ({LOG_KINDS}) of the healthy robot; FILE@10:60 are its"
         " seconds 10 to 60. Without any, those of DIR/records.",
-        show_default=False,
     ),
 ]
 Minutes = Annotated[
@@ -49,7 +48,6 @@ Minutes = Annotated[
         "--minutes",
         metavar="N",
         help="Without RECORD: first record the buses for so long, into DIR/records.",
-        show_default=False,
     ),
 ]
 

@@ -30,9 +30,7 @@ from service.config.unit_names import unit_in
 from service.ingest.roles_by_name import role_of
 from service.reports.excitation_report import as_csv, print_text
 
-Output = Annotated[
-    Path, typer.Option("--output", "-o", metavar="FILE.csv", help="File for the motion.", show_default=False)
-]
+Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE.csv", help="File for the motion.")]
 Seconds = Annotated[float, typer.Option("--seconds", metavar="S", help="Length of a period.")]
 Periods = Annotated[int, typer.Option("--periods", min=1, help="Number of periods, after one to warm up.")]
 Band = Annotated[

@@ -45,7 +45,6 @@ CanRecord = Annotated[
         metavar="LOG",
         help=f"With a description of the bus or its drives: a CAN log ({LOG_KINDS}) of the healthy, moving robot, so"
         " that values are evaluated, too.",
-        show_default=False,
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
@@ -63,7 +62,6 @@ Nodes = Annotated[
         metavar="N",
         help="With the EDS of CANopen drives: node id of a drive, once for each. Default: those on the bus or in the"
         " log, or the one in the DCF.",
-        show_default=False,
     ),
 ]
 
