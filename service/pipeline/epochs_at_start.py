@@ -7,7 +7,7 @@ from monitor_core.trend import LearningWindow
 from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.config.epoch_values import EpochValuesError, content_of, fingerprint_of, values_of, with_epoch
-from service.pipeline.alarm_recording import alarm_rules, quantities
+from service.pipeline.axis_alarms import alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Restored, restore
 from service.pipeline.epoch_progress import Learning

@@ -14,7 +14,8 @@ from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
 from service.ingest.records import FileRecord
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
-from service.pipeline.alarm_recording import JournalQuantity, as_recorded, quantities
+from service.pipeline.alarm_recording import as_recorded
+from service.pipeline.axis_alarms import JournalQuantity, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot, Reception, make_axis_snapshot
 from service.reports.formats import Provenance
