@@ -21,7 +21,8 @@ from service.commands.options import LOG_KINDS, ConfigPath, configuration
 from service.commands.output_files import write
 from service.commands.progress import axes_bars
 from service.config import Config
-from service.config.commissioned import RECORDS, REPORT, commissioned, corrected, relocated
+from service.config.commissioned import commissioned, corrected, relocated
+from service.config.commissioning_files import RECORDS, REPORT
 from service.config.corrections import Correction
 from service.reports.commissioning_report import Outcome, as_html, motion_step, next_step, recording_s
 from service.reports.formats import Provenance

@@ -15,31 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, finite
-from monitor_core.detection.alarm import (
-    MIN_PROBABILITY,
-    MODEL_ERROR,
-    Alarm,
-    Cause,
-    DetectorName,
-    Leading,
-    direction_of,
-)
-from monitor_core.detection.multimodel.candidates import (
-    CauseQuantity,
-    candidate_cause,
-    candidates,
-    causes_of,
-)
+from monitor_core.detection.alarm import MIN_PROBABILITY, MODEL_ERROR, Alarm, Cause, DetectorName, Leading, direction_of
+from monitor_core.detection.multimodel.candidates import CauseQuantity, candidate_cause, candidates, causes_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.isolability import Distinct, chosen, distinct_candidates
-from monitor_core.detection.multimodel.naming import (
-    CauseIdentified,
-    ChangeDetected,
-    Event,
-    Share,
-    SizeCorrected,
-)
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event, Share, SizeCorrected
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY

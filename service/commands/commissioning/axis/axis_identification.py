@@ -5,13 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from monitor_core.identification import (
-    FitQuality,
-    IdentificationError,
-    Record,
-    TurningWeight,
-    turning_weight,
-)
+from monitor_core.identification import FitQuality, IdentificationError, Record, TurningWeight, turning_weight
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, within
 from service.commands.commissioning.axis.identification_retries import (
@@ -29,7 +23,7 @@ from service.commands.commissioning.axis.missing_motion import motion_for, with_
 from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import NamedAxis
-from service.config.commissioned import pages_of
+from service.config.commissioning_files import pages_of
 from service.config.corrections import SIGNAL
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome

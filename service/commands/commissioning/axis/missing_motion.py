@@ -12,7 +12,8 @@ from monitor_core.identification import Obstacle, Record, top_speed
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob
 from service.commands.excite import MotionRequest, angle_columns, planned, torque_columns
 from service.commands.output_files import replace_text
-from service.config.commissioned import Found, commissioned, corrected, motion_file, uncoupled
+from service.config.commissioned import Found, commissioned, corrected, uncoupled
+from service.config.commissioning_files import motion_file
 from service.ingest.loaded_records import load
 from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv

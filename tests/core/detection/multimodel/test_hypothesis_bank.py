@@ -29,14 +29,7 @@ from monitor_core.detection.multimodel.naming import (
 )
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import (
-    BAND_HZ,
-    FAULT_AT,
-    NOISE,
-    TORQUE_RMS,
-    Experiment,
-    experiment,
-)
+from monitor_core.excitation.reference_experiment import BAND_HZ, FAULT_AT, NOISE, TORQUE_RMS, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.monitoring.alarm_tracker import AlarmTracker
