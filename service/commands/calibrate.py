@@ -127,7 +127,8 @@ def calibrate_axis(
     from monitor_core.monitoring import pose_maps, ranges
     from service.commands.progress import Background
     from service.config import conditions_of
-    from service.config.axis_settings import alarm_source_of, axis_settings, monitored_model
+    from service.config.axis_detectors import alarm_source_of
+    from service.config.axis_settings import axis_settings, monitored_model
     from service.ingest.axis_records import wanted
     from service.ingest.loaded_records import load_samples
     from service.ingest.recorded_units import units_as_recorded

@@ -11,7 +11,8 @@ from rich.text import Text
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
-from service.config.axis_settings import awaits_identification, detectors_in_words
+from service.config.axis_detectors import detectors_in_words
+from service.config.axis_settings import awaits_identification
 from service.config.base_table import SUFFIX
 from service.config.bus_messages import messages_of
 from service.config.certificates import expiries

@@ -119,8 +119,8 @@ def _from_table(record: Path, output: Path) -> None:
     """Write a configuration for a table."""
     from service.commands.proposed_configuration import table_lines
     from service.ingest.column_roles import roles
+    from service.ingest.column_values import changes
     from service.ingest.records import is_table
-    from service.ingest.roles_by_values import changes
     from service.ingest.signal_roles import summary
     from service.ingest.table_files import open_table
 
