@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -19,6 +20,7 @@ Matrix = Literal["A", "B", "C", "rest", "ratio"]
 """A matrix of the drive; "rest" and "ratio": see ``Drive``."""
 Output = Literal["speed", "angle", "mean speed"]
 """The measured output; "mean speed" is the mean over the interval before the sample."""
+OUTPUT_UNITS: Mapping[Output, str] = MappingProxyType({"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"})
 Powers = tuple[tuple[str, int], ...]
 """Names of parameters and their exponents."""
 

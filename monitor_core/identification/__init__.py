@@ -61,7 +61,6 @@ from monitor_core.identification.record_checks.value_patterns import (
 )
 from monitor_core.identification.records.gap_cuts import GapCut, RecordPart, cut_at_gaps
 from monitor_core.identification.records.measured_record import (
-    UNITS,
     Record,
     between,
     most_moving_parts,

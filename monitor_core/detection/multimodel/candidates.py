@@ -29,7 +29,7 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
-from monitor_core.drive.structure import DELAY, LOAD, split_name
+from monitor_core.drive.structure import DELAY, LOAD, OUTPUT_UNITS, split_name
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
 
@@ -214,7 +214,7 @@ def _sensor_fault(model: AxisModel, s: Settings, name: str) -> CandidateCause:
         ),
         # A predictor of the angle follows an offset of the angle.
         OUTPUT_OFFSET: CandidateCause(
-            CauseQuantity(0.0, "rad" if angle else "rad/s", sd),
+            CauseQuantity(0.0, OUTPUT_UNITS[model.drive.output], sd),
             lambda size: Hypothesis(name, size, output=Distortion(offset=size * sd)),
             () if angle else _both(_OFFSETS),
         ),
