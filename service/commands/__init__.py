@@ -4,7 +4,7 @@
   ``signal_handling``.
 * The daemon, for ``run`` and ``demo``: ``daemon``, ``daemon_logs``, ``protection``, ``service_manager``;
   ``signal_look`` of ``commissioning/`` for the page.
-* For ``identify`` and ``commission``: ``identification_task``.
+* For ``identify`` and ``commission``: ``identification_task``, ``identification_records``.
 * ``commissioning/``: what ``commission`` does, for each axis, and the checks of its signals.
 * The configuration that ``init`` and ``discover`` write: ``proposed_configuration``.
 """

@@ -109,7 +109,7 @@ def _fit(attempt: _Attempt, loads: LoadSearches, progress: CommissioningProgress
     config, axis = job.configured()
     request = Request(schedule=attempt.schedule, memories_s=memories_of(axis.config))
     task = prepare(config, axis, job.records, [], request)
-    records = [item.record for item in task.estimation]
+    records = task.records.fitted
     provenance = job.provenance._replace(drawing=drawing_of(axis.config))
     search, turn = loads.search(text), partial(_turn_of_weight, records)
     is_guess = job.shorten and not attempt.drives  # the first drive may be one
