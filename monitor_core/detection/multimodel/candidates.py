@@ -29,7 +29,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
-from monitor_core.drive.structure import DELAY, LOAD, OUTPUT_UNITS, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import DELAY, LOAD, OUTPUT_UNITS
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
 

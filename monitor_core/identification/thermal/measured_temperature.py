@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.structure import slope_name
+from monitor_core.drive.parameter_names import slope_name
 from monitor_core.drive.thermal_state import TEMPERATURE
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms

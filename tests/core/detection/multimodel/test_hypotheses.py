@@ -18,7 +18,7 @@ from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.lanes import lanes_of
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.parameter_names import split_name
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.outliers import AFTER, JOLT_S
 from monitor_core.kernel.predictors import FARTHEST, SHORTEST, Predictors
