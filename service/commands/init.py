@@ -17,7 +17,7 @@ from service.can.frames import FrameBlock, concatenate_frames
 from service.can.log_files import CanLog, log_suffix
 from service.can.message_files import KINDS, read_messages
 from service.can.messages import DescriptionError, MessageSet
-from service.can.user_errors import RecordError, left_out_words
+from service.can.user_errors import RecordError, left_out_words, silent_words, undescribed_words
 from service.commands.exit_codes import explained
 from service.commands.listen import rounds
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
@@ -230,10 +230,8 @@ def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str)
 
     found = roles_on_bus(known, frames)
     if not found.received:
-        raise RecordError(
-            f"{frames.size} frames on {where}, and none of their messages is in {description}:"
-            f" {_few(found.undescribed)}; does that describe this robot, and this bus?"
-        )
+        received = f"{frames.size} frames on {where}"
+        raise RecordError(undescribed_words(received, description, _few(found.undescribed)))
     if not found.axes:
         raise RecordError(
             f"no torque and motion of an axis on {where}: messages of {description} received: {_few(found.received)};"
@@ -303,10 +301,7 @@ def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
     finally:
         reader.close()
     if not frames:
-        raise RecordError(
-            f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
-            " termination and bit rate right?"
-        )
+        raise RecordError(silent_words(where, f"{seconds:g}"))
     return frames
 
 
