@@ -11,18 +11,15 @@ import typer
 
 from monitor_core.arrays import Floats
 from monitor_core.wording import first_of
-from service.can.bus_reader import CanReader
 from service.can.canopen_drives import SUFFIXES, commissioned_node
-from service.can.frames import FrameBlock, concatenate_frames
-from service.can.log_files import CanLog, log_suffix
+from service.can.frames import FrameBlock
+from service.can.log_files import log_suffix
 from service.can.message_files import KINDS, read_messages
 from service.can.messages import DescriptionError, MessageSet
-from service.can.user_errors import RecordError, left_out_words, silent_words, undescribed_words
+from service.can.user_errors import RecordError, undescribed_words
 from service.commands.exit_codes import explained
-from service.commands.listen import rounds
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new, write_all
-from service.commands.signal_handling import stopped_by_signals
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
@@ -30,6 +27,7 @@ if TYPE_CHECKING:
     from service.ingest.live_roles import BusRoles
     from service.ingest.signal_roles import FurtherSignals
     from service.ingest.table_files import TableFile
+from service.commands.received_frames import heard_on, logged
 
 RecordFile = Annotated[
     Path,
@@ -281,45 +279,6 @@ _NAMED = 12
 
 def _few(names: Sequence[str]) -> str:
     return first_of(names, _NAMED)
-
-
-def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
-    """All frames received from a bus in that time; Ctrl-C ends it early.
-
-    Raises:
-        BusError: the bus cannot be opened.
-        RecordError: no frame was received.
-    """
-    where = f"{bus.interface} {bus.channel}"
-    print(f"Listening to {where} for {seconds:g} s; the robot should move ...", flush=True)
-    reader = CanReader(bus, None)
-    reader.open()
-    try:
-        reader.start()
-        with stopped_by_signals() as stop:
-            frames = concatenate_frames([block for (block,) in rounds([reader], seconds, stop)])
-    finally:
-        reader.close()
-    if not frames:
-        raise RecordError(silent_words(where, f"{seconds:g}"))
-    return frames
-
-
-def logged(log: Path) -> Mapping[str, FrameBlock]:
-    """The frames of each bus in a CAN log, by the name of its channel.
-
-    Raises:
-        RecordError: the log cannot be read.
-    """
-    found = CanLog(log)
-    blocks: dict[str, list[FrameBlock]] = {}
-    for block in found.blocks():
-        for number, name in enumerate(block.names):
-            if part := block.frames.select(block.channels == number):
-                blocks.setdefault(name, []).append(part)
-    if found.left_out:
-        print(left_out_words(log, found.left_out))
-    return {name: concatenate_frames(parts) for name, parts in blocks.items()}
 
 
 def _together(table: TableFile, names: Sequence[str]) -> Mapping[str, Floats]:
