@@ -25,11 +25,12 @@ from service.config.bus_rules import BUS_RULES, CONFIG_RULES
 from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
 from service.config.coupling_rules import coupling, defaults_without_coupling, weight_of_coupled
 from service.config.file_rules import FILE_RULES
+from service.config.link_rules import LINK_RULES, certificate_and_key
 from service.config.model_rules import MODEL_RULES, complete_model
 from service.config.problems import NOT_UTF8, CheckFinding, ConfigErrors, ConfigProblem, dotted, line_of, shown
 from service.config.robot_defaults import origin
 from service.config.schema import AxisConfig, Config, RobotConfig
-from service.config.schema_links import LINK_RULES, certificate_and_key, concealed
+from service.config.schema_links import concealed
 from service.config.toml_lines import Keys, nearest, positions
 
 PREFIX = "AXISWATCH_"
