@@ -6,5 +6,6 @@
   ``signal_look`` of ``commissioning/`` for the page.
 * For ``identify`` and ``commission``: ``identification_task``, ``identification_records``.
 * ``commissioning/``: what ``commission`` does, for each axis, and the checks of its signals.
-* The configuration that ``init`` and ``discover`` write: ``proposed_configuration``.
+* The configuration that ``init`` and ``discover`` write: ``proposed_configuration``; ``received_frames``: what they
+  look at.
 """
