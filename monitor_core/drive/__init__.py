@@ -1,7 +1,7 @@
 """A drive as numbers: parameters, units, bounds; A, B, C as data; stability, Kalman gain.
 
-* ``structure``: the drive, its parameters, states and terms; ``parameter_names``: 1/Ja, and slopes.  ``axis_model``: one
-  axis with its nominal values.
+* ``structure``: the drive, its parameters, states and terms; ``parameter_names``: 1/Ja, and slopes.
+  ``axis_model``: one axis with its nominal values.
 * ``operating_conditions``: nominal values that depend on signals.  ``gates``: when nothing is estimated.
   ``holding_brake``: an axis that its brake holds.  ``thermal_state``: warm-up without a thermometer.
   ``friction_roles``: the parameters that are friction.  ``measured_speed``: speed at the sensor.
