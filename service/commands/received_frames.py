@@ -10,7 +10,7 @@ from service.can.bus_reader import CanReader
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.log_files import CanLog
 from service.can.user_errors import RecordError, left_out_words, silent_words
-from service.commands.listen import rounds
+from service.commands.live_buses import rounds
 from service.commands.signal_handling import stopped_by_signals
 from service.config.schema_buses import BusConfig
 
