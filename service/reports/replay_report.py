@@ -10,8 +10,9 @@ from monitor_core.monitoring import ParameterStatus, Status
 from monitor_core.wording import percent
 from service.pipeline.axis_pipeline import Heat
 from service.reports.formats import TextTable, for_terminal, json_text, labelled, plain
-from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
+from service.reports.replay_course import DOWN, EVIDENCE, UP
 from service.reports.replay_result import Replayed, ReplayedAxis
+from service.reports.timeline import time_unit
 from service.store.alarm_table import RecordedAlarm
 from service.texts.alarm_words import episode_words
 from service.texts.instants import DATED_US, iso

@@ -19,7 +19,8 @@ from service.pipeline.axis_alarms import JournalQuantity, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot, Reception, make_axis_snapshot
 from service.reports.formats import Provenance
-from service.reports.replay_course import ReplayCourse, TimeUnit
+from service.reports.replay_course import ReplayCourse
+from service.reports.timeline import TimeUnit
 from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 
