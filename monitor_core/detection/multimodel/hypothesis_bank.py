@@ -290,10 +290,10 @@ class HypothesisBank:
             return
         # Until the state has settled after the change, no hypothesis is right, and the least wrong one seems certain.
         early = now_us - since < self._slowest_us
-        shares = found.shares()
-        sure, resort = shares[0].probability >= SURE_ENOUGH, shares[0].cause in self._last_resort
+        cause, probability = found.most_probable()
+        sure, resort = probability >= SURE_ENOUGH, cause in self._last_resort
         if waited >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            total = self.active_faults.with_total_sizes(shares)
+            total = self.active_faults.with_total_sizes(found.shares())
             self._wait(kernel.REFINING, MEMORIES)
             self._memory.sums[SINCE_DETECTION] = 0.0  # what raised the alarm may not last
             yield CauseIdentified(now_us, since, found.onset(), total, sure, settled=False)
