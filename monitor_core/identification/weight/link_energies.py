@@ -291,9 +291,9 @@ class EnergyBalance(WeightBalance):
         the torque in other poses would be off by half as much again.
         """
         errors = self._errors_beside([index for place in chosen for index in self.same_sum[place]])
+        errors[list(chosen)] = np.inf
         for place in np.flatnonzero(np.isnan(errors)).tolist():
             errors[place] = self.sums_error([*chosen, place])
-        errors[list(chosen)] = np.inf
         best = int(np.argmin(errors))
         return best, self.sums_error([*chosen, best])
 
