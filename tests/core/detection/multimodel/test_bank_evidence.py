@@ -56,3 +56,14 @@ def test_crossed_likeliest_and_lane(evidence: BankEvidence) -> None:
     assert (evidence.likeliest(), evidence.lane("kT"), evidence.lane("fm")) == ("kT", 2, 3)
     first, *_ = evidence.shares()
     assert (first.cause, first.probability > 0.99) == ("kT", True)
+
+
+@pytest.mark.parametrize("share", [1.0, 1 / 3])
+@pytest.mark.parametrize("sums", [(0.0, 0.0, 0.0), (3.0, 4.0, 4.5), (9.0, 2.0, 8.8)])
+def test_the_most_probable_cause_is_the_first_share(
+    sums: tuple[float, float, float], share: float, evidence: BankEvidence
+) -> None:
+    evidence = evidence._replace(causes=CausePosterior(evidence.hypotheses[1:], share))
+    evidence.memory.sums[G, 1:4] = sums
+    first, *_ = evidence.shares()
+    assert evidence.most_probable() == (first.cause, first.probability)
