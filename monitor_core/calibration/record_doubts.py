@@ -44,6 +44,8 @@ class CalibrationError(Exception):
         memory_s: memory for which the records would suffice [s]; None: not known.
         joint_state: whether that memory needs ``joint_state = true``.
         without: parameters that the records do not determine; without them the records may suffice.
+        misfit: whether the nominal values do not fit the records, as values that were found from them do not if the
+            drive lacks something.
     """
 
     def __init__(
@@ -53,12 +55,14 @@ class CalibrationError(Exception):
         memory_s: float | None = None,
         joint_state: bool = False,
         without: Sequence[str] = (),
+        misfit: bool = False,
     ) -> None:
         super().__init__(text)
         self.budget_s = budget_s
         self.memory_s = memory_s
         self.joint_state = joint_state
         self.without = tuple(without)
+        self.misfit = misfit
 
 
 def check_settings(settings: Settings) -> None:
@@ -233,7 +237,8 @@ def _check_no_offset(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> 
                 f"{axis.model.monitored[i]} differs from its nominal value throughout,"
                 f" by {100 * mean[i]:+.1f} % of its size,"
                 f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values do not fit these"
-                " records; identify the axis with them first"
+                " records; identify the axis with them first",
+                misfit=True,
             )
 
 

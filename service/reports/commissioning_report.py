@@ -48,6 +48,8 @@ class Outcome:
     """Duration of that motion"""
     no_warm_up: bool = False
     """Whether friction is taken as constant, because the records do not show that it falls as the axis warms up"""
+    misfit: bool = False
+    """The nominal values do not fit the records from which they were found, so the drive lacks something"""
     fault: bool = False
     """The refusal is an internal error, not a fault of the records"""
 

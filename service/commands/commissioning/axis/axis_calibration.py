@@ -34,7 +34,7 @@ def calibrated(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) 
             remedy = _remedy_for(error, outcome, options)
             if remedy is None or not job.shorten:
                 taken = "" if remedy is None else f"; --yes applies {remedy.words}"
-                return replace(outcome, refusal=f"not calibrated: {error}{taken}")
+                return replace(outcome, refusal=f"not calibrated: {error}{taken}", misfit=error.misfit)
             outcome, options = remedy.outcome, remedy.options
         except REFUSALS as error:
             return replace(outcome, refusal=f"not calibrated: {error}")

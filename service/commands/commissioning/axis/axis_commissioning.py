@@ -13,7 +13,7 @@ from pathlib import Path
 from monitor_core.drive import split_name
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_calibration import calibrated, tested
-from service.commands.commissioning.axis.axis_identification import identified
+from service.commands.commissioning.axis.axis_identification import identified, identified_with_spring
 from service.commands.commissioning.axis.axis_job import AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.load_search import LoadSearches
@@ -36,7 +36,7 @@ def commission_axis(
     1. An axis with faults of its signals is refused.
     2. If the friction shows that the motor also moves with other axes, it is coupled with them.
     3. Identification gives nominal values; a motion is planned for what the records do not show.
-    4. Calibration gives thresholds.
+    4. Calibration gives thresholds.  If one mass does not fit the records, the axis is identified with a spring, too.
     5. The axis is monitored in its own records: what could not be tested there is noted.
 
     ``job``: its configuration has the corrections of ``review``, the findings about its signals.
@@ -52,9 +52,12 @@ def commission_axis(
     job = job._replace(records=tuple(r for r in job.records if r not in review.standing))
     loads = LoadSearches(name, job.records, job.folder)
     job, outcome = with_coupling(job, replace(outcome, notes=tuple(_open_points(review))), loads, progress)
-    outcome = identified(job, outcome, loads, progress)
+    before = outcome
+    outcome = identified(job, before, loads, progress)
     if outcome.found is not None:
         outcome = calibrated(job, outcome, progress)
+        if outcome.misfit and (better := identified_with_spring(job, outcome, before, loads, progress)) is not None:
+            outcome = calibrated(job, better, progress)
         if outcome.thresholds_file is not None:
             outcome = tested(job, outcome, progress)
         _, axis = job.configured()

@@ -7,7 +7,13 @@ from typing import NamedTuple
 
 from monitor_core.identification import FitQuality, IdentificationError, Record, TurningWeight, turning_weight
 from monitor_core.wording import listed
-from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, within
+from service.commands.commissioning.axis.axis_job import (
+    REFUSALS,
+    AxisJob,
+    CommissioningProgress,
+    as_found,
+    within,
+)
 from service.commands.commissioning.axis.identification_retries import (
     Retry,
     followers_monitored,
@@ -15,6 +21,7 @@ from service.commands.commissioning.axis.identification_retries import (
     memory_change,
     retry,
     watched_in,
+    with_spring,
     without_fit,
     without_unsettled,
 )
@@ -38,31 +45,27 @@ _MOST_LEFT_OUT = 2
 def identified(job: AxisJob, outcome: Outcome, loads: LoadSearches, progress: CommissioningProgress) -> Outcome:
     """The outcome with nominal values, and with a motion for what the records do not show, written into the folder."""
     progress("identify", "reading the records", 0.0)
-    attempt, without_links = _Attempt(job, outcome), None
-    try:
-        while True:
-            fit, again = _fit(attempt, loads, progress)
-            if without_links is not None and not fit.is_usable and not (again and again.left_out):
-                fit = without_links
-                break
-            fit, again = _agreed(fit, again)
-            if again is None:
-                break
-            if again.schedule and fit.is_usable:
-                without_links = fit  # it stands if none of those with the load of links is usable
-            attempt = _following(fit.attempt, again, fit.axis.config.model.drive)
-        job, outcome = fit.attempt.job, fit.attempt.outcome
-        outcome = replace(outcome, notes=(*outcome.notes, *_unknown_gears(fit)))
-    except REFUSALS as error:
-        return replace(attempt.outcome, refusal=f"not identified: {error}")
-    outcome = _with_values(fit, outcome)
-    motion = motion_for(fit.report, fit.records)
-    if motion is None:
-        return outcome
-    progress("identify", "planning a motion", 0.0)
-    if fit.axis.config.coupling:
-        motion = within_arm(motion, job)
-    return with_motion(job, outcome, motion)
+    found = _settled(_Attempt(job, outcome), loads, progress)
+    return found if isinstance(found, Outcome) else _with_results(found, progress)
+
+
+def identified_with_spring(
+    job: AxisJob, misfit: Outcome, outcome: Outcome, loads: LoadSearches, progress: CommissioningProgress
+) -> Outcome | None:
+    """As ``identified``, with a spring; None: that gives no better values, or cannot.
+
+    One mass may explain most of the motion and yet leave so much of each sample that the estimates are off.
+
+    ``misfit``: the outcome with the values that do not fit; ``outcome``: that before they were identified.
+    """
+    _, axis = as_found(job, misfit)
+    again = with_spring(job.text, axis, misfit.refusal) if job.shorten else None
+    if again is None:
+        return None
+    found = _settled(_following(_Attempt(job, outcome), again, axis.config.model.drive), loads, progress)
+    if isinstance(found, Outcome) or not found.is_usable or found.axis.config.model.drive == axis.config.model.drive:
+        return None
+    return _with_results(found, progress)
 
 
 # --- The attempts -----------------------------------------------------------------------------------------------------
@@ -101,6 +104,24 @@ class _Fit(NamedTuple):
     def is_usable(self) -> bool:
         """Whether its values may be nominal values, and something can be monitored with them."""
         return not self.report.rejection and bool(watched_in(self.report))
+
+
+def _settled(attempt: _Attempt, loads: LoadSearches, progress: CommissioningProgress) -> _Fit | Outcome:
+    """The fit after which nothing else is tried, or the outcome with the reason why there is none."""
+    without_links: _Fit | None = None
+    while True:
+        try:
+            fit, again = _fit(attempt, loads, progress)
+        except REFUSALS as error:
+            return replace(attempt.outcome, refusal=f"not identified: {error}")
+        if without_links is not None and not fit.is_usable and not (again and again.left_out):
+            return without_links
+        fit, again = _agreed(fit, again)
+        if again is None:
+            return fit
+        if again.schedule and fit.is_usable:
+            without_links = fit  # it stands if none of those with the load of links is usable
+        attempt = _following(fit.attempt, again, fit.axis.config.model.drive)
 
 
 def _fit(attempt: _Attempt, loads: LoadSearches, progress: CommissioningProgress) -> tuple[_Fit, Retry | None]:
@@ -171,6 +192,19 @@ def lacks_of(report: IdentificationReport, before: str) -> str:
 
 
 # --- What the attempt that stands gives -------------------------------------------------------------------------------
+
+
+def _with_results(fit: _Fit, progress: CommissioningProgress) -> Outcome:
+    """The outcome of this fit, with its files."""
+    job, outcome = fit.attempt.job, fit.attempt.outcome
+    outcome = _with_values(fit, replace(outcome, notes=(*outcome.notes, *_unknown_gears(fit))))
+    motion = motion_for(fit.report, fit.records)
+    if motion is None:
+        return outcome
+    progress("identify", "planning a motion", 0.0)
+    if fit.axis.config.coupling:
+        motion = within_arm(motion, job)
+    return with_motion(job, outcome, motion)
 
 
 def _unknown_gears(fit: _Fit) -> Iterator[str]:

@@ -27,6 +27,7 @@ class _Drive(NamedTuple):
 
 
 _ONE_MASS = _Drive("one-mass", ("kT", "fc", "fm"), {"kT": 1.0})
+_TWO_MASS = _Drive("two-mass", ("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
 _THREE_MASS = _Drive("three-mass", ("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
 _FAST_S = 0.006
 """Longest interval at which records can show the springs of gearbox and arm."""
@@ -132,6 +133,19 @@ def followers_monitored(report: IdentificationReport, text: str, axis: NamedAxis
         return None
     fewer = monitoring(text, axis.id, watched)
     return None if fewer == text else Retry(fewer, ())
+
+
+def with_spring(text: str, axis: NamedAxis, refusal: str) -> Retry | None:
+    """Two masses for one, where samples are fast enough to show a spring; None: they are not, or it bears links.
+
+    ``axis``: with its nominal values, which do not fit its records, as ``refusal`` says.
+    """
+    config, nominal = axis.config, axis.config.model.nominal_file
+    links = nominal is not None and any(table.parameter == OFFSET for table in nominal.schedule)
+    if config.model.drive != _ONE_MASS.name or config.coupling or links or config.sample_interval_s > _FAST_S:
+        return None
+    change = Correction(("model", "drive"), _TWO_MASS.name, f"as {_ONE_MASS.name} it was {refusal}")
+    return Retry(with_drive(text, axis.id, *_TWO_MASS), (change,))
 
 
 def _with_other_drive(
