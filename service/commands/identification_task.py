@@ -15,6 +15,7 @@ from monitor_core.drive import (
     COULOMB,
     HEAT,
     LOAD,
+    MARGIN,
     TEMPERATURE,
     AxisModel,
     Drive,
@@ -48,7 +49,7 @@ from monitor_core.identification import (
     with_schedule,
     with_terms,
 )
-from monitor_core.wording import listed
+from monitor_core.wording import listed, percent
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
 from service.config.conditions import schedules_of, term_of
@@ -63,6 +64,8 @@ _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
 SAME_INTERVAL = 0.01
 """Largest relative difference of intervals that count as equal, such as in a file of nominal values and its axis"""
+_AS_GOOD = 0.9
+"""Share of what the heat explains from which on a measured temperature is as good."""
 _OTHER_SAMPLING = 2.0
 """Ratio of intervals above which the sampling differs; below it the clock is only inexact"""
 TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
@@ -132,25 +135,39 @@ class IdentificationTask:
             result,
             tuple(item.source for item in self.estimation),
             tuple(item.source for item in self.validation),
-            (*self.warnings, *_temperature_remark(self.axis.config, result)),
+            (*self.warnings, *temperature_remarks(self.axis.config, result)),
             provenance,
             tuple(sorted(self.axis.config.coupling.values())),
         )
 
 
-def _temperature_remark(axis: AxisConfig, result: IdentificationResult) -> Iterator[str]:
+def temperature_remarks(axis: AxisConfig, result: IdentificationResult) -> Iterator[str]:
     """What follows the temperature of the axis, if that is measured, or why nothing does."""
     if all(signal.name != TEMPERATURE for signal in axis.signal) or result.options.thermal is None:
         return
     followed = [term for term in result.options.scheduled if term.term == TEMPERATURE]
     if followed:
-        names, first = listed([term.parameter for term in followed]), followed[0]
-        yield f"Follows the signal {TEMPERATURE}: {names}. In the records it is {first.low:.3g} to {first.high:.3g}."
-    elif result.warm_up is None:
+        names, first, share = listed([term.parameter for term in followed]), followed[0], result.temperature_share
+        reach = MARGIN * (first.high - first.low)
+        yield (
+            f"Follows the signal {TEMPERATURE}: {names}. In the records it is {first.low:.3g} to {first.high:.3g}."
+            f" Below {first.low - reach:.3g} and above {first.high + reach:.3g} nothing is tested: record the axis as"
+            " cold and as warm as it becomes, over the day and over the year."
+        )
+        if share is not None and share < _AS_GOOD:
+            yield (
+                f"The signal {TEMPERATURE} explains {percent(share)} of what the heat of the axis's own motion does,"
+                " as a thermometer lags behind the gear. It is taken all the same, because the heat does not know how"
+                " cold or warm the hall is. If that thermometer is not on this axis (in a cabinet, in the hall), remove"
+                " the signal."
+            )
+    elif result.warm_up is None or result.temperature_share is None:
         yield f"Friction does not follow the signal {TEMPERATURE}: it does not clearly fall while that rises."
     else:
         yield (
-            f"Friction does not follow the signal {TEMPERATURE}: the heat of the axis's own motion explains it better."
+            f"Friction does not follow the signal {TEMPERATURE}: the heat of the axis's own motion explains it better;"
+            f" the signal explains {percent(max(result.temperature_share, 0.0))} of that. It may be the temperature of"
+            " something else, such as a winding, a board or a cabinet."
         )
 
 

@@ -40,6 +40,17 @@ def constant(_warmth: float, _since: float) -> float:
     return 30.0
 
 
+class Lagging:
+    """A thermometer on the housing, in whole degrees: it follows the gearbox with a time constant of its own [s]."""
+
+    def __init__(self, lag_s: float) -> None:
+        self._kept, self._shown = float(np.exp(-STEP_S / lag_s)), 22.0
+
+    def __call__(self, warmth: float, _since: float) -> float:
+        self._shown += (1 - self._kept) * (22.0 + 30.0 * warmth - self._shown)
+        return round(self._shown)
+
+
 def recorded(seed: int, warming: Warming, thermometer: Thermometer) -> Record:
     """A record from cold on, with the temperature as a signal."""
     plant = WarmingPlant(np.random.default_rng(seed), warming=warming)
@@ -84,9 +95,22 @@ def test_friction_follows_the_temperature_of_the_gearbox(seed: int) -> None:
     assert warm / cold == pytest.approx(np.exp(-QUICK.fm * (warmest - 22.0) / 30.0), abs=0.1)
 
 
+def test_friction_follows_a_thermometer_that_lags_rather_than_the_heat(seed: int) -> None:
+    """In one record the heat explains more, but it would not know a hall of another temperature."""
+    found = identified(recorded(seed, QUICK, Lagging(60.0)))
+    assert found.warm_up is None
+    assert found.temperature_share is not None
+    assert 0.5 < found.temperature_share < 0.97
+    terms = {s.parameter for s in found.options.scheduled if s.term == TEMPERATURE}
+    assert "fm" in terms
+    assert found.temperature_errors.keys() == terms
+    assert all(error > 0 for error in found.temperature_errors.values())
+
+
 def test_friction_follows_the_heat_where_the_temperature_is_of_something_else(seed: int) -> None:
     found = identified(recorded(seed, QUICK, of_winding))
     assert found.warm_up is not None
+    assert found.temperature_errors == {}
     assert TEMPERATURE not in {s.term for s in found.options.scheduled}
 
 
