@@ -66,6 +66,7 @@ SAME_INTERVAL = 0.01
 """Largest relative difference of intervals that count as equal, such as in a file of nominal values and its axis"""
 _AS_GOOD = 0.9
 """Share of what the heat explains from which on a measured temperature is as good."""
+_ONE_DAY_S = 86400.0
 _OTHER_SAMPLING = 2.0
 """Ratio of intervals above which the sampling differs; below it the clock is only inexact"""
 TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
@@ -158,17 +159,31 @@ def temperature_remarks(axis: AxisConfig, result: IdentificationResult) -> Itera
             yield (
                 f"The signal {TEMPERATURE} explains {percent(share)} of what the heat of the axis's own motion does,"
                 " as a thermometer lags behind the gear. It is taken all the same, because the heat does not know how"
-                " cold or warm the hall is. If that thermometer is not on this axis (in a cabinet, in the hall), remove"
-                " the signal."
+                " cold or warm the hall is."
+            )
+        if not _of_days(result.options.begins_s):
+            yield (
+                "In records of one day the temperature of something else that rises meanwhile, as of a cabinet or of"
+                f" the hall, looks the same: if that thermometer is not on this axis, remove the signal {TEMPERATURE}."
+                " Records of days with a cold and with a warm hall show what the signal is worth."
             )
     elif result.warm_up is None or result.temperature_share is None:
-        yield f"Friction does not follow the signal {TEMPERATURE}: it does not clearly fall while that rises."
+        yield (
+            f"Friction does not follow the signal {TEMPERATURE}: it does not clearly fall while that rises, or not"
+            " alike in all parts of the records. It may be the temperature of something else, such as a cabinet or the hall."
+        )
     else:
         yield (
             f"Friction does not follow the signal {TEMPERATURE}: the heat of the axis's own motion explains it better;"
             f" the signal explains {percent(max(result.temperature_share, 0.0))} of that. It may be the temperature of"
             " something else, such as a winding, a board or a cabinet."
         )
+
+
+def _of_days(begins_s: Sequence[float | None]) -> bool:
+    """Whether records begin on several days, by the clock times of their first samples [s]; None: unknown."""
+    known = [begins for begins in begins_s if begins is not None]
+    return bool(known) and max(known) - min(known) > _ONE_DAY_S / 2
 
 
 def prepare(

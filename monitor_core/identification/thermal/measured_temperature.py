@@ -69,7 +69,10 @@ def following_temperature(
     """The fit again, with friction that follows the signal "temperature"; None: the records do not show that.
 
     ``followers``: free parameters that may follow it.  One is kept if it falls as the axis becomes warmer, as that of a
-    gear does, by 4 % at least within the records and by five standard deviations.
+    gear does, by 4 % at least within the records and by five standard deviations; and if what it is off by beside the
+    temperature, in the worst part of the records, is at most half of that fall: a constant in its middle would do as
+    well.  So the temperature of something else is left aside where the records show it, as those of days do whose halls
+    are not alike.
 
     Raises:
         ValueError: the fit cannot start.
@@ -85,11 +88,21 @@ def following_temperature(
         before = found.problem
         again = refit(replace(before, varying={**before.varying, **schedule}), own)
         falls = {term.parameter: _fall(again, term) for term in terms}
-        if again.converged and all(fall > _SURE for fall in falls.values()):
-            errors = _errors(found, records, again, terms)
+        if not (again.converged and all(fall > _SURE for fall in falls.values())):
+            names.remove(min(names, key=lambda name: falls[name]))
+            continue
+        halves, errors = _half_falls(again, terms), _errors(found, records, again, terms)
+        worst = max(names, key=lambda name: errors[name] / halves[name])
+        if errors[worst] <= halves[worst]:
             return FollowedTemperature(replace(again, started_from=found.started_from), own, terms, errors)
-        names.remove(min(names, key=lambda name: falls[name]))
+        names.remove(worst)
     return None
+
+
+def _half_falls(found: Estimate, terms: Sequence[ScheduledTerm]) -> dict[str, float]:
+    """Half of what each parameter changes with the temperature within the records, in its unit."""
+    slopes = dict(zip(found.names, found.theta.tolist(), strict=True))
+    return {t.parameter: abs(slopes[slope_name(t.parameter, t.term)]) * (t.high - t.low) / 2 for t in terms}
 
 
 def _fall(found: Estimate, term: ScheduledTerm) -> float:
@@ -119,11 +132,10 @@ def _errors(
         for w, record in zip(windows, records, strict=True)
     ]
     errors = temperature_errors(windows, temperatures, index)
-    slopes = dict(zip(again.names, again.theta.tolist(), strict=True))
-    half = [abs(slopes[slope_name(t.parameter, t.term)]) * (t.high - t.low) / 2 for t in terms]
+    halves = _half_falls(again, terms)
     return {
-        term.parameter: float(errors[i]) if np.isfinite(errors[i]) else most
-        for term, i, most in zip(terms, index, half, strict=True)
+        term.parameter: float(errors[i]) if np.isfinite(errors[i]) else halves[term.parameter]
+        for term, i in zip(terms, index, strict=True)
     }
 
 

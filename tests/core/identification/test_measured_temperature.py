@@ -36,6 +36,11 @@ def of_winding(_warmth: float, since: float) -> float:
     return 60.0 - 38.0 * float(np.exp(-since / 8.0))
 
 
+def warmer(warmth: float, _since: float) -> float:
+    """On a day when what it is of is warmer, and the gearbox is not."""
+    return of_gearbox(warmth, 0.0) + 40.0
+
+
 def constant(_warmth: float, _since: float) -> float:
     return 30.0
 
@@ -73,10 +78,10 @@ def refit(problem: Problem, records: Sequence[Record]) -> Estimate:
     return fit(problem, records, most_iterations=15)
 
 
-def followed(record: Record) -> list[str]:
+def followed(*records: Record) -> list[str]:
     """The parameters that follow the temperature."""
-    before = refit(Problem(three_mass("angle"), FOUND, FOLLOWERS), [record])
-    found = following_temperature(before, [record], FOLLOWERS, refit)
+    before = refit(Problem(three_mass("angle"), FOUND, FOLLOWERS), records)
+    found = following_temperature(before, records, FOLLOWERS, refit)
     return [] if found is None else [term.parameter for term in found.terms]
 
 
@@ -112,6 +117,14 @@ def test_friction_follows_the_heat_where_the_temperature_is_of_something_else(se
     assert found.warm_up is not None
     assert found.temperature_errors == {}
     assert TEMPERATURE not in {s.term for s in found.options.scheduled}
+
+
+def test_a_temperature_that_another_day_refutes_is_left_aside(seed: int) -> None:
+    """On each day alone friction falls as it rises; the line through both days still falls, by much less."""
+    first, *others = (recorded(seed + k, QUICK, who) for k, who in enumerate((of_gearbox, of_gearbox, warmer)))
+    assert "fm" in followed(first, others[0])
+    assert "fm" in followed(others[1])
+    assert followed(first, others[1]) == []
 
 
 def test_what_does_not_show_that_friction_follows(seed: int) -> None:

@@ -155,18 +155,22 @@ def test_the_remark_says_why_friction_follows_a_temperature_or_not(directory: Pa
     task = prepare(config, config.axes[0], ["long.csv"], [], Request(start="values", free=("Jm", "fm")))
     axis, found = config.axes[0].config, task.run(Provenance("1", "2026-01-01", "identify")).result
     follows = "Follows the signal temperature: fm. In the records it is 20 to 45. Below 17.5 and above 47.5 nothing is"
+    days = replace(found, options=replace(found.options, begins_s=(0.0, 90_000.0)))
     for share, more in ((None, 0), (0.95, 0), (0.8, 1)):
-        first, *others = temperature_remarks(axis, replace(found, temperature_share=share))
+        first, *others = temperature_remarks(axis, replace(days, temperature_share=share))
         assert first.startswith(follows), first
         assert len(others) == more, share
     assert "explains 80 % of what the heat" in others[0]
-    assert "remove the signal" in others[0]
+    for begins_s in ((0.0,), (None, None), (0.0, 4000.0)):
+        one = replace(found, options=replace(found.options, begins_s=begins_s))
+        _, doubt = temperature_remarks(axis, one)
+        assert "if that thermometer is not on this axis, remove the signal temperature" in doubt
 
     by_heat = replace(found, options=replace(found.options, scheduled=()), temperature_errors={})
     warm_up = FoundWarmUp(ThermalModel(600.0, 0.06, 0.0, 10.0), {"fm": (-0.001, 1e-5)}, ((0.0,),))
     for share, warmed, why in (
-        (None, None, "it does not clearly fall while that rises."),
-        (None, warm_up, "it does not clearly fall while that rises."),
+        (None, None, "it does not clearly fall while that rises, or not alike"),
+        (None, warm_up, "it does not clearly fall while that rises, or not alike"),
         (0.3, warm_up, "the heat of the axis's own motion explains it better; the signal explains 30 % of that."),
         (-0.1, warm_up, "the signal explains 0 % of that."),
     ):
