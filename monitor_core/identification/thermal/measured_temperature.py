@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from monitor_core.drive.operating_conditions import MARGIN
 from monitor_core.drive.structure import slope_name
 from monitor_core.drive.thermal_state import TEMPERATURE, ThermalModel
 from monitor_core.identification.greybox import Estimate
@@ -142,8 +143,9 @@ def _errors(
 def temperature_errors(windows: Sequence[Windows], temperatures: Sequence[Floats], index: Sequence[int]) -> Floats:
     """Standard deviation of the errors of the parameters (p,) beside a line over the temperature, in their units.
 
-    Each record is judged by the fit to the others, a single one by its own: a line cannot follow a lag.  The last third
-    of each record is judged by the fit to what was before.  NaN where the records are too short.
+    Each record is judged by the line through all of them, which cannot follow a lag; by that through the others, as on
+    another day; and its last third by that through what was before.  The latter two count where the temperature is in
+    the range of the line, since the monitor tests nothing beyond it.  NaN where the records are too short.
 
     Args:
         windows: of each record, W of them with p parameters.
@@ -151,24 +153,36 @@ def temperature_errors(windows: Sequence[Windows], temperatures: Sequence[Floats
         index: the parameters that follow the temperature.
     """
     everything = [np.ones(w.power.size, np.bool_) for w in windows]
-    seen = [everything]
-    if len(windows) > 1:
-        seen = [[by if j != k else ~by for j, by in enumerate(everything)] for k in range(len(windows))]
-    days = [
-        deviations_in_groups(windows[k], left[k])
-        for by in seen
-        for left in [_left_by_line(windows, temperatures, index, by)]
-        for k in range(len(windows))
-        if len(windows) == 1 or not by[k].any()
-    ]
     but_last = [np.arange(w.power.size) < w.power.size * (PARTS - 1) / PARTS for w in windows]
-    ends = [
-        deviations_in_groups(w, left, int(np.argmin(by)))
-        for w, left, by in zip(windows, _left_by_line(windows, temperatures, index, but_last), but_last, strict=True)
-    ]
+    others = [[by if j != k else ~by for j, by in enumerate(everything)] for k in range(len(windows))]
+
+    def unseen(seen: Sequence[Bools]) -> list[Floats]:
+        low, high = _range(np.concatenate([x[by] for x, by in zip(temperatures, seen, strict=True)]))
+        judged = [~by & (x >= low) & (x <= high) for x, by in zip(temperatures, seen, strict=True)]
+        return _deviations(windows, _left_by_line(windows, temperatures, index, seen), judged)
+
+    own = _deviations(windows, _left_by_line(windows, temperatures, index, everything), everything)
+    days = [course for seen in others if len(windows) > 1 for course in unseen(seen)]
     p = windows[0].score.shape[1]
-    errors = worst_error(days, ends, p)
-    return errors if np.isfinite(errors).all() else worst_error([], days, p)
+    judged = [worst_error(own, [], p), worst_error(days, [], p), worst_error([], unseen(but_last), p)]
+    if not np.isfinite(judged[0]).all():  # some minutes: all of it at once
+        judged[0] = worst_error([], own, p)
+    return np.asarray(np.fmax.reduce(judged), np.float64)
+
+
+def _range(temperature: Floats) -> tuple[float, float]:
+    """Where a line over these temperatures is used."""
+    low, high = float(temperature.min()), float(temperature.max())
+    return low - MARGIN * (high - low), high + MARGIN * (high - low)
+
+
+def _deviations(windows: Sequence[Windows], left: Sequence[Floats], judged: Sequence[Bools]) -> list[Floats]:
+    """Deviations (G, p) from a line in groups of the windows of each record that are judged."""
+    found = [
+        deviations_in_groups(w._replace(power=w.power[by], information=w.information[by]), rest[by])
+        for w, rest, by in zip(windows, left, judged, strict=True)
+    ]
+    return [course for course in found if len(course)]
 
 
 def _left_by_line(

@@ -162,8 +162,8 @@ def test_the_remark_says_why_friction_follows_a_temperature_or_not(directory: Pa
         assert len(others) == more, share
     assert "explains 80 % of what the heat" in others[0]
     for begins_s in ((0.0,), (None, None), (0.0, 4000.0)):
-        one = replace(found, options=replace(found.options, begins_s=begins_s))
-        _, doubt = temperature_remarks(axis, one)
+        morning = replace(found, options=replace(found.options, begins_s=begins_s))
+        _, doubt = temperature_remarks(axis, morning)
         assert "if that thermometer is not on this axis, remove the signal temperature" in doubt
 
     by_heat = replace(found, options=replace(found.options, scheduled=()), temperature_errors={})
