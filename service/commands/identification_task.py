@@ -170,8 +170,8 @@ def temperature_remarks(axis: AxisConfig, result: IdentificationResult) -> Itera
     elif result.warm_up is None or result.temperature_share is None:
         yield (
             f"Friction does not follow the signal {TEMPERATURE}: it does not clearly fall while that rises, or not"
-            " alike in all parts of the records. It may be the temperature of something else, such as a cabinet or the"
-            " hall."
+            " alike in all parts of the records, or by more than a tenth for each degree. It may be the temperature of"
+            " something else, such as a cabinet or the hall; or it is not in degrees, which a factor corrects."
         )
     else:
         yield (

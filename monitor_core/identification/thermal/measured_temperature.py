@@ -33,6 +33,8 @@ _SURE = 5.0
 """Standard deviations of a slope that chance does not reach, also where neighbouring errors are correlated"""
 _OF_THE_GEAR = 0.5
 """Least share of what the heat explains that the temperature of a gear explains."""
+_STEEPEST = 0.1
+"""Largest share by which friction falls for each degree: the viscosity of oils and greases falls by 3 to 8 %."""
 _UNIT = ThermalModel(1.0, 0.0, 1.0, 1.0)
 """Any friction: the power of the windows is not used."""
 
@@ -73,7 +75,8 @@ def following_temperature(
     gear does, by 4 % at least within the records and by five standard deviations; and if what it is off by beside the
     temperature, in the worst part of the records, is at most half of that fall: a constant in its middle would do as
     well.  So the temperature of something else is left aside where the records show it, as those of days do whose halls
-    are not alike.
+    are not alike.  None follows a signal with which one would fall by more than a tenth for each degree, as with that
+    of a hall, which rises by a degree or two while the axis warms up.
 
     Raises:
         ValueError: the fit cannot start.
@@ -92,12 +95,20 @@ def following_temperature(
         if not (again.converged and all(fall > _SURE for fall in falls.values())):
             names.remove(min(names, key=lambda name: falls[name]))
             continue
+        if any(_steepness(again, term) > _STEEPEST for term in terms):
+            return None
         halves, errors = _half_falls(again, terms), _errors(found, records, again, terms)
         worst = max(names, key=lambda name: errors[name] / halves[name])
         if errors[worst] <= halves[worst]:
             return FollowedTemperature(replace(again, started_from=found.started_from), own, terms, errors)
         names.remove(worst)
     return None
+
+
+def _steepness(found: Estimate, term: ScheduledTerm) -> float:
+    """Share by which a parameter falls for each degree."""
+    slopes = dict(zip(found.names, found.theta.tolist(), strict=True))
+    return -float(slopes[slope_name(term.parameter, term.term)]) / abs(found.values[term.parameter])
 
 
 def _half_falls(found: Estimate, terms: Sequence[ScheduledTerm]) -> dict[str, float]:

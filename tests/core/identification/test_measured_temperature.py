@@ -36,6 +36,11 @@ def of_winding(_warmth: float, since: float) -> float:
     return 60.0 - 38.0 * float(np.exp(-since / 8.0))
 
 
+def of_hall(warmth: float, _since: float) -> float:
+    """It rises by one degree meanwhile, in tenths."""
+    return round(20.0 + warmth, 1)
+
+
 def warmer(warmth: float, _since: float) -> float:
     """On a day when what it is of is warmer, and the gearbox is not."""
     return of_gearbox(warmth, 0.0) + 40.0
@@ -130,6 +135,7 @@ def test_a_temperature_that_another_day_refutes_is_left_aside(seed: int) -> None
 def test_what_does_not_show_that_friction_follows(seed: int) -> None:
     assert followed(recorded(seed, STEADY, of_gearbox)) == []
     assert followed(recorded(seed, QUICK, constant)) == []
+    assert followed(recorded(seed, QUICK, of_hall)) == []
     without = recorded(seed, QUICK, of_gearbox)
     assert followed(replace(without, signals={})) == []
     rising = replace(QUICK, fm=-0.2, fc=-0.1, stribeck=0.0)
