@@ -11,7 +11,7 @@ from service.pipeline.snapshot import Histogram, Snapshot
 from service.store.journal import Journal
 from service.web.app import create_app
 from service.web.app_state import AppState
-from service.web.metrics import FAMILIES
+from service.web.metric_families import FAMILIES
 from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
 

@@ -8,7 +8,8 @@ import numpy as np
 from monitor_core.arrays import Floats, Indices, Ints
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.friction_roles import rigid_speeds
-from monitor_core.drive.structure import DELAY, Drive, MatrixTerm, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import DELAY, Drive, MatrixTerm
 from monitor_core.kernel.llvm_vectors import FOUR
 from monitor_core.kernel.tables import (
     COULOMB,

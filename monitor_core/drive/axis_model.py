@@ -12,7 +12,8 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import balance_of
-from monitor_core.drive.structure import INERTIA, Drive, Parameter, split_name, value_of, with_values
+from monitor_core.drive.parameter_names import split_name, value_of, with_values
+from monitor_core.drive.structure import INERTIA, Drive, Parameter
 from monitor_core.kernel.tables import COULOMB, OF_ANGLE
 
 

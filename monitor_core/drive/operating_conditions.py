@@ -27,8 +27,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.gates import Gate, OpenGates, value_words
 from monitor_core.drive.holding_brake import HoldingBrake
 from monitor_core.drive.measured_speed import MeasuredSpeed
+from monitor_core.drive.parameter_names import split_name
 from monitor_core.drive.signal_terms import FUNCTIONS, Factor, Term
-from monitor_core.drive.structure import split_name
 from monitor_core.drive.thermal_state import GAP_S, HEAT, ThermalModel, ThermalState
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import sentence

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.parameter_names import split_name
 from monitor_core.excitation.accuracy import FAIR, Accuracy
 from monitor_core.excitation.motions import (
     ExcitationError,

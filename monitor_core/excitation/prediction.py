@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import balance_of, zero_order_hold, zero_order_hold_slopes
-from monitor_core.drive.structure import Drive, Matrix, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import Drive, Matrix
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.excitation.motions import ExcitationError
 from monitor_core.excitation.multisine_signals import Complex

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import Output, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import Output
 from monitor_core.excitation.multisine_signals import multisine
 from monitor_core.modeling.simulated_axis import simulate_linear
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, three_mass

@@ -60,13 +60,7 @@ from monitor_core.identification.record_checks.value_patterns import (
     wrap_of,
 )
 from monitor_core.identification.records.gap_cuts import GapCut, RecordPart, cut_at_gaps
-from monitor_core.identification.records.measured_record import (
-    UNITS,
-    Record,
-    between,
-    most_moving_parts,
-    top_speed,
-)
+from monitor_core.identification.records.measured_record import Record, between, most_moving_parts, top_speed
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
 from monitor_core.identification.torque_balance.contact_force import ContactForce, contact_force

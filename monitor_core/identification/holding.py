@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.structure import split_name, value_of, with_values
+from monitor_core.drive.parameter_names import split_name, value_of, with_values
 from monitor_core.excitation.accuracy import POOR
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.problem import RELATIVE, Problem

@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.drive.friction_roles import friction_of
+from monitor_core.drive.parameter_names import split_name
 from monitor_core.drive.signal_terms import Term
-from monitor_core.drive.structure import LOAD, split_name
+from monitor_core.drive.structure import LOAD
 from monitor_core.identification.assessment.bode import bode_of
 from monitor_core.identification.assessment.outlook import Outlook, Watched
 from monitor_core.identification.assessment.verdict import Effect, FitQuality, Verdict, verdict_of

@@ -8,7 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DELAY, split_name, value_of
+from monitor_core.drive.parameter_names import split_name, value_of
+from monitor_core.drive.structure import DELAY
 from monitor_core.drive.thermal_state import ThermalStart
 from monitor_core.identification.assessment.bode import Bode
 from monitor_core.identification.assessment.outlook import Watched

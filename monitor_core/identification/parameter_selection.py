@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Floats
+from monitor_core.drive.parameter_names import slope_name, split_name
 from monitor_core.drive.signal_terms import Term
-from monitor_core.drive.structure import Drive, slope_name, split_name
+from monitor_core.drive.structure import Drive
 from monitor_core.identification.problem import RELATIVE, IdentificationError
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.modeling.identifiability import structural

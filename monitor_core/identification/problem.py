@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import Drive, slope_name, split_name
+from monitor_core.drive.parameter_names import slope_name, split_name
+from monitor_core.drive.structure import Drive
 
 PredictorKind = Literal["output-error", "innovations"]
 Loss = Literal["squares", "huber"]

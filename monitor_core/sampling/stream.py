@@ -7,17 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.kernel.compile import outlined, short_entry
-from monitor_core.sampling.controller_clocks import (
-    GIVEN,
-    READY,
-    VALUE,
-    Clock,
-    count_time,
-    counter_clock,
-    cyclic_clock,
-    read_cycle,
-    release_held,
-)
+from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE, Clock
+from monitor_core.sampling.controller_cycle import cyclic_clock, read_cycle, release_held
 from monitor_core.sampling.pairing import (
     MOTION,
     NO_TIME,
@@ -29,6 +20,7 @@ from monitor_core.sampling.pairing import (
     flush_pairing,
     new_pairing,
 )
+from monitor_core.sampling.sample_counter import count_time, counter_clock
 from monitor_core.sampling.stamp_meter import frame_received, new_meter, sample_timed
 
 RECEIPT, COUNTER, CYCLIC = 0, 1, 2

@@ -48,18 +48,18 @@ KEPT = 1e-6
 
 
 class Mixture(NamedTuple):
-    """The K most likely trends with their probabilities; times in seconds after ``zero_us``."""
+    """The K most likely trends with their probabilities, in the unit of the parameter; times in s after ``zero_us``."""
 
     zero_us: int
-    p: Floats
-    at: Floats
-    begin: float
+    p: Floats  # (K,) probabilities
+    at: Floats  # (K,) times of the changes
+    begin: float  # first and last time of the history
     end: float
-    level: Floats
-    level_variance: Floats
-    pull: Floats
-    mean: Floats
-    covariance: Floats
+    level: Floats  # (K,) before the change, given the changes ``mean``
+    level_variance: Floats  # (K,) given the changes
+    pull: Floats  # (K, 2) decrease of the level for a change of one: step and ramp
+    mean: Floats  # (K, 2) of step and ramp
+    covariance: Floats  # (K, 2, 2)
 
     def at_times(self, t: Floats) -> tuple[Floats, Floats]:
         """Mean and standard deviation (T, K) of each trend at times t (T,), also in the future."""

@@ -1,4 +1,4 @@
-"""Errors that a user can cause and correct, and the tolerance for unreadable parts of a record."""
+"""Errors of buses and records that a user can cause and correct, and the tolerance for unreadable parts of records."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -44,3 +44,22 @@ def left_out_words(path: Path | str, left_out: Sequence[str]) -> str:
     """A sentence about the unreadable parts of a file (at least one)."""
     more = len(left_out) - 1
     return f"{path}, {left_out[0]}: left out" + (f", and {more} more" if more else "")
+
+
+# --- A bus without the expected frames --------------------------------------------------------------------------------
+
+
+def silent_words(where: str, seconds: str) -> str:
+    """What to check on a bus that sent no frame in that time."""
+    return (
+        f"{where} is silent: no frame in {seconds} s; is the controller on, does it send, and are cable, termination"
+        " and bit rate right?"
+    )
+
+
+def undescribed_words(frames: str, description: object, identifiers: str) -> str:
+    """What to check if ``frames`` were received, and none of their messages is described."""
+    return (
+        f"{frames}, and none of their messages is in {description}: {identifiers}; does that describe this robot, and"
+        " this bus?"
+    )

@@ -33,7 +33,6 @@ def list_alarms(
             "--state",
             help="Only these; active: not ended, or latched; stale: for more than 24 hours; chattering: three times"
             " within ten minutes.",
-            show_default=False,
         ),
     ] = None,
     axis: Annotated[str | None, typer.Option("--axis", metavar="ROBOT.AXIS", help="Only of this axis.")] = None,
@@ -70,12 +69,10 @@ def shelve(
     daemon: Daemon,
     alarm_ids: AlarmIds,
     remark: Remark,
-    duration: Annotated[
-        str | None, typer.Option("--for", metavar="TIME", help="How long: 8h, 3d, 30min.", show_default=False)
-    ] = None,
+    duration: Annotated[str | None, typer.Option("--for", metavar="TIME", help="How long: 8h, 3d, 30min.")] = None,
     until: Annotated[
         str | None,
-        typer.Option("--until", metavar="TIME", help="2026-03-01T14:00:00Z, instead.", show_default=False),
+        typer.Option("--until", metavar="TIME", help="2026-03-01T14:00:00Z, instead."),
     ] = None,
 ) -> None:
     """Hide alarms for a time, at most seven days; each comes back by itself."""
@@ -114,12 +111,9 @@ def statistics(
             "--since",
             metavar="TIME",
             help="2026-03-01T14:00:00Z; default: seven days ago.",
-            show_default=False,
         ),
     ] = None,
-    until: Annotated[
-        str | None, typer.Option("--until", metavar="TIME", help="Default: now.", show_default=False)
-    ] = None,
+    until: Annotated[str | None, typer.Option("--until", metavar="TIME", help="Default: now.")] = None,
 ) -> None:
     """Print alarms per ten minutes (EEMUA 191), and the most frequent ones."""
     found = daemon.client.statistics(since, until)

@@ -1,20 +1,18 @@
 """``axiswatch backup``: configuration and state in one file, while the daemon runs."""
 
 import os
-from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import tomlkit
 import typer
-from tomlkit import TOMLDocument
 
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, Force, configuration
 from service.commands.output_files import check_new
-from service.config.commissioned import REPORT, kept_files, pages_of
-from service.config.robot_defaults import DEFAULTS
+from service.config.commissioning_files import REPORT, pages_of
+from service.config.named_files import found_files, kept_files
 from service.config.schema import Config
 from service.config.schema_links import SECRET_FILES
 from service.texts.instants import iso, now_us
@@ -80,7 +78,6 @@ def backup(
 OUTSIDE = "outside"
 """Folder in the archive for files outside the folder of the configuration"""
 STATE = "state"
-_FOUND = ("nominal_file", "thresholds_file")
 
 
 class Bundle(NamedTuple):
@@ -111,7 +108,7 @@ def bundle(file: Path, config: Config) -> Bundle:
     folder = file.absolute().parent
     document = tomlkit.parse(file.read_text(encoding="utf-8-sig"))
     files, secrets, renamed = dict[str, Path](), set[str](), dict[str, str]()
-    for table, key in (*kept_files(document), *_found_files(document)):
+    for table, key in (*kept_files(document), *found_files(document)):
         given = str(table[key])
         source = folder / given
         if (name := _inside(source, folder)) is None:
@@ -135,10 +132,3 @@ def _inside(path: Path, folder: Path) -> str | None:
     """The name of a path relative to the folder; None: the path lies outside."""
     name = os.path.relpath(path, folder)
     return None if name == "." or name.startswith("..") else Path(name).as_posix()
-
-
-def _found_files(document: TOMLDocument) -> Iterator[tuple[Any, str]]:
-    for robot in document.get("robot", ()):
-        for axis in (*robot.get("axis", ()), robot.get(DEFAULTS, {})):
-            model = axis.get("model", {})
-            yield from ((model, key) for key in _FOUND if key in model)

@@ -37,16 +37,15 @@ def start(
             "--hours",
             metavar="NUMBER",
             help="Learn from so many hours of operation, from now on.",
-            show_default=False,
         ),
     ] = None,
     nominal: Annotated[
         Path | None,
-        typer.Option("--nominal", metavar="FILE", help="Use this nominal.toml at once.", show_default=False),
+        typer.Option("--nominal", metavar="FILE", help="Use this nominal.toml at once."),
     ] = None,
     thresholds: Annotated[
         Path | None,
-        typer.Option("--thresholds", metavar="FILE", help="With --nominal: its thresholds.toml.", show_default=False),
+        typer.Option("--thresholds", metavar="FILE", help="With --nominal: its thresholds.toml."),
     ] = None,
     verify_hours: VerifyHours = 8.0,
 ) -> None:

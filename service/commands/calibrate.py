@@ -81,7 +81,7 @@ def calibrate(
     """
     files = ResultFiles.chosen(output, report, json)
     files.check(force, "thresholds")
-    wanted = seconds_of(budget), within, _sizes(sizes), onsets
+    budget_s, tried = seconds_of(budget), _sizes(sizes)  # before anything is read
     read = starting_as(configuration(config, without_bus=True, thresholds=False), thermal)
     chosen = axis_named(read.axes, axis)
     with explained():
@@ -92,7 +92,7 @@ def calibrate(
         from service.reports.calibration_report import print_text
         from service.reports.formats import Provenance
 
-        options = CalibrationOptions(*wanted)
+        options = CalibrationOptions(budget_s, within, tried, onsets)
         with steps_bar(chosen.id) as progress:
             found = calibrate_axis(read, chosen, records, options, Provenance.now(), progress)
     files.write(as_toml(found), as_html(found), partial(as_json, found), partial(print_text, found))
@@ -128,7 +128,8 @@ def calibrate_axis(
     from monitor_core.monitoring import pose_maps, ranges
     from service.commands.progress import Background
     from service.config import conditions_of
-    from service.config.axis_settings import alarm_source_of, axis_settings, monitored_model
+    from service.config.axis_detectors import alarm_source_of
+    from service.config.axis_settings import axis_settings, monitored_model
     from service.ingest.axis_records import wanted
     from service.ingest.loaded_records import load_samples
     from service.ingest.recorded_units import units_as_recorded

@@ -11,13 +11,15 @@ from rich.text import Text
 from service.commands.exit_codes import explained
 from service.commands.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
-from service.config.axis_settings import awaits_identification, detectors_in_words
+from service.config.axis_detectors import detectors_in_words
+from service.config.axis_settings import awaits_identification
 from service.config.base_table import SUFFIX
 from service.config.bus_messages import messages_of
 from service.config.certificates import expiries
 from service.config.remarks import remarks
 from service.config.schema import AxisConfig
 from service.config.schema_signals import SignalConfig
+from service.reports.formats import labelled
 from service.texts.instants import now_us
 
 LOCAL_HOST = "127.0.0.1"
@@ -36,11 +38,9 @@ def check(config: ConfigPath) -> None:
     if read.bus:
         console.print(_buses(read))
     console.print(axes)
-    for note in notes:
-        console.print(Text.assemble(("Note: ", "bold yellow"), note), soft_wrap=True)
-    for obstacle in hindered:
-        words = f"the daemon would not start on this machine: {obstacle}"
-        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+    would_not_start = (f"the daemon would not start on this machine: {obstacle}" for obstacle in hindered)
+    for note in (*notes, *would_not_start):
+        console.print(labelled("Note", note), soft_wrap=True)
     console.print(Text(f"{config}: no problems", style="green"), soft_wrap=True)
 
 

@@ -21,7 +21,8 @@ from service.commands.options import LOG_KINDS, ConfigPath, configuration
 from service.commands.output_files import write
 from service.commands.progress import axes_bars
 from service.config import Config
-from service.config.commissioned import RECORDS, REPORT, commissioned, corrected, relocated
+from service.config.commissioned import commissioned, corrected, relocated
+from service.config.commissioning_files import RECORDS, REPORT
 from service.config.corrections import Correction
 from service.reports.commissioning_report import Outcome, as_html, motion_step, next_step, recording_s
 from service.reports.formats import Provenance
@@ -40,7 +41,6 @@ RecordsOrBus = Annotated[
         metavar="RECORD...",
         help=f"Tables (.csv .parquet .mat) or CAN logs ({LOG_KINDS}) of the healthy robot; FILE@10:60 are its"
         " seconds 10 to 60. Without any, those of DIR/records.",
-        show_default=False,
     ),
 ]
 Minutes = Annotated[
@@ -49,7 +49,6 @@ Minutes = Annotated[
         "--minutes",
         metavar="N",
         help="Without RECORD: first record the buses for so long, into DIR/records.",
-        show_default=False,
     ),
 ]
 

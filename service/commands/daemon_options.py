@@ -23,16 +23,11 @@ Token = Annotated[
         envvar="AXISWATCH_TOKEN",
         metavar="TOKEN",
         help="Token of the daemon; safer in the environment, as other users can see command lines.",
-        show_default=False,
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the answer of the API as JSON.")]
-Comment = Annotated[
-    str, typer.Option("--comment", metavar="TEXT", help="Comment for the alarm journal.", show_default=False)
-]
-WorkOrder = Annotated[
-    str, typer.Option("--work-order", metavar="NUMBER", help="Number of a work order.", show_default=False)
-]
+Comment = Annotated[str, typer.Option("--comment", metavar="TEXT", help="Comment for the alarm journal.")]
+WorkOrder = Annotated[str, typer.Option("--work-order", metavar="NUMBER", help="Number of a work order.")]
 
 
 class Daemon:

@@ -17,7 +17,8 @@ from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.schema_links import LinksConfig
 from service.links.link_secrets import LinkSecretError
-from service.pipeline.alarm_recording import AlarmRecorder, alarm_groups, alarm_rules, quantities
+from service.pipeline.alarm_recording import AlarmRecorder
+from service.pipeline.axis_alarms import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusReaders
@@ -26,7 +27,8 @@ from service.pipeline.epochs_at_start import EpochsInForce, epochs_in_force, res
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.kernel_cache import EARLY, CacheFiller, KernelShape, batch_shape
 from service.pipeline.publishing import WorkerParts
-from service.pipeline.recording import Extracts, Recording, RecordingFolder
+from service.pipeline.recording import Extracts, Recording
+from service.pipeline.recording_folder import RecordingFolder
 from service.pipeline.reloading import ReloadedPart, ReloadError, Reloading
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.pipeline.wall_clock import WallClock

@@ -49,7 +49,6 @@ Axes = Annotated[
         min=1,
         max=_MOST_AXES,
         help=f"Number of axes. [default: {_MOST_AXES}, with --commission {_FEW_AXES}]",
-        show_default=False,
     ),
 ]
 Commission = Annotated[

@@ -14,9 +14,10 @@ from service.can.inferred_layout import Field
 from service.can.log_files import LOG_SUFFIXES, log_suffix
 from service.can.user_errors import RecordError
 from service.commands.exit_codes import explained
-from service.commands.init import ListenFor, Output, heard_on, logged, propose
+from service.commands.init import ListenFor, Output, propose
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new
+from service.commands.received_frames import heard_on, logged
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:

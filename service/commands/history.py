@@ -13,7 +13,7 @@ from service.commands.daemon_options import DEFAULT_URL, Token, Url
 from service.commands.exit_codes import explained
 from service.commands.output_files import STDOUT, check_writable, write
 
-Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="Id of the axis.", show_default=False)]
+Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="Id of the axis.")]
 Since = Annotated[
     str | None,
     typer.Option(

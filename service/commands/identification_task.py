@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
-
-import numpy as np
 
 from monitor_core.drive import (
     COULOMB,
@@ -25,52 +22,39 @@ from monitor_core.drive import (
 )
 from monitor_core.identification import (
     Disturbance,
-    GapCut,
     IdentificationError,
     IdentificationOptions,
     IdentificationProgress,
     IdentificationResult,
-    KnownAxis,
     ParameterSelection,
     PredictorKind,
     Problem,
     Record,
-    ScheduledTerm,
     ScheduledTerms,
     Start,
-    check_record,
-    cut_at_gaps,
     identify,
     known_axis,
-    most_moving_parts,
     scheduled_terms,
     select_parameters,
     speed_scales,
     with_schedule,
-    with_terms,
 )
 from monitor_core.wording import listed, percent
+from service.commands.identification_records import IdentificationRecords, load_records
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
 from service.config.conditions import schedules_of, term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
-from service.ingest.loaded_records import Loaded, load, loaded_part
 from service.ingest.recorded_units import units_as_recorded
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
 
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
-SAME_INTERVAL = 0.01
-"""Largest relative difference of intervals that count as equal, such as in a file of nominal values and its axis"""
 _AS_GOOD = 0.9
 """Share of what the heat explains from which on a measured temperature is as good."""
 _ONE_DAY_S = 86400.0
-_OTHER_SAMPLING = 2.0
-"""Ratio of intervals above which the sampling differs; below it the clock is only inexact"""
-TIME_UNITS = {1e3: "milliseconds", 1e6: "microseconds", 1e9: "nanoseconds"}
-"""Units of time, by how many of them make a second"""
 
 
 @dataclass(frozen=True)
@@ -108,19 +92,13 @@ class IdentificationTask:
 
     axis: NamedAxis
     problem: Problem
-    estimation: tuple[Loaded, ...]
-    validation: tuple[Loaded, ...]
+    records: IdentificationRecords
     warnings: tuple[str, ...]
     options: IdentificationOptions
 
     def with_most_moving_parts(self) -> IdentificationTask:
         """The same problem with only that part of long records that shows whether a drive model fits at all."""
-        parts = most_moving_parts([item.record for item in self.estimation])
-        return replace(
-            self,
-            estimation=tuple(item._replace(record=part) for item, part in zip(self.estimation, parts, strict=True)),
-            options=replace(self.options, thermal=None),
-        )
+        return replace(self, records=self.records.with_most_moving_parts(), options=replace(self.options, thermal=None))
 
     def run(self, provenance: Provenance, progress: IdentificationProgress | None = None) -> IdentificationReport:
         """Identify the axis.
@@ -128,14 +106,14 @@ class IdentificationTask:
         Raises:
             IdentificationError: as ``identify``.
         """
-        estimation = [item.record for item in self.estimation]
-        validation = [item.record for item in self.validation]
-        result = identify(self.problem, estimation, validation, self.options, progress)
+        fitted, reserved = self.records
+        validation = [item.record for item in reserved]
+        result = identify(self.problem, self.records.fitted, validation, self.options, progress)
         return IdentificationReport(
             self.axis.id,
             result,
-            tuple(item.source for item in self.estimation),
-            tuple(item.source for item in self.validation),
+            tuple(item.source for item in fitted),
+            tuple(item.source for item in reserved),
             (*self.warnings, *temperature_remarks(self.axis.config, result)),
             provenance,
             tuple(sorted(self.axis.config.coupling.values())),
@@ -202,17 +180,16 @@ def prepare(
     parameters = _parameters(axis, request)
     drive, nominal, unknown, schedule, selection = parameters
     start = _start(unknown, selection, request.start)
-    estimation, validated = ([load(text, config, axis.id) for text in texts] for texts in (records, validation))
-    speed_scale, *more_scales = _speed_scales(axis.config, drive, nominal, [item.record for item in estimation])
+    loaded = load_records(config, axis.id, records, validation)
+    speed_scale, *more_scales = _speed_scales(axis.config, drive, nominal, loaded.fitted)
     known = known_axis(drive, nominal, len(selection.free), speed_scale, unknown)
-    loaded = [item.record for item in (*estimation, *validated)]
-    warnings = [*_doubts(loaded, known), *_interval_doubts(loaded, axis.config.sample_interval_s)]
-    warnings += units_as_recorded(config, axis, estimation[0].source.path)
-    (estimation, cuts), (validated, more_cuts) = (_without_gaps(items, known) for items in (estimation, validated))
-    warnings += map(_gap_warning, (*cuts, *more_cuts))
-    scheduled = scheduled_terms(schedule, [item.record for item in estimation])
-    estimation, validated = (_with_terms(items, scheduled) for items in (estimation, validated))
-    problem = _problem(axis, parameters, estimation, request, speed_scale)
+    warnings = [*loaded.warnings(known, axis.config.sample_interval_s)]
+    warnings += units_as_recorded(config, axis, loaded.estimation[0].source.path)
+    used, cut_words = loaded.without_gaps(known)
+    warnings += cut_words
+    scheduled = scheduled_terms(schedule, used.fitted)
+    used = used.with_terms(scheduled)
+    problem = _problem(axis, parameters, used, request, speed_scale)
     if problem.predictor == "output-error" and drive.output == "angle":
         warnings.append("With the angle, output error diverges: these values are not for the daemon.")
     load_too = watches_load(axis.config)
@@ -230,15 +207,10 @@ def prepare(
         sizes=scales_of(axis.config),
         speed_scales=tuple(more_scales),
         thermal=_thermal_start(request, axis.config, drive, schedule),
-        begins_s=tuple(item.source.begins_s for item in estimation),
+        begins_s=tuple(item.source.begins_s for item in used.estimation),
         cut_at_gaps=False,  # done above
     )
-    return IdentificationTask(axis, problem, tuple(estimation), tuple(validated), tuple(warnings), options)
-
-
-def _with_terms(items: Sequence[Loaded], scheduled: Sequence[ScheduledTerm]) -> list[Loaded]:
-    """The records with the values of the terms that parameters follow."""
-    return [item._replace(record=with_terms(item.record, scheduled)) for item in items]
+    return IdentificationTask(axis, problem, used, tuple(warnings), options)
 
 
 def drawing_of(axis: AxisConfig) -> tuple[str, str] | None:
@@ -351,7 +323,7 @@ def _thermal_start(request: Request, axis: AxisConfig, drive: Drive, schedule: S
 
 
 def _problem(
-    axis: NamedAxis, parameters: _Parameters, used: Sequence[Loaded], request: Request, speed_scale: float
+    axis: NamedAxis, parameters: _Parameters, used: IdentificationRecords, request: Request, speed_scale: float
 ) -> Problem:
     predictor = predictor_of(axis.config)
     kind = request.predictor or predictor.kind
@@ -359,9 +331,9 @@ def _problem(
         return Problem(
             parameters.drive, parameters.nominal, parameters.selection.free, kind,
             speed_scale=speed_scale, delay_s=predictor.torque_delay_s, free_delay=request.delay,
-            disturbance=_disturbance(kind, used, request.disturbance_s),
+            disturbance=_disturbance(kind, used.fitted, request.disturbance_s),
             loss="huber" if request.robust else "squares", varying=parameters.schedule,
-            interval_s=_interval_s(axis.config.sample_interval_s, [item.record for item in used]),
+            interval_s=used.interval_s(axis.config.sample_interval_s),
             min_speed=axis.config.min_speed or 0.0,
         )  # fmt: skip
     except ValueError as error:
@@ -379,70 +351,11 @@ def _speed_scales(
     return tuple(ratio * scale for scale in speed_scales(records))
 
 
-def _disturbance(kind: PredictorKind, used: Sequence[Loaded], time_constant_s: float | None) -> Disturbance | None:
+def _disturbance(kind: PredictorKind, fitted: Sequence[Record], time_constant_s: float | None) -> Disturbance | None:
     """The slow disturbance of the torque; None: only white noise of unknown level."""
     if time_constant_s is None:
         return None
     if kind == "output-error":
         raise IdentificationError("output error has no gain, so no disturbance: leave out --disturbance")
-    torque = max(float(loaded.record.u.std()) for loaded in used)
+    torque = max(float(record.u.std()) for record in fitted)
     return Disturbance(slow=_SLOW * torque, time_constant_s=time_constant_s)
-
-
-def _without_gaps(items: Sequence[Loaded], known: KnownAxis) -> tuple[list[Loaded], Sequence[GapCut]]:
-    """The records, those with gaps as the parts between them, and what is used of each of these."""
-    parts, cuts = cut_at_gaps(
-        [item.record for item in items], known.slowest_s, [item.source.begins_s for item in items]
-    )
-    return [loaded_part(items[part.number], part) for part in parts], cuts
-
-
-def _gap_warning(cut: GapCut) -> str:
-    if cut.parts:
-        share = f"{100 * cut.used:.3g} % of the samples, in {cut.parts} parts"
-        return f"{cut.name}: cut at its gaps; {share}, are used."
-    return (
-        f"{cut.name}: used as a whole, since little is left between its gaps; the drive may then seem not to"
-        " explain the motion: record again, without gaps."
-    )
-
-
-# --- checks of the records ----------------------------------------------------------------------------------
-
-
-def _doubts(records: Sequence[Record], known: KnownAxis) -> list[str]:
-    findings = [
-        (finding.severity, f"{record.name}: {finding.sentence}.")
-        for record in records
-        for finding in check_record(record, known)
-    ]
-    if refused := [words for severity, words in findings if severity == "refuse"]:
-        raise IdentificationError("refused: " + "\n".join(refused))
-    return [words for _, words in findings]
-
-
-def _interval_s(configured_s: float, records: Sequence[Record]) -> float:
-    """The configured interval if the records agree with it, else that of the records, since K depends on it."""
-    measured_s = float(np.median([record.mean_interval_s for record in records]))
-    alike = math.isclose(measured_s, configured_s, rel_tol=SAME_INTERVAL)
-    return configured_s if alike else float(f"{measured_s:.5g}")
-
-
-def _interval_doubts(records: Sequence[Record], interval_s: float) -> Iterator[str]:
-    """Warnings about the sample intervals of records, in sentences."""
-    for record in records:
-        measured_s = record.mean_interval_s
-        ratio = measured_s / interval_s
-        apart = f"its samples are {measured_s:.6g} s apart"
-        differ = f"{record.name}: {apart}, but sample_interval_s = {interval_s:g}"
-        if not 1 / _OTHER_SAMPLING < ratio < _OTHER_SAMPLING:
-            mistake = "correct it, or the times, which must be in seconds"
-            for factor, unit in TIME_UNITS.items():
-                if math.isclose(ratio, factor, rel_tol=0.1):
-                    mistake = f"times must be in seconds, these look like {unit}"
-            raise IdentificationError(f"{differ}: {mistake}")
-        if not math.isclose(ratio, 1.0, rel_tol=SAME_INTERVAL):
-            yield (
-                f"{differ}: the result belongs to the interval of this record; for the daemon, set sample_interval_s ="
-                f" {measured_s:.5g}."
-            )

@@ -11,18 +11,15 @@ import typer
 
 from monitor_core.arrays import Floats
 from monitor_core.wording import first_of
-from service.can.bus_reader import CanReader
 from service.can.canopen_drives import SUFFIXES, commissioned_node
-from service.can.frames import FrameBlock, concatenate_frames
-from service.can.log_files import CanLog, log_suffix
+from service.can.frames import FrameBlock
+from service.can.log_files import log_suffix
 from service.can.message_files import KINDS, read_messages
 from service.can.messages import DescriptionError, MessageSet
-from service.can.user_errors import RecordError, left_out_words
+from service.can.user_errors import RecordError, undescribed_words
 from service.commands.exit_codes import explained
-from service.commands.listen import rounds
 from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.output_files import check_new, write_all
-from service.commands.signal_handling import stopped_by_signals
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
@@ -30,6 +27,7 @@ if TYPE_CHECKING:
     from service.ingest.live_roles import BusRoles
     from service.ingest.signal_roles import FurtherSignals
     from service.ingest.table_files import TableFile
+from service.commands.received_frames import heard_on, logged
 
 RecordFile = Annotated[
     Path,
@@ -45,7 +43,6 @@ CanRecord = Annotated[
         metavar="LOG",
         help=f"With a description of the bus or its drives: a CAN log ({LOG_KINDS}) of the healthy, moving robot, so"
         " that values are evaluated, too.",
-        show_default=False,
     ),
 ]
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE", help="File for the configuration.")]
@@ -63,7 +60,6 @@ Nodes = Annotated[
         metavar="N",
         help="With the EDS of CANopen drives: node id of a drive, once for each. Default: those on the bus or in the"
         " log, or the one in the DCF.",
-        show_default=False,
     ),
 ]
 
@@ -121,8 +117,8 @@ def _from_table(record: Path, output: Path) -> None:
     """Write a configuration for a table."""
     from service.commands.proposed_configuration import table_lines
     from service.ingest.column_roles import roles
+    from service.ingest.column_values import changes
     from service.ingest.records import is_table
-    from service.ingest.roles_by_values import changes
     from service.ingest.signal_roles import summary
     from service.ingest.table_files import open_table
 
@@ -232,10 +228,8 @@ def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str)
 
     found = roles_on_bus(known, frames)
     if not found.received:
-        raise RecordError(
-            f"{frames.size} frames on {where}, and none of their messages is in {description}:"
-            f" {_few(found.undescribed)}; does that describe this robot, and this bus?"
-        )
+        received = f"{frames.size} frames on {where}"
+        raise RecordError(undescribed_words(received, description, _few(found.undescribed)))
     if not found.axes:
         raise RecordError(
             f"no torque and motion of an axis on {where}: messages of {description} received: {_few(found.received)};"
@@ -285,48 +279,6 @@ _NAMED = 12
 
 def _few(names: Sequence[str]) -> str:
     return first_of(names, _NAMED)
-
-
-def heard_on(bus: BusConfig, seconds: float) -> FrameBlock:
-    """All frames received from a bus in that time; Ctrl-C ends it early.
-
-    Raises:
-        BusError: the bus cannot be opened.
-        RecordError: no frame was received.
-    """
-    where = f"{bus.interface} {bus.channel}"
-    print(f"Listening to {where} for {seconds:g} s; the robot should move ...", flush=True)
-    reader = CanReader(bus, None)
-    reader.open()
-    try:
-        reader.start()
-        with stopped_by_signals() as stop:
-            frames = concatenate_frames([block for (block,) in rounds([reader], seconds, stop)])
-    finally:
-        reader.close()
-    if not frames:
-        raise RecordError(
-            f"{where} is silent: no frame in {seconds:g} s; is the controller on, does it send, and are cable,"
-            " termination and bit rate right?"
-        )
-    return frames
-
-
-def logged(log: Path) -> Mapping[str, FrameBlock]:
-    """The frames of each bus in a CAN log, by the name of its channel.
-
-    Raises:
-        RecordError: the log cannot be read.
-    """
-    found = CanLog(log)
-    blocks: dict[str, list[FrameBlock]] = {}
-    for block in found.blocks():
-        for number, name in enumerate(block.names):
-            if part := block.frames.select(block.channels == number):
-                blocks.setdefault(name, []).append(part)
-    if found.left_out:
-        print(left_out_words(log, found.left_out))
-    return {name: concatenate_frames(parts) for name, parts in blocks.items()}
 
 
 def _together(table: TableFile, names: Sequence[str]) -> Mapping[str, Floats]:

@@ -3,34 +3,25 @@
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
-from threading import Event
-from typing import NamedTuple
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
-from monitor_core.sampling import compile_stream
-from service.can.bus_reader import CanReader
-from service.can.frames import FrameBlock
 from service.commands.exit_codes import explained
+from service.commands.live_buses import bus_lines, live_buses, rounds
 from service.commands.options import ConfigPath, Seconds, configuration
-from service.commands.progress import announced
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.unit_names import UNITS
-from service.ingest.bus_samples import Carried, Ingest, QuantityValues
+from service.ingest.bus_samples import Carried, QuantityValues
 from service.ingest.timestamp_jitter import Stamps, in_words, remarks
 from service.texts.instants import now_us
 
 _LINES_S = 1.0
-_TAKE_S = 0.1
-_MAX_FRAMES = 1_000_000
-"""Most frames of a bus that are taken at once"""
-
 _OLD_S = 1.0
 _COLUMNS = ("axis", "quantity", "value", "signal", "raw value", "rate", "age")
 Stamped = Mapping[str, Stamps]
@@ -67,73 +58,6 @@ def listen(config: ConfigPath, seconds: Seconds = None) -> None:
 def _on_buses(config: Config) -> Carried:
     """The auxiliary signals of each axis on its bus, including those that its monitoring does not need yet."""
     return {axis.id: [source for source in axis.sources if source.message] for axis in config.axes}
-
-
-# --- The buses, as other commands listen to them, too -----------------------------------------------------------------
-
-
-class LiveBus(NamedTuple):
-    """A bus that is being read, and the decoder of its frames."""
-
-    name: str
-    reader: CanReader
-    ingest: Ingest
-
-    @property
-    def dropped(self) -> dict[str, int]:
-        """Number of frames that gave no sample, by reason."""
-        counts = {**self.reader.stats().dropped, **self.ingest.dropped}
-        return {reason: n for reason, n in counts.items() if n}
-
-    @property
-    def lost(self) -> dict[str, int]:
-        """Dropped frames without those that no axis needs."""
-        return {reason: n for reason, n in self.dropped.items() if reason != "unwanted"}
-
-
-@contextmanager
-def live_buses(config: Config, everything: bool = False, carried: Carried | None = None) -> Iterator[list[LiveBus]]:
-    """Read the buses of a configuration until the end of the block.
-
-    ``everything``: all frames, not only those that the axes need.  ``carried``: see Ingest.
-
-    Raises:
-        BusError: a bus cannot be opened.
-        DescriptionError, IngestError: the configuration cannot be used.
-    """
-    opened = list[LiveBus]()
-    announced("compiling the code that reads the frames, once after an installation", compile_stream)
-    try:
-        for bus in config.bus:
-            ingest = Ingest(config, bus.name, carried)
-            reader = CanReader(bus, None if everything else ingest.filter)
-            opened.append(LiveBus(bus.name, reader, ingest))
-            reader.open()
-        for live in opened:
-            live.reader.start()
-        yield opened
-    finally:
-        for live in opened:
-            live.reader.close()
-
-
-def rounds(readers: Sequence[CanReader], seconds: float, stop: Event) -> Iterator[list[FrameBlock]]:
-    """The new frames of each reader, ten times a second, until the time is over or ``stop`` is set."""
-    end = time.monotonic() + seconds
-    ended = False
-    while not ended:
-        ended = stop.wait(_TAKE_S) or time.monotonic() >= end
-        yield [reader.take(_MAX_FRAMES) for reader in readers]
-
-
-def bus_lines(buses: Sequence[LiveBus]) -> list[str]:
-    """One line for each bus: its state, its frames, and the dropped frames by reason."""
-    words = []
-    for bus in buses:
-        stats = bus.reader.stats()
-        lost = "".join(f", {n} {reason}" for reason, n in bus.dropped.items())
-        words.append(f"{bus.name}: {stats.state}, {stats.frames} frames{lost}")
-    return words
 
 
 # --- What is shown ----------------------------------------------------------------------------------------------------

@@ -62,7 +62,6 @@ BusOption = Annotated[
         metavar="INTERFACE:CHANNEL",
         help="With a description of the bus: listen to this bus, so that values are evaluated, too. Options of"
         " python-can follow after commas: pcan:PCAN_USBBUS1,bitrate=500000.",
-        show_default=False,
     ),
 ]
 
@@ -73,7 +72,6 @@ ThermalStartOption = Annotated[
         "--thermal",
         help="How warm an axis is at the start of the first record, if its friction follows its heat without a"
         " thermometer. unknown: it is found from the motion. Default: as in the configuration, [robot.axis.thermal].",
-        show_default=False,
     ),
 ]
 

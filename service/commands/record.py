@@ -17,7 +17,6 @@ Output = Annotated[
         "-o",
         metavar="FILE",
         help="Also copy it to this file, .log or .blf as it is.",
-        show_default=False,
     ),
 ]
 Name = Annotated[

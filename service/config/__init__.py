@@ -1,4 +1,17 @@
-"""The configuration file: its schema and its checks, with file, line, key and value for each problem."""
+"""The configuration file: its schema and its checks, with file, line, key and value for each problem.
+
+* The keys: ``schema`` and ``schema_*`` on ``base_table``; ``canopen_axis`` and ``robot_defaults``: keys that follow
+  from others.  ``found_file``: the files of identify and calibrate that it names, ``nominal_file`` and
+  ``thresholds_file``.
+* Reading: ``loading``, with ``toml_lines`` (lines of keys), ``schema_errors``, and ``crosschecks``, which runs the
+  rules in ``*_rules``; ``problems``: what is reported.  ``remarks``: notes on a valid file; ``certificates``: when they
+  expire.
+* What an axis is by its keys: ``drive_sources`` and ``drives``, ``conditions``, ``axis_settings``, ``axis_detectors``;
+  ``bus_messages``: the messages of a bus; ``epoch_values``: other nominal values while the daemon runs.
+* Its text: ``public_text`` for readers, and what commissioning writes: ``commissioned``, with ``corrections``,
+  ``configuration_text``, ``left_out_axes``, ``named_files`` and ``commissioning_files``.
+* ``unit_names``: units in the names of columns and signals.
+"""
 
 from service.config.axis_settings import predictor_of
 from service.config.conditions import conditions_of, in_words, needed

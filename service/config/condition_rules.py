@@ -21,45 +21,47 @@ from service.config.drives import holds_weight, not_identified, watches_load
 from service.config.model_rules import decided_model, usable_drive
 from service.config.problems import CheckFinding
 from service.config.schema import AxisConfig, RobotConfig
+from service.config.schema_signals import FurtherSignalConfig
 from service.config.toml_lines import Keys
 
 
 def signals_of_axes(robot: RobotConfig) -> Iterator[CheckFinding]:
     """A signal that is the motion of another axis refers to an axis of the same robot on the same bus."""
+    others = {other.name: other for other in robot.axis}
     for k, axis in enumerate(robot.axis):
-        others = {other.name: other for other in robot.axis}
         for n, s in enumerate(axis.signal):
             path: Keys = ("axis", k, "signal", n, "axis")
             if s.axis is None:
                 continue
             if s.axis not in others:
                 yield CheckFinding(path, f"no axis of that name: {did_you_mean(s.axis, others)}")
-                continue
-            other = others[s.axis]
-            angle = other.angle
-            derivative = "a speed" if s.speed else "an acceleration"
-            if s.is_derivative and angle is None:
-                yield CheckFinding(path, f"the speed of {s.axis} is measured: {derivative} is that of an angle")
-            if s.is_derivative and not other.is_sampled_as(axis):
-                message = (
-                    f"it is sampled every {other.sample_interval_s:g} s, this axis every {axis.sample_interval_s:g} s:"
-                    f" {derivative} is taken from samples that come with those of this axis"
-                )
-                yield CheckFinding(path, message)
-            # An angle that wraps after a whole turn is possible, as its cosine is continuous.
-            goes_on = angle is None or angle.wrap_period is None or angle.wraps_after_a_turn(s.factor)
-            if angle is not None and angle.wrap_period is not None and (s.is_derivative or not goes_on):
-                message = (
-                    f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle"
-                    " that does not wrap, from a message"
-                )
-                yield CheckFinding(path, message)
-            if axis.bus != other.bus:
-                message = (
-                    f"it is on the bus {other.bus}, this axis on {axis.bus}: signals come from an axis's own bus, where"
-                    " their order is certain"
-                )
-                yield CheckFinding(path, message)
+            else:
+                yield from (CheckFinding(path, problem) for problem in _no_motion(axis, s, others[s.axis]))
+
+
+def _no_motion(axis: AxisConfig, s: FurtherSignalConfig, other: AxisConfig) -> Iterator[str]:
+    """Why a signal of an axis cannot be the motion of this other axis."""
+    angle, derivative = other.angle, "a speed" if s.speed else "an acceleration"
+    if s.is_derivative and angle is None:
+        yield f"the speed of {s.axis} is measured: {derivative} is that of an angle"
+    if s.is_derivative and not other.is_sampled_as(axis):
+        yield (
+            f"it is sampled every {other.sample_interval_s:g} s, this axis every {axis.sample_interval_s:g} s:"
+            f" {derivative} is taken from samples that come with those of this axis"
+        )
+    # An angle that wraps after a whole turn is possible, as its cosine is continuous.
+    wraps = angle is not None and angle.wrap_period is not None
+    goes_on = angle is not None and angle.wraps_after_a_turn(s.factor)
+    if wraps and (s.is_derivative or not goes_on):
+        yield (
+            f"the angle of {s.axis} wraps after each turn, and a signal does not count its turns: use an angle that"
+            " does not wrap, from a message"
+        )
+    if axis.bus != other.bus:
+        yield (
+            f"it is on the bus {other.bus}, this axis on {axis.bus}: signals come from an axis's own bus, where their"
+            " order is certain"
+        )
 
 
 def sources(axis: AxisConfig) -> Iterator[CheckFinding]:

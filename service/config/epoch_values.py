@@ -8,7 +8,7 @@ import hashlib
 import json
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
@@ -16,9 +16,9 @@ from monitor_core.drive import split_name
 from service.config.axis_settings import AxisError, axis_settings, monitored_model, predictor_of
 from service.config.base_table import TomlTable
 from service.config.conditions import needed
+from service.config.crosschecks import axis_findings
 from service.config.drives import drive_of, given_values, plain_drive_of
 from service.config.found_file import FoundFile, FoundFileError, found_in
-from service.config.loading import axis_findings
 from service.config.nominal_file import NominalFile, structure_of
 from service.config.problems import dotted
 from service.config.schema import NamedAxis
@@ -31,15 +31,6 @@ _T = TypeVar("_T", bound=TomlTable)
 
 class EpochValuesError(ValueError):
     """The values do not fit the axis; the text says why and how to correct that."""
-
-
-class NominalValue(NamedTuple):
-    """The nominal value of a monitored parameter, with its standard deviation if a file has one."""
-
-    name: str
-    unit: str
-    value: float
-    standard_deviation: float | None
 
 
 def content_of(axis: NamedAxis) -> str:
@@ -76,15 +67,6 @@ def fingerprint_of(axis: NamedAxis) -> str:
         "thresholds": thresholds,
     }
     return hashlib.sha256(json.dumps(seen, sort_keys=True).encode()).hexdigest()[:16]
-
-
-def values_of(axis: NamedAxis) -> list[NominalValue]:
-    """The monitored nominal values of an axis."""
-    model, found = monitored_model(axis), axis.config.model.nominal_file
-    theta, sds = model.theta0, {} if found is None else found.standard_deviations
-    return [
-        NominalValue(p.name, p.unit, float(v), sds.get(p.name)) for p, v in zip(model.parameters, theta, strict=True)
-    ]
 
 
 def with_epoch(axis: NamedAxis, content: str, number: int) -> NamedAxis:

@@ -11,25 +11,20 @@ Under systemd, the folder in STATE_DIRECTORY is the default of state_dir.
 import os
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar, get_args, get_origin
+from typing import Any, NamedTuple, get_origin
 
 from pydantic import TypeAdapter, ValidationError
-from pydantic_core import ErrorDetails
 
 from monitor_core.wording import did_you_mean
-from service.config.axis_rules import AXIS_RULES, defaults_without_name
-from service.config.base_table import ReadingContext, TomlTable, Undecidable, hint
-from service.config.bus_rules import BUS_RULES, CONFIG_RULES
-from service.config.condition_rules import CONDITION_RULES, signals_of_axes, values_at_ends
-from service.config.coupling_rules import coupling, defaults_without_coupling, weight_of_coupled
-from service.config.file_rules import FILE_RULES
-from service.config.model_rules import MODEL_RULES, complete_model
+from service.config.base_table import ReadingContext
+from service.config.crosschecks import crosscheck
 from service.config.problems import NOT_UTF8, CheckFinding, ConfigErrors, ConfigProblem, dotted, line_of, shown
 from service.config.robot_defaults import origin
-from service.config.schema import AxisConfig, Config, RobotConfig
-from service.config.schema_links import LINK_RULES, certificate_and_key, concealed
+from service.config.schema import Config
+from service.config.schema_errors import is_consequence, schema_message, table_in
+from service.config.schema_links import concealed
 from service.config.toml_lines import Keys, nearest, positions
 
 PREFIX = "AXISWATCH_"
@@ -100,7 +95,7 @@ def _read(values: dict[str, Any], reading: ReadingContext) -> tuple[Config | Non
         config = Config.model_validate(values, context=reading)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        return None, [CheckFinding(e["loc"], _message(e)) for e in found if not _is_consequence(e)]
+        return None, [CheckFinding(e["loc"], schema_message(e)) for e in found if not is_consequence(e)]
     return config, list(crosscheck(config))
 
 
@@ -183,125 +178,3 @@ def _unknown_sections(over: _Overrides) -> Iterator[CheckFinding]:
     for path, override in over.items():
         if path[0] not in SECTIONS:
             yield CheckFinding(path, f"no such setting: {did_you_mean(override.variable, known)}")
-
-
-# --- Validation errors of pydantic in the terms of the file format, with the meaning of the key -----------------------
-
-
-_RULES = {
-    "missing": "missing",
-    "float_type": "must be a number",
-    "float_parsing": "must be a number",
-    "int_type": "must be a whole number",
-    "int_parsing": "must be a whole number",
-    "int_from_float": "must be a whole number",
-    "bool_type": "must be true or false",
-    "finite_number": "must be a finite number",
-    "string_type": "must be a text in quotes",
-    "string_too_short": "must not be empty",
-    "string_pattern_mismatch": "must consist of letters, digits, - and _",
-    "greater_than": "must be greater than {gt}",
-    "greater_than_equal": "must be at least {ge}",
-    "less_than": "must be less than {lt}",
-    "less_than_equal": "must be at most {le}",
-    "too_short": "must have at least {min_length}",
-    "too_long": "must have at most {max_length}",
-    "literal_error": "must be {expected}",
-    "model_type": "must be a table",
-    "dict_type": "must be a table",
-    "tuple_type": "must be a list",
-    "value_error": "{error}",
-}
-
-
-def _is_consequence(error: ErrorDetails) -> bool:
-    """Whether an error is only a consequence of other errors."""
-    if error["type"] == "default_factory_not_called":
-        return True
-    # pydantic does not count invalid elements, so it may report a list as too short.
-    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
-
-
-def _message(error: ErrorDetails) -> str:
-    key, table = _place_in_schema(error["loc"])
-    if error["type"] == "extra_forbidden" and table is not None:
-        wrong = str(error["loc"][-1])
-        return hint(wrong) or f"unknown key: {did_you_mean(wrong, table.model_fields)}"
-    rule = _RULES.get(error["type"], error["msg"]).format_map(_limits(error))
-    return f"{rule} ({table.meaning(key)})" if table is not None and key in table.model_fields else rule
-
-
-def _limits(error: ErrorDetails) -> dict[str, Any]:
-    """The values for the text of a rule, with numbers without ".0"."""
-    context = error.get("ctx", {})
-    return {name: f"{value:g}" if isinstance(value, float) else value for name, value in context.items()}
-
-
-def _place_in_schema(path: Sequence[str | int]) -> tuple[str, type[TomlTable] | None]:
-    """The innermost key of a path that the schema knows, and its table."""
-    key, table, inner = "", None, table_in(Config)
-    for part in path:
-        if isinstance(part, int) or inner is None:
-            continue
-        key, table, field = part, inner, inner.model_fields.get(part)
-        inner = table_in(field.annotation) if field else None
-    return key, table
-
-
-def table_in(annotation: Any) -> type[TomlTable] | None:
-    """The table in an annotation such as ``tuple[AxisConfig, ...]``."""
-    if isinstance(annotation, type) and issubclass(annotation, TomlTable):
-        return annotation
-    return next(filter(None, map(table_in, get_args(annotation))), None)
-
-
-# --- Cross-checks: names that must differ or exist, values that must agree --------------------------------------------
-# They run when the schema has no errors.  Each check takes a table and yields findings with paths relative to it.
-# A check that depends on a value which another check reports raises ``Undecidable``.
-
-
-T = TypeVar("T")
-Rule = Callable[[T], Iterator[CheckFinding]]
-
-
-ROBOT_RULES: tuple[Rule[RobotConfig], ...] = (
-    defaults_without_name,
-    defaults_without_coupling,
-    signals_of_axes,
-    coupling,
-)
-
-
-def crosscheck(config: Config) -> Iterator[CheckFinding]:
-    """The findings of all cross-checks."""
-    yield from _run(CONFIG_RULES, config, ())
-    yield from _run(LINK_RULES, config.links, ("links",))
-    for table, path in ((config.web, ("web",)), (config.links.opcua, ("links", "opcua"))):
-        yield from _run((certificate_and_key,), table, path)
-    for i, bus in enumerate(config.bus):
-        yield from _run(BUS_RULES, bus, ("bus", i))
-    for i, robot in enumerate(config.robot):
-        yield from _run(ROBOT_RULES, robot, ("robot", i))
-        for k, axis in enumerate(robot.axis):
-            yield from (found.inside(("robot", i, "axis", k)) for found in axis_findings(axis))
-
-
-def axis_findings(axis: AxisConfig) -> Iterator[CheckFinding]:
-    """The findings of all cross-checks of one axis."""
-    yield from _run((*AXIS_RULES, *FILE_RULES, weight_of_coupled), axis, ())
-    yield from _run(MODEL_RULES, axis, (), last=complete_model)
-    yield from _run(CONDITION_RULES, axis, (), last=values_at_ends)
-
-
-def _run(rules: Iterable[Rule[T]], table: T, path: Keys, last: Rule[T] | None = None) -> Iterator[CheckFinding]:
-    """The findings of rules; ``last`` runs only if all of them could be checked and found nothing."""
-    clean = True
-    for rule in rules:
-        try:
-            for finding in rule(table):
-                clean = False
-                yield finding.inside(path)
-        except Undecidable:
-            clean = False
-    if clean and last is not None:
-        yield from _run((last,), table, path)

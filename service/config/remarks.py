@@ -11,11 +11,10 @@ from monitor_core.wording import duration, listed
 from service.can.bus import FD_INTERFACES
 from service.can.frames import CLASSIC_BYTES
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
+from service.config.axis_detectors import Detectors, detectors_of
 from service.config.axis_settings import (
-    Detectors,
     awaits_identification,
     axis_settings,
-    detectors_of,
     predictor_of,
     rounded,
     step_noise,

@@ -12,6 +12,8 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from service.config.unit_names import MeasuredQuantity, current_in, unit_in, unit_of, without_unit
+from service.ingest.candidate_columns import Named
+from service.ingest.column_values import MOST, changes
 from service.ingest.roles_by_name import (
     axis_name,
     axis_number,
@@ -24,7 +26,7 @@ from service.ingest.roles_by_name import (
     owners,
     role_with,
 )
-from service.ingest.roles_by_values import MOST, Named, SignalPair, axes_by_values, changes
+from service.ingest.roles_by_values import SignalPair, axes_by_values
 from service.ingest.row_times import row_times
 from service.ingest.signal_roles import AxisRoles, Confidence, SignalRole
 

@@ -19,7 +19,8 @@ import pyarrow.csv as pc
 from monitor_core.arrays import Floats
 from service.can.user_errors import RecordError, too_many
 from service.ingest.roles_by_name import role_of
-from service.ingest.table_head import is_number, plain, read_head, seconds_of
+from service.ingest.table_cells import is_number, plain, seconds_of
+from service.ingest.table_head import read_head
 
 ROWS = 8192
 """Rows of a block"""

@@ -16,8 +16,10 @@ from service.can.frames import FrameBlock, FrameKey
 from service.can.inferred_layout import counts_frames
 from service.can.messages import DescriptionError, Message, MessageSet, Signal
 from service.config.unit_names import MeasuredQuantity
+from service.ingest.candidate_columns import Named
+from service.ingest.column_values import changes
 from service.ingest.roles_by_name import role_of
-from service.ingest.roles_by_values import Named, SignalPair, axes_by_values, changes
+from service.ingest.roles_by_values import SignalPair, axes_by_values
 from service.ingest.signal_roles import (
     AxisRoles,
     SignalRole,

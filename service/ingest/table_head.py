@@ -7,13 +7,12 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from datetime import UTC, datetime
-from functools import lru_cache
 from itertools import islice, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
 from service.can.user_errors import RecordError
+from service.ingest.table_cells import DAY, FLAGS, GROUPED, HALF_DAY, OTHER_MARK, is_date, is_number_or_date
 
 _SAMPLE_LINES = 300
 """Lines read to find where the numbers start, and the format of numbers and dates."""
@@ -21,24 +20,9 @@ _BELOW_NAMES = 16
 """Most lines between the names and the numbers: units, descriptions; the scope of TwinCAT has so many."""
 _DECIMAL_COMMA = re.compile(r"\s*[-+]?\d+,\d+([eE][-+]?\d+)?\s*")
 _DECIMAL_POINT = re.compile(r"\s*[-+]?\d*\.\d+([eE][-+]?\d+)?\s*")
-_OTHER_MARK = {".": ",", ",": "."}
-_GROUPED = {
-    mark: re.compile(rf"\s*[-+]?[1-9]\d{{0,2}}([{other} '\u2019\xa0\u202f])\d{{3}}(?:\1\d{{3}})*(?:[{mark}]\d*)?\s*")
-    for mark, other in _OTHER_MARK.items()
-}
-"""Numbers with thousands separators, by the decimal mark: 1,234 or 1'234.5, and 1.234 or 1 234,5"""
 _THREE_DIGITS = re.compile(r"[-+]?[1-9]\d{0,2},\d{3}")
-_DAY = re.compile(r"(\d\d?)([./])(\d\d?)\2(\d{4}),?\s+")
-_YEAR_FIRST = re.compile(r"(\d{4})/(\d\d?)/(\d\d?)")
-_HALF_DAY = re.compile(r"\s*([AP])\.?M\.?$", re.IGNORECASE)
-_ONE_DIGIT_HOUR = re.compile(r"(?<!\d)(?<!:)(?=\d:\d\d)")
-_BEFORE_ZONE = re.compile(r"\s+(?=([-+]\d\d:?\d\d|Z)$)")
-_DAYS = re.compile(r"(\d+) days? (?=\d)")
-_DURATION = re.compile(r"(\d+):(\d\d[.,]\d+)|(\d+(?:[.,]\d+)?(?:e-?\d+)?) ?s(?:ec)?")
-"""Minutes and seconds of a spreadsheet, 01:23,456, and seconds of MATLAB, 0.004 sec"""
-_FLAGS = {"true": "1", "false": "0"}
 _FEWEST_TIMES = 3
-_MONTHS, _HALF_HOURS = 12, 12
+_MONTHS = 12
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\ufffd]")
 _REMARK = ("#", "%")
 
@@ -68,8 +52,8 @@ class Head(NamedTuple):
     def decimal_mark(self) -> str:
         """The decimal mark of the numbers in the first rows."""
         cells = self._cells
-        for mark, other in _OTHER_MARK.items():
-            if any((mark in c or c.count(other) > 1) and _GROUPED[mark].fullmatch(c) for c in cells):
+        for mark, other in OTHER_MARK.items():
+            if any((mark in c or c.count(other) > 1) and GROUPED[mark].fullmatch(c) for c in cells):
                 return mark
         commas = any(_DECIMAL_COMMA.fullmatch(cell) for cell in cells)
         return "," if commas and not any(_DECIMAL_POINT.fullmatch(cell) for cell in cells) else "."
@@ -80,11 +64,11 @@ class Head(NamedTuple):
         days = self._slashed_days
         if any(int(second) > _MONTHS for _, second in days):
             return False
-        return any(int(first) > _MONTHS for first, _ in days) or not any(map(_HALF_DAY.search, self._cells))
+        return any(int(first) > _MONTHS for first, _ in days) or not any(map(HALF_DAY.search, self._cells))
 
     @property
     def _slashed_days(self) -> list[tuple[str, str]]:
-        found = filter(None, map(_DAY.match, self._cells))
+        found = filter(None, map(DAY.match, self._cells))
         return [(day[1], day[3]) for day in found if day[2] == "/"]
 
     @property
@@ -105,11 +89,11 @@ class Head(NamedTuple):
 
     def dates(self, names: Sequence[str]) -> set[str]:
         """The columns that hold dates or times of day in the first rows."""
-        return {name for row in self.sample for name, cell in zip(names, row, strict=False) if _is_date(cell)}
+        return {name for row in self.sample for name, cell in zip(names, row, strict=False) if is_date(cell)}
 
     def flags(self, names: Sequence[str]) -> set[str]:
         """The columns that hold TRUE and FALSE in the first rows."""
-        return {name for row in self.sample for name, cell in zip(names, row, strict=False) if cell.lower() in _FLAGS}
+        return {name for row in self.sample for name, cell in zip(names, row, strict=False) if cell.lower() in FLAGS}
 
     def keys(self, times: Collection[str]) -> tuple[str, str] | None:
         """If a time has a row for each signal or axis: the columns with the time and with their names; otherwise None.
@@ -137,7 +121,7 @@ class Head(NamedTuple):
         """Whether a column has only texts in the first rows."""
         at = (self.names or ()).index(name)
         cells = [row[at] for row in self.sample if at < len(row) and row[at]]
-        return bool(cells) and not any(map(_is_number_or_date, cells))
+        return bool(cells) and not any(map(is_number_or_date, cells))
 
 
 def read_head(path: Path) -> Head:
@@ -226,59 +210,6 @@ def _rows_of_names(rows: Sequence[_Row], width: int, first: int) -> list[tuple[i
     return found
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell is a number with a decimal point."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
-
-
-def plain(cell: str, decimal_mark: str) -> str:
-    """A number for ``float``, with a decimal point and without thousands separators; empty: the cell is no number.
-
-    TRUE is 1, and FALSE is 0.
-    """
-    if (flag := _FLAGS.get(cell.lower())) is not None:
-        return flag
-    if _GROUPED[decimal_mark].fullmatch(cell):
-        cell = re.sub(f"[^-+\\d{decimal_mark}]", "", cell)
-    return "" if _OTHER_MARK[decimal_mark] in cell else cell.replace(decimal_mark, ".")
-
-
-@lru_cache(1 << 18)  # a record is read several times, and a time may have a row for each signal
-def seconds_of(cell: str, day_first: bool = False) -> float | None:
-    """Seconds since 1970, or since midnight for a time of day, or of a duration; None: the cell has none of them.
-
-    ``day_first``: 01/02/2026 is 1 February.
-    """
-    if (duration := _DURATION.fullmatch(cell.strip())) is not None:
-        minutes, seconds, alone = duration.groups()
-        return 60.0 * float(minutes or 0) + float((seconds or alone).replace(",", "."))
-    if (days := _DAYS.match(cell)) is not None:
-        rest = seconds_of(cell[days.end() :])
-        return None if rest is None else 86_400.0 * int(days[1]) + rest
-    text, half, hours = cell.strip(), _HALF_DAY.search(cell.strip()), 0
-    text = _HALF_DAY.sub("", text)
-    text = _DAY.sub(lambda day: _iso_day(day, day_first), _YEAR_FIRST.sub(r"\1-\2-\3", text, count=1))
-    text = _ONE_DIGIT_HOUR.sub("0", _BEFORE_ZONE.sub("", text), count=1)
-    try:
-        date = datetime.fromisoformat(text if "-" in text[:10] else f"1970-01-01 {text}")
-    except ValueError:
-        return None
-    if half is not None:
-        if date.hour > _HALF_HOURS:
-            return None
-        hours = date.hour % _HALF_HOURS - date.hour + (_HALF_HOURS if half[1] in "pP" else 0)
-    return (date if date.tzinfo else date.replace(tzinfo=UTC)).timestamp() + 3600 * hours
-
-
-def _iso_day(day: re.Match[str], day_first: bool) -> str:
-    first, second = (day[1], day[3]) if day[2] == "." or day_first else (day[3], day[1])
-    return f"{day[4]}-{second:0>2}-{first:0>2} "
-
-
 def _encoding(start: bytes) -> str:
     """The encoding of a text from its first bytes; cp1252, as of spreadsheets in Windows, if it is not Unicode."""
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
@@ -302,28 +233,20 @@ def _delimiter(lines: Sequence[str]) -> str:
     full = [line.strip("\r\n") for line in lines if line.strip()]
     shares = {d: sum(d in line for line in full) for d in "\t;|,"}
     cells = [line.split() for line in full]
-    shares[" "] = sum(len(row) > 1 and 2 * sum(map(_is_number_or_date, row)) >= len(row) for row in cells)
+    shares[" "] = sum(len(row) > 1 and 2 * sum(map(is_number_or_date, row)) >= len(row) for row in cells)
     return next((d for d, count in shares.items() if 2 * count >= len(full)), ",")
-
-
-def _is_date(cell: str) -> bool:
-    return (":" in cell or cell.endswith(("s", "sec"))) and seconds_of(cell) is not None
 
 
 def _has_numbers(row: Sequence[str]) -> bool:
     """Whether a row has a number or a date; a lone "1" may be a unit."""
     cells = [cell for cell in row if cell]
-    numbers = list(filter(_is_number_or_date, cells))
+    numbers = list(filter(is_number_or_date, cells))
     return bool(numbers) and (len(numbers) == len(cells) or any(cell != "1" for cell in numbers))
-
-
-def _is_number_or_date(cell: str) -> bool:
-    return is_number(cell.replace(",", ".")) or _is_date(cell)
 
 
 def _words_before_numbers(row: Sequence[str]) -> int:
     """Number of filled cells before the first number of a row."""
-    return sum(map(bool, takewhile(lambda cell: not _is_number_or_date(cell), row)))
+    return sum(map(bool, takewhile(lambda cell: not is_number_or_date(cell), row)))
 
 
 def _distinct(names: Iterable[str]) -> tuple[str, ...]:

@@ -10,9 +10,10 @@ from monitor_core.monitoring import AxisMonitor, AxisTrace, Fleet
 from monitor_core.samples import SampleBlock, concatenate
 from service.can.frames import FrameBlock
 from service.config import Config, NamedAxis
-from service.config.axis_settings import axis_settings, detectors_of, monitored_model
+from service.config.axis_detectors import detectors_of
+from service.config.axis_settings import axis_settings, monitored_model
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_pipeline import AxisPipeline
 from service.pipeline.live_signals import LiveSignals
 from service.pipeline.trends import Trends

@@ -13,7 +13,7 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import joined, sentence
-from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.axis_pipeline import AxisPipeline
 from service.pipeline.pauses import with_pauses

@@ -6,8 +6,9 @@ from typing import NamedTuple
 from monitor_core.trend import LearningWindow
 from monitor_core.wording import sentence
 from service.config import NamedAxis
-from service.config.epoch_values import EpochValuesError, content_of, fingerprint_of, values_of, with_epoch
-from service.pipeline.alarm_recording import alarm_rules, quantities
+from service.config.axis_settings import monitored_model
+from service.config.epoch_values import EpochValuesError, content_of, fingerprint_of, with_epoch
+from service.pipeline.axis_alarms import alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Restored, restore
 from service.pipeline.epoch_progress import Learning
@@ -78,9 +79,17 @@ def _configured(axis: NamedAxis) -> EpochPlan:
 
 
 def nominal_values(axis: NamedAxis, before: NamedAxis | None = None) -> tuple[EpochValue, ...]:
-    """The nominal values of an axis, each with its former value, if ``before`` has one."""
-    former = {} if before is None else {v.name: v.value for v in values_of(before)}
-    return tuple(EpochValue(v.name, v.unit, v.value, former.get(v.name), v.standard_deviation) for v in values_of(axis))
+    """The monitored nominal values of an axis, each with its former value, if ``before`` has one.
+
+    They have the standard deviations of the nominal file.
+    """
+    model, found = monitored_model(axis), axis.config.model.nominal_file
+    sds = {} if found is None else found.standard_deviations
+    former = {} if before is None else {v.name: v.value for v in nominal_values(before)}
+    return tuple(
+        EpochValue(p.name, p.unit, float(value), former.get(p.name), sds.get(p.name))
+        for p, value in zip(model.parameters, model.theta0, strict=True)
+    )
 
 
 def resume_monitors(

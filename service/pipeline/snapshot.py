@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from monitor_core.detection import Alarm
+from monitor_core.drive import Output
 from monitor_core.monitoring import AxisStatus, NotTested, ParameterTrend, Status
 from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
@@ -30,8 +31,8 @@ class AxisSnapshot:
     bus: str
     drive: str
     """Name of the drive structure, e.g. three-mass"""
-    output: str
-    """"speed" or "angle": what is measured besides torque"""
+    output: Output
+    """What is measured besides torque"""
     interval_s: float
     """Nominal sample interval [s]"""
     nominal: Mapping[str, tuple[float, str]]

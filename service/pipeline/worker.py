@@ -16,7 +16,7 @@ from monitor_core.wording import sentence
 from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
 from service.ingest.bus_samples import Ingest
-from service.pipeline.alarm_recording import AxisAlarm, alarm_rules, quantities
+from service.pipeline.axis_alarms import AxisAlarm, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.bus_readers import BusIntake
 from service.pipeline.publishing import Publisher, WorkerParts

@@ -2,6 +2,6 @@
 
 * ``*_report``: sentences and tables, for the terminal and for the page.  ``*_files``: TOML and JSON.
 * ``*_html`` and ``*_plots``: the page, from ``templates/``, and its pictures.
-* ``replay_result`` and ``replay_course``: results that a replay collects while it runs.
+* ``replay_result``, ``replay_course`` and ``timeline``: results that a replay collects while it runs.
 * ``formats`` and ``plot_style``: shared by all of them.
 """

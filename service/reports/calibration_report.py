@@ -16,7 +16,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
 from service.ingest.loaded_records import RecordOrigin
-from service.reports.formats import Provenance, TextTable, for_terminal, plain
+from service.reports.formats import Provenance, TextTable, for_terminal, labelled, plain
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def print_text(calibration: Calibration, console: Console) -> None:
     if calibration.ranges:
         show("Conditions of the records", conditions(calibration))
     for words in calibration.warnings:
-        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+        console.print(labelled("Note", words), soft_wrap=True)
 
 
 # --- Sentences and tables ---------------------------------------------------------------------------------------------

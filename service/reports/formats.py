@@ -19,6 +19,7 @@ import numpy as np
 from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table as RichTable
+from rich.text import Text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -55,6 +56,11 @@ class Fact(NamedTuple):
     meaning: str = ""
     rough: bool = False
     """The value is known to five digits only"""
+
+
+def labelled(label: str, words: str, style: str = "bold yellow") -> Text:
+    """A sentence for the terminal after a label, such as "Note"."""
+    return Text.assemble((f"{label}: ", style), words)
 
 
 # --- Tables -----------------------------------------------------------------------------------------------------------

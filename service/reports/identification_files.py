@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from monitor_core.drive import DELAY, HEAT, TEMPERATURE, Fast, split_name
+from monitor_core.drive import DELAY, HEAT, OUTPUT_UNITS, TEMPERATURE, Fast, split_name
 from monitor_core.identification import (
     ComparedRecord,
     FoundWarmUp,
@@ -108,7 +108,7 @@ def _drive_table(report: IdentificationReport) -> str:
 
 def _predictor_table(report: IdentificationReport) -> str:
     e = report.result.estimate
-    unit = "rad" if e.drive.output == "angle" else "rad/s"
+    unit = OUTPUT_UNITS[e.drive.output]
     correlated = "neighbouring errors are correlated: the daemon multiplies lambda_0 by this"
     slower = "rad/s at the sensor: the fit leaves slower motion out; so does the daemon"
     entries = {

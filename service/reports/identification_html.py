@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import UNITS, Bode, ComparedRecord, Correlation, FrequencyResponse, ParameterRow
+from monitor_core.drive import OUTPUT_UNITS, Output
+from monitor_core.identification import Bode, ComparedRecord, Correlation, FrequencyResponse, ParameterRow
 from monitor_core.wording import percent
 from service.reports import identification_report as content
 from service.reports import plot_style as style
@@ -92,9 +93,9 @@ _FLOOR_DB = 15.0
 """Space below and above the curve of the drive."""
 
 
-def trace_picture(trace: ComparedRecord, output: str, salt: str) -> str:
+def trace_picture(trace: ComparedRecord, output: Output, salt: str) -> str:
     """Plots of the whole record, of some seconds in detail, and of the errors."""
-    quantity = f"{output} [{UNITS['angle' if output == 'angle' else 'speed']}]"
+    quantity = f"{output} [{OUTPUT_UNITS[output]}]"
     with style.figure(7.4) as drawn:
         full, detail, run, ahead = drawn.subplots(4, 1, height_ratios=(2, 2, 1.1, 1.1))
         _lines(full, trace, slice(None))

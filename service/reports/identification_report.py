@@ -10,11 +10,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
+from monitor_core.drive import OUTPUT_UNITS
 from monitor_core.identification import LEVEL, ComparedRecord, Growth, IdentificationResult, ParameterRow, Rejection
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration, listed, percent
 from service.ingest.loaded_records import RecordOrigin
-from service.reports.formats import Provenance, TextTable, for_terminal, plain
+from service.reports.formats import Provenance, TextTable, for_terminal, labelled, plain
 from service.reports.outlook_words import missing_words, outlook_words, verdict_words
 
 _LONGEST_LABEL = 40
@@ -235,7 +236,7 @@ def print_text(report: IdentificationReport, console: Console) -> None:
         if test.passed:  # else it is among the warnings
             console.print(escape(test.words), soft_wrap=True)
     for words in (*report.warnings, *result.bode.words):
-        console.print(Text.assemble(("Note: ", "bold yellow"), words), soft_wrap=True)
+        console.print(labelled("Note", words), soft_wrap=True)
 
 
 # --- Sentences and tables ---------------------------------------------------------------------------------------------
@@ -359,7 +360,7 @@ def slope_labels(report: IdentificationReport) -> dict[str, str]:
 def predictor_words(report: IdentificationReport) -> str:
     """One line on the predictor."""
     e = report.result.estimate
-    unit = "rad" if e.drive.output == "angle" else "rad/s"
+    unit = OUTPUT_UNITS[e.drive.output]
     kind = "innovations form" if e.problem.predictor == "innovations" else "output error"
     delay = f", torque {1e3 * e.delay_s:.3g} ms late" if e.delay_s else ""
     return (

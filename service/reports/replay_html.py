@@ -9,10 +9,11 @@ from monitor_core.wording import duration
 from service.reports import plot_style as style
 from service.reports import replay_report as content
 from service.reports.formats import render, safe
-from service.reports.replay_course import SIGMAS, ReplayCourse, TimeUnit, runs_of, time_unit
+from service.reports.replay_course import SIGMAS, ReplayCourse, runs_of
 from service.reports.replay_plots import axis_pictures
 from service.reports.replay_report import dated
 from service.reports.replay_result import Replayed, ReplayedAxis
+from service.reports.timeline import TimeUnit, time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,8 +12,9 @@ from monitor_core.monitoring import DOUBTED, GATED, IDLE, SEED, SETTLE, TRACK, P
 from monitor_core.wording import duration
 from service.reports import plot_style as style
 from service.reports import replay_course as kinds
-from service.reports.replay_course import SIGMAS, ReplayCourse, runs_of, time_unit
+from service.reports.replay_course import SIGMAS, ReplayCourse, runs_of
 from service.reports.replay_result import ReplayedAxis
+from service.reports.timeline import time_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,14 +5,14 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.text import Text
 
 from monitor_core.monitoring import ParameterStatus, Status
 from monitor_core.wording import percent
 from service.pipeline.axis_pipeline import Heat
-from service.reports.formats import TextTable, for_terminal, json_text, plain
-from service.reports.replay_course import DOWN, EVIDENCE, UP, time_unit
+from service.reports.formats import TextTable, for_terminal, json_text, labelled, plain
+from service.reports.replay_course import DOWN, EVIDENCE, UP
 from service.reports.replay_result import Replayed, ReplayedAxis
+from service.reports.timeline import time_unit
 from service.store.alarm_table import RecordedAlarm
 from service.texts.alarm_words import episode_words
 from service.texts.instants import DATED_US, iso
@@ -26,7 +26,7 @@ def print_text(replayed: Replayed, console: Console) -> None:
     axes = replayed.axes
     for axis in axes:
         for words in not_tested(axis):
-            console.print(Text.assemble(("Not tested: ", "bold red"), words), soft_wrap=True)
+            console.print(labelled("Not tested", words, "bold red"), soft_wrap=True)
     for axis in axes:
         gated = axis.status.counters["gated"]
         console.print(f"{axis.id}: {axis.status.samples} samples{f', {gated} of them gated' if gated else ''}")
@@ -46,7 +46,7 @@ def print_text(replayed: Replayed, console: Console) -> None:
             ("Note", "bold yellow", axis.notes),
         ):
             for words in sentences:
-                console.print(Text.assemble((f"{kind}: ", style), words), soft_wrap=True)
+                console.print(labelled(kind, words, style), soft_wrap=True)
 
 
 # --- Sentences and tables ---------------------------------------------------------------------------------------------

@@ -14,11 +14,13 @@ from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
 from service.ingest.records import FileRecord
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
-from service.pipeline.alarm_recording import JournalQuantity, as_recorded, quantities
+from service.pipeline.alarm_recording import as_recorded
+from service.pipeline.axis_alarms import JournalQuantity, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.snapshot import AxisSnapshot, Reception, make_axis_snapshot
 from service.reports.formats import Provenance
-from service.reports.replay_course import ReplayCourse, TimeUnit
+from service.reports.replay_course import ReplayCourse
+from service.reports.timeline import TimeUnit
 from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 

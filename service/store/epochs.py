@@ -270,13 +270,18 @@ def _next_number(connection: sqlite3.Connection, axis: str) -> int:
 
 
 def _insert(connection: sqlite3.Connection, plan: EpochPlan, state: EpochState, note: Note) -> Epoch:
-    number = _next_number(connection, plan.axis)
-    in_force_us = None if state == "learning" else note.at_us
     row = Epoch(
-        plan.axis, number, state, plan.source, plan.restored_from, note.at_us, in_force_us, None,
-        note.who, note.comment, note.work_order, "", plan.learn_s, plan.verify_s,
-        plan.content, plan.nominal, plan.fingerprint,
-    )  # fmt: skip
+        **plan._asdict(),
+        number=_next_number(connection, plan.axis),
+        state=state,
+        began_us=note.at_us,
+        in_force_us=None if state == "learning" else note.at_us,
+        ended_us=None,
+        who=note.who,
+        comment=note.comment,
+        work_order=note.work_order,
+        reason="",
+    )
     places = ", ".join("?" * len(row))
     values = row._asdict() | {"nominal": json.dumps(row.nominal)}
     connection.execute(f"INSERT INTO epoch ({_COLUMNS}) VALUES ({places})", list(values.values()))

@@ -43,6 +43,8 @@ Moment = Annotated[
     models.GivenTime | None,
     Query(description="ISO 8601 with time zone, e.g. 2026-03-01T12:00:00Z; in an address + is %2B"),
 ]
+Cursor = Annotated[str | None, Query(description="the page after the one that has given this as next")]
+NOT_A_CURSOR = "this is no cursor: it must be the `next` of a page"
 AlarmId = Annotated[int, Path(alias="id", ge=1, le=_LARGEST_ID)]
 
 
@@ -87,7 +89,7 @@ def router(state: AppState) -> APIRouter:
     def alarms(
         wanted: Annotated[AlarmFilter, Depends(_wanted)],
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 100,
-        cursor: Annotated[str | None, Query(description="the page after the one that has given this as next")] = None,
+        cursor: Cursor = None,
     ) -> models.Alarms:
         """Alarms raised at or after since and before until: those not yet recorded, then the others, latest first.
 
@@ -134,7 +136,7 @@ def _place(cursor: str) -> tuple[int, tuple[int, int] | None]:
     """The start of a page: the number of unrecorded alarms to skip, or the recorded alarm before the page."""
     found = _CURSOR.fullmatch(cursor)
     if found is None:
-        raise HTTPException(400, "this is no cursor: it must be the `next` of a page")
+        raise HTTPException(400, NOT_A_CURSOR)
     return (0, (int(found[1]), int(found[2]))) if found[1] else (int(found[2]), None)
 
 

@@ -10,7 +10,7 @@ from pydantic import Field
 from starlette.exceptions import HTTPException
 
 from monitor_core.arrays import Floats, finite
-from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, split_name
+from monitor_core.drive import DELAY, LOAD, OUTPUT_UNITS, AxisModel, Drive, split_name
 from monitor_core.modeling import COMPONENT_KINDS
 from monitor_core.wording import listed
 from service.pipeline.axis_pipeline import MonitoredDrive
@@ -18,7 +18,6 @@ from service.pipeline.snapshot import AxisSnapshot
 from service.web import models
 from service.web.app_state import AppState
 from service.web.problem_details import NOT_FOUND, described
-from service.web.views import OUTPUT_UNITS
 
 _ANSWERS = NOT_FOUND | described(503, "The drive of the axis is not known (yet)")
 _POINTS = 240

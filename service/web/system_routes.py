@@ -20,6 +20,7 @@ from service.store.database import SQLITE_VERSION
 from service.texts.instants import iso
 from service.web import views
 from service.web.access import Admin
+from service.web.alarm_routes import NOT_A_CURSOR, Cursor
 from service.web.app_state import AppState
 from service.web.models import Body, TextOrNull, Time
 from service.web.problem_details import described
@@ -116,7 +117,7 @@ def router(state: AppState) -> APIRouter:
     def audit(
         _who: Admin,
         limit: Annotated[int, Query(ge=1, le=1000, description="maximum number")] = 50,
-        cursor: Annotated[str | None, Query(description="the page after the one that has given this as next")] = None,
+        cursor: Cursor = None,
     ) -> Audit:
         """Actions of persons on alarms, axes and epochs, and epochs started by a changed configuration."""
         found = state.journal.audit(limit + 1, None if cursor is None else _place(cursor))
@@ -133,7 +134,7 @@ def _place(cursor: str) -> Place:
     subject, _, number = rest.partition(".")
     if subject in _SUBJECTS and all(n.isascii() and n.isdigit() and len(n) <= 18 for n in (at_us, number)):
         return int(at_us), subject, int(number)
-    raise HTTPException(400, "this is no cursor: it must be the `next` of a page")
+    raise HTTPException(400, NOT_A_CURSOR)
 
 
 def _databases(folder: Path, setup: RobotSetup) -> Iterator[DatabaseFile]:

@@ -9,6 +9,7 @@ from typing import TypeVar
 from pydantic_core import to_json
 
 from monitor_core.detection import Reach
+from monitor_core.drive import OUTPUT_UNITS
 from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
@@ -23,8 +24,6 @@ from service.texts.not_tested_words import not_tested_sentences
 from service.texts.trend_words import reach_words, trend_words
 from service.web import models
 from service.web.app_state import VERSION, is_silent, reasons_not_ready, sample_age_s
-
-OUTPUT_UNITS = {"speed": "rad/s", "mean speed": "rad/s", "angle": "rad"}
 
 _B = TypeVar("_B", bound=models.Body)
 _A = TypeVar("_A", bound=models.Alarm)

@@ -14,7 +14,7 @@ import numpy as np
 from monitor_core.arrays import Ints
 from service.can.frames import FrameBlock
 from service.commands.main import main
-from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from tests.bench.datagram_daemon import read_datagrams
 

@@ -11,7 +11,8 @@ import pytest
 
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.friction_roles import friction_of
-from monitor_core.drive.structure import Definition, Drive, MatrixTerm, Output, Parameter, Quantity, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import Definition, Drive, MatrixTerm, Output, Parameter, Quantity
 from monitor_core.kernel.tables import COSINE, COULOMB, ONE, SINE, TORQUE
 from monitor_core.modeling.simulated_axis import SimulatedAxis, simulate_linear
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, reference_model, three_mass

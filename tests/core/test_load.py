@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from monitor_core.calibration.injection import changed_values, equivalent_load
-from monitor_core.detection.multimodel.candidates import quantity_of
+from monitor_core.detection.multimodel.candidates import candidate_cause
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.naming import CauseIdentified, Share
@@ -76,7 +76,7 @@ def test_another_load_is_named_where_it_is_not_monitored(inertia: float, seed: i
     share = first_named(moving(seed, 1.3, inertia=inertia), UNMONITORED)
     assert share.cause == LOAD
     assert np.exp(share.size) == pytest.approx(1.3, abs=0.1)
-    change, _ = quantity_of(UNMONITORED, SETTINGS, LOAD).change(share.size, share.size_sd)
+    change, _ = candidate_cause(UNMONITORED, SETTINGS, LOAD).quantity.change(share.size, share.size_sd)
     assert change == pytest.approx(0.3, abs=0.1)
 
 

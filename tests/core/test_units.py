@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import gains_after
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.parameter_names import split_name
 from monitor_core.excitation.reference_experiment import NOISE, Experiment
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock

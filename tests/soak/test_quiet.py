@@ -20,7 +20,7 @@ from service.config import Config, load
 from service.config.drive_sources import shipped
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
-from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot
 from tests.service.pipeline.robots import replayed

@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import MODEL_ERROR
-from monitor_core.detection.multimodel.candidates import hypothesis_of
+from monitor_core.detection.multimodel.candidates import candidate_cause
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, REFERENCE, Hypothesis
 from monitor_core.detection.multimodel.naming import Share
 from monitor_core.drive.axis_model import AxisModel
@@ -132,7 +132,9 @@ class ActiveFaults:
         """The hypothesis of a cause with this size: one of the bank, or a new one."""
         own = [hypothesis for hypothesis in self.hypotheses if hypothesis.cause == cause]
         same = (hypothesis for hypothesis in own if hypothesis.size == size or math.isnan(hypothesis.size))
-        return next(same, None) or replace(hypothesis_of(self._model, self._settings, cause, size), alike=own[0].alike)
+        return next(same, None) or replace(
+            candidate_cause(self._model, self._settings, cause).hypothesis(size), alike=own[0].alike
+        )
 
     def to_array(self) -> Floats:
         """Index of the cause and size of each active fault (k, 2), to be saved."""

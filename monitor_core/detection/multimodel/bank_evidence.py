@@ -53,6 +53,10 @@ class BankEvidence(NamedTuple):
         since = self.memory.sums[SINCE_DETECTION, 1 : len(self.hypotheses)]
         return self.causes.shares(self._since_onset, since if late else None)
 
+    def most_probable(self) -> tuple[str, float]:
+        """The first of ``shares`` without its size, which takes most of the time: its cause and probability."""
+        return self.causes.most_probable(self._since_onset)
+
     def likeliest(self) -> str:
         """The cause that all of the evidence makes likeliest."""
         return self.causes.likeliest(self._since_onset)

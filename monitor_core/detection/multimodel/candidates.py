@@ -1,11 +1,9 @@
-"""Candidate changes: the monitored parameters up and down in several sizes, another payload, faults of the sensors.
-
-Also converts their sizes to physical units (``quantity_of``).
-"""
+"""Candidate changes: the monitored parameters up and down in several sizes, another payload, faults of the sensors."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
@@ -31,7 +29,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.kalman import filter_gain, slowest_time_constant
-from monitor_core.drive.structure import DELAY, LOAD, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import DELAY, LOAD, OUTPUT_UNITS
 from monitor_core.kernel.tables import TORQUE
 from monitor_core.settings import Settings
 
@@ -51,82 +50,120 @@ _LOAD_INERTIA_SHARE = 0.5
 same."""
 
 
+class CauseQuantity(NamedTuple):
+    """Nominal value of a cause, in ``unit``, and the conversion of a size of the bank to a change in that unit.
+
+    ``step``: the change for a size of 1; NaN if sizes are logarithms of factors of ``nominal``; 0 if the cause has no
+    size.
+    """
+
+    nominal: float
+    unit: str
+    step: float
+
+    def change(self, size: float, sd: float) -> tuple[float, float]:
+        """Change and its standard deviation, from a size and its standard deviation in the bank."""
+        if self.step == 0:
+            return math.nan, math.nan
+        if math.isnan(self.step):
+            return self.nominal * math.expm1(size), abs(self.nominal) * math.exp(size) * sd
+        return self.step * size, self.step * sd
+
+    def size(self, change: float) -> float:
+        """Size of a change; NaN if the cause has no size, or if the change is impossible."""
+        if self.step == 0:
+            return math.nan
+        if math.isnan(self.step):
+            ratio = 1 + change / self.nominal
+            return math.log(ratio) if ratio > 0 else math.nan
+        return change / self.step
+
+
+class CandidateCause(NamedTuple):
+    """A cause of which the bank has hypotheses, in several sizes."""
+
+    quantity: CauseQuantity
+    hypothesis: Callable[[float], Hypothesis]
+    """Returns the hypothesis of a size"""
+    sizes: tuple[float, ...] = (math.nan,)
+    """Sizes of the candidates; NaN: the cause has no size"""
+
+
+_RATIO = CauseQuantity(1.0, "1", math.nan)
+_NO_SIZE = CauseQuantity(0.0, "1", 0.0)
+
+
+def _both(sizes: tuple[float, ...]) -> tuple[float, ...]:
+    return (*(-size for size in reversed(sizes)), *sizes)
+
+
 def candidates(model: AxisModel, settings: Settings) -> tuple[Hypothesis, ...]:
     """All candidate changes of an axis."""
-    lost, noises = (tuple(math.log(ratio) for ratio in ratios) for ratios in (_LOST, _NOISES))
-    sizes = {name: _both(SIZES) for name in (*model.monitored, *_payload(model)) if name != DELAY} | {
-        TORQUE_SCALE: _both(SIZES),
-        OUTPUT_SCALE: _both(SIZES),
-        TORQUE_SIGN: (math.nan,),
-        OUTPUT_SIGN: (math.nan,),
-        DELAY: _both(_DELAYS),
-        TORQUE_OFFSET: _both(_OFFSETS),
-        # A predictor of the angle follows an offset of the angle.
-        OUTPUT_OFFSET: () if model.drive.output == "angle" else _both(_OFFSETS),
-        TORQUE_STUCK: lost,
-        TORQUE_LOST: lost,
-        OUTPUT_STUCK: (math.nan,),
-        OUTPUT_NOISE: noises,
-    }
-    return tuple(hypothesis_of(model, settings, cause, size) for cause, own in sizes.items() for size in own)
+    causes = (candidate_cause(model, settings, name) for name in _in_order(model))
+    return tuple(cause.hypothesis(size) for cause in causes for size in cause.sizes)
 
 
-def hypothesis_of(model: AxisModel, settings: Settings, cause: str, size: float) -> Hypothesis:
-    """The hypothesis of a cause and a size.
+def _in_order(model: AxisModel) -> list[str]:
+    """All causes in the order of their hypotheses, on which saved states depend."""
+    names = [name for name in causes_of(model) if name != DELAY]
+    names.insert(names.index(TORQUE_OFFSET), DELAY)
+    return names
+
+
+def causes_of(model: AxisModel) -> tuple[str, ...]:
+    """All causes that a bank may name: the monitored parameters, another payload, and the faults of sensors."""
+    payload = [INERTIA] if model.arm_inertia() else []
+    payload += [LOAD] if model.carried_weight() else []
+    return tuple(dict.fromkeys((*model.monitored, *payload, *SENSOR_FAULTS)))
+
+
+def candidate_cause(model: AxisModel, settings: Settings, name: str) -> CandidateCause:
+    """The cause with this name; a monitored parameter has the unit of its theta.
 
     Raises:
         KeyError: there is no such cause.
     """
-    if cause in model.monitored and cause != DELAY:
-        return _of_parameter(model, settings, cause, size)
-    inertia = model.arm_inertia()
-    if cause == INERTIA and inertia is not None:
-        return Hypothesis(cause, size, factors={inertia: math.exp(size)})
-    if cause == LOAD and (weight := model.carried_weight()):
-        factors = dict.fromkeys(weight, math.exp(size))
-        if inertia is not None:
-            factors[inertia] = math.exp(_LOAD_INERTIA_SHARE * size)
-        return Hypothesis(cause, size, factors=factors)
-    if cause in (TORQUE_STUCK, TORQUE_LOST):
-        return _lost_torque(model, settings, cause, size)
-    if cause == TORQUE_OFFSET:
-        return Hypothesis(cause, size, torque=Distortion(offset=size * torque_unit(model, settings)))
-    if cause == OUTPUT_NOISE:
-        # Any change looks like noise at first, while the state of the predictor has not settled.
-        return Hypothesis(cause, size, variance=math.exp(2 * size), weight=_LAST)
-    plain: dict[str, Callable[[], Hypothesis]] = {
-        TORQUE_SCALE: lambda: Hypothesis(cause, size, torque=Distortion(math.exp(size)), is_gain=True),
-        # A last resort: the scale of an encoder is fixed by design, and a change of it looks almost like one of kT.
-        OUTPUT_SCALE: lambda: Hypothesis(cause, size, output=Distortion(math.exp(size)), weight=_LAST, is_gain=True),
-        TORQUE_SIGN: lambda: Hypothesis(cause, torque=Distortion(-1.0)),
-        OUTPUT_SIGN: lambda: Hypothesis(cause, output=Distortion(-1.0)),
-        DELAY: lambda: Hypothesis(cause, size, delay_s=size * settings.interval_s),
-        OUTPUT_OFFSET: lambda: Hypothesis(cause, size, output=Distortion(offset=size * math.sqrt(settings.lam0))),
-        OUTPUT_STUCK: lambda: Hypothesis(cause, frozen=True),
-    }
-    return plain[cause]()
+    if name not in causes_of(model):
+        raise KeyError(name)
+    if name in model.monitored and name != DELAY:
+        return _parameter(model, settings, name)
+    if name in (INERTIA, LOAD):
+        return CandidateCause(_RATIO, partial(_other_payload, model, name), _both(SIZES))
+    return _sensor_fault(model, settings, name)
 
 
-def _payload(model: AxisModel) -> Iterator[str]:
-    """Causes for another payload, if it does not show in a monitored parameter."""
-    if model.arm_inertia():
-        yield INERTIA
-    if model.carried_weight():
-        yield LOAD
+# --- A parameter, or the payload --------------------------------------------------------------------------------------
 
 
-def _scale(model: AxisModel, name: str) -> float:
-    return model.scales.get(name, abs(model.nominal[split_name(name)[0]]))
-
-
-def _of_parameter(model: AxisModel, settings: Settings, name: str, size: float) -> Hypothesis:
+def _parameter(model: AxisModel, settings: Settings, name: str) -> CandidateCause:
     """Change of a parameter: times exp(size), or plus size times its scale if the nominal value is not positive."""
+    i = model.monitored.index(name)
     base, inverse = split_name(name)
-    if model.nominal[base] > 0:
+    nominal, unit = float(model.theta0[i]), model.parameters[i].unit
+
+    def scaled(size: float) -> Hypothesis:
         # The acceleration is proportional to the torque constant, and to the inverse of an inertia.
         is_gain = inverse or base == TORQUE_CONSTANT or _brakes_in_proportion(model, settings, base)
         return Hypothesis(name, size, factors={base: math.exp(-size if inverse else size)}, is_gain=is_gain)
-    return Hypothesis(name, size, shifts={base: size * _scale(model, name)})
+
+    if model.nominal[base] > 0:
+        return CandidateCause(CauseQuantity(nominal, unit, math.nan), scaled, _both(SIZES))
+    scale = model.scales.get(name, abs(model.nominal[base]))
+    return CandidateCause(
+        CauseQuantity(nominal, unit, scale),
+        lambda size: Hypothesis(name, size, shifts={base: size * scale}),
+        _both(SIZES),
+    )
+
+
+def _other_payload(model: AxisModel, name: str, size: float) -> Hypothesis:
+    """Another payload, which shows in the weight, if the axis bears any, and in the inertia."""
+    factors, share = dict.fromkeys(model.carried_weight(), math.exp(size)), _LOAD_INERTIA_SHARE
+    if name == INERTIA:
+        factors, share = {}, 1.0
+    if (inertia := model.arm_inertia()) is not None:
+        factors[inertia] = math.exp(share * size)
+    return Hypothesis(name, size, factors=factors)
 
 
 def _brakes_in_proportion(model: AxisModel, s: Settings, name: str) -> bool:
@@ -140,6 +177,56 @@ def _brakes_in_proportion(model: AxisModel, s: Settings, name: str) -> bool:
     doubled = {**model.nominal, name: 2 * model.nominal[name]}
     before, after = (slowest_time_constant(m, K, s.interval_s) for m in (model, replace(model, nominal=doubled)))
     return after > before / math.sqrt(2)
+
+
+# --- Faults of the sensors --------------------------------------------------------------------------------------------
+
+
+def _sensor_fault(model: AxisModel, s: Settings, name: str) -> CandidateCause:
+    if name in (TORQUE_STUCK, TORQUE_LOST):
+        lost = tuple(math.log(ratio) for ratio in _LOST)
+        return CandidateCause(_NO_SIZE, partial(_lost_torque, model, s, name), lost)
+    if name == TORQUE_OFFSET:
+        step = torque_unit(model, s)
+        return CandidateCause(
+            CauseQuantity(0.0, "N m", step),
+            lambda size: Hypothesis(name, size, torque=Distortion(offset=size * step)),
+            _both(_OFFSETS),
+        )
+    angle, sd = model.drive.output == "angle", math.sqrt(s.lam0)
+    return {
+        TORQUE_SCALE: CandidateCause(
+            _RATIO,
+            lambda size: Hypothesis(name, size, torque=Distortion(math.exp(size)), is_gain=True),
+            _both(SIZES),
+        ),
+        # A last resort: the scale of an encoder is fixed by design, and a change of it looks almost like one of kT.
+        OUTPUT_SCALE: CandidateCause(
+            _RATIO,
+            lambda size: Hypothesis(name, size, output=Distortion(math.exp(size)), weight=_LAST, is_gain=True),
+            _both(SIZES),
+        ),
+        TORQUE_SIGN: CandidateCause(_NO_SIZE, lambda _size: Hypothesis(name, torque=Distortion(-1.0))),
+        OUTPUT_SIGN: CandidateCause(_NO_SIZE, lambda _size: Hypothesis(name, output=Distortion(-1.0))),
+        DELAY: CandidateCause(
+            CauseQuantity(model.nominal.get(DELAY, s.delay_s), "s", s.interval_s),
+            lambda size: Hypothesis(name, size, delay_s=size * s.interval_s),
+            _both(_DELAYS),
+        ),
+        # A predictor of the angle follows an offset of the angle.
+        OUTPUT_OFFSET: CandidateCause(
+            CauseQuantity(0.0, OUTPUT_UNITS[model.drive.output], sd),
+            lambda size: Hypothesis(name, size, output=Distortion(offset=size * sd)),
+            () if angle else _both(_OFFSETS),
+        ),
+        OUTPUT_STUCK: CandidateCause(_NO_SIZE, lambda _size: Hypothesis(name, frozen=True)),
+        # Any change looks like noise at first, while the state of the predictor has not settled.
+        OUTPUT_NOISE: CandidateCause(
+            _RATIO,
+            lambda size: Hypothesis(name, size, variance=math.exp(2 * size), weight=_LAST),
+            tuple(math.log(ratio) for ratio in _NOISES),
+        ),
+    }[name]
 
 
 def torque_unit(model: AxisModel, s: Settings) -> float:
@@ -185,68 +272,3 @@ def _random_torque(model: AxisModel, interval_s: float, noise: float, lam: float
         K, found = filter_gain(model, interval_s, math.exp(middle) * noise, noise)
         low, high = (middle, high) if found < lam else (low, middle)
     return tuple(float(k) for k in K), found
-
-
-def _both(sizes: tuple[float, ...]) -> tuple[float, ...]:
-    return (*(-size for size in reversed(sizes)), *sizes)
-
-
-# --- Physical units: nominal value and unit of a cause, and conversion of sizes ---------------------------------------
-
-
-class CauseQuantity(NamedTuple):
-    """Nominal value of a cause, in ``unit``, and the conversion of a size of the bank to a change in that unit.
-
-    ``step``: the change for a size of 1; NaN if sizes are logarithms of factors of ``nominal``; 0 if the cause has no
-    size.
-    """
-
-    nominal: float
-    unit: str
-    step: float
-
-    def change(self, size: float, sd: float) -> tuple[float, float]:
-        """Change and its standard deviation, from a size and its standard deviation in the bank."""
-        if self.step == 0:
-            return math.nan, math.nan
-        if math.isnan(self.step):
-            return self.nominal * math.expm1(size), abs(self.nominal) * math.exp(size) * sd
-        return self.step * size, self.step * sd
-
-    def size(self, change: float) -> float:
-        """Size of a change; NaN if the cause has no size, or if the change is impossible."""
-        if self.step == 0:
-            return math.nan
-        if math.isnan(self.step):
-            ratio = 1 + change / self.nominal
-            return math.log(ratio) if ratio > 0 else math.nan
-        return change / self.step
-
-
-def causes_of(model: AxisModel) -> tuple[str, ...]:
-    """All causes that a bank may name: the monitored parameters, another payload, and the faults of sensors."""
-    return tuple(dict.fromkeys((*model.monitored, *_payload(model), *SENSOR_FAULTS)))
-
-
-def quantity_of(model: AxisModel, settings: Settings, cause: str) -> CauseQuantity:
-    """Quantity of a cause; monitored parameters have the units of theta.
-
-    Raises:
-        KeyError: there is no such cause.
-    """
-    if cause not in causes_of(model):
-        raise KeyError(cause)
-    if cause == DELAY:
-        return CauseQuantity(model.nominal.get(DELAY, settings.delay_s), "s", settings.interval_s)
-    if cause in model.monitored:
-        i = model.monitored.index(cause)
-        factor = model.nominal[split_name(cause)[0]] > 0
-        step = math.nan if factor else _scale(model, cause)
-        return CauseQuantity(float(model.theta0[i]), model.parameters[i].unit, step)
-    if cause in (INERTIA, LOAD, TORQUE_SCALE, OUTPUT_SCALE, OUTPUT_NOISE):
-        return CauseQuantity(1.0, "1", math.nan)
-    if cause == TORQUE_OFFSET:
-        return CauseQuantity(0.0, "N m", torque_unit(model, settings))
-    if cause == OUTPUT_OFFSET:
-        return CauseQuantity(0.0, "rad" if model.drive.output == "angle" else "rad/s", math.sqrt(settings.lam0))
-    return CauseQuantity(0.0, "1", 0.0)

@@ -46,7 +46,8 @@ _NO_TRACE = BankTrace(*[np.empty((0, 0))] * 3)
 _ALWAYS, _AS_BEFORE = np.empty((0, 1), np.bool_), np.empty(0)
 """Stand for an absent gate, and an absent weight"""
 _REMEMBERED = 256
-"""Number of positions of the nominal values whose predictors are kept, as they recur with the pose."""
+"""Number of predictors that are kept, for active faults and positions of the nominal values: these recur with the pose,
+and after a fault that has ended."""
 
 
 class HypothesisBank:
@@ -101,7 +102,9 @@ class HypothesisBank:
         self._slowest_us = round(1e6 * slowest_s)
         self.moved = (0,) * len(model.monitored)
         """Position of the nominal values, in steps (hypothesis.py) from those of the model"""
-        self._known: dict[tuple[int, ...], tuple[Tables, Predictors]] = {}
+        self._known: dict[tuple[bytes, tuple[int, ...]], tuple[Tables, Predictors]] = {}
+        self._around = b"not built"
+        """The active faults around which the lanes were built"""
         self._build()
         self._lanes = np.arange(self._predictors.own.shape[1])
         self._memory = memory_of(self._tables, len(self._lanes))
@@ -122,33 +125,35 @@ class HypothesisBank:
 
     def reset(self) -> None:
         """Return to the state before the first sample."""
-        if self.active_faults:
-            self.active_faults.clear()
-            self._build()
+        self.active_faults.clear()
+        self._build()
         self.follow((0,) * len(self.moved))
         self._memory = memory_of(self._tables, len(self._lanes))
 
     def _build(self) -> None:
-        """Build the lanes around the active faults."""
-        self._hypotheses = self.active_faults.lanes()
-        self._causes = CausePosterior(self._hypotheses[1:], self.evidence_share)
-        back_h = float(np.median(self.h)) if self.active_faults else math.inf
-        parts = (self.allowance, self._tolerated, self.active_faults.unexplained())
-        self._tests = Tests(
-            np.concatenate([[np.inf], self.h, [back_h]]), *(np.concatenate([[0.0], p, [0.0]]) for p in parts)
-        )
-        self._known.clear()
+        """Build the lanes around the active faults, if these have changed."""
+        around = self.active_faults.to_array().tobytes()
+        if around != self._around:
+            self._around = around
+            self._hypotheses = self.active_faults.lanes()
+            self._causes = CausePosterior(self._hypotheses[1:], self.evidence_share)
+            back_h = float(np.median(self.h)) if self.active_faults else math.inf
+            parts = (self.allowance, self._tolerated, self.active_faults.unexplained())
+            self._tests = Tests(
+                np.concatenate([[np.inf], self.h, [back_h]]), *(np.concatenate([[0.0], p, [0.0]]) for p in parts)
+            )
         self.follow(self.moved)
 
     def follow(self, moved: tuple[int, ...]) -> None:
         """Move the hypotheses to this position of the nominal values, in steps."""
         self.moved = moved
-        if moved not in self._known:
+        key = self._around, moved
+        if key not in self._known:
             while len(self._known) >= _REMEMBERED:
                 del self._known[next(iter(self._known))]
             model = moved_model(self.model, moved)
-            self._known[moved] = lanes_of(model, self.settings, self._hypotheses, self._tests)
-        self._tables, self._predictors = self._known[moved]
+            self._known[key] = lanes_of(model, self.settings, self._hypotheses, self._tests)
+        self._tables, self._predictors = self._known[key]
 
     def adopt(self, active_faults: Mapping[str, float], since_us: int | None) -> None:
         """Make exactly these causes active, with these sizes (NaN: the cause has no size).
@@ -285,10 +290,10 @@ class HypothesisBank:
             return
         # Until the state has settled after the change, no hypothesis is right, and the least wrong one seems certain.
         early = now_us - since < self._slowest_us
-        shares = found.shares()
-        sure, resort = shares[0].probability >= SURE_ENOUGH, shares[0].cause in self._last_resort
+        cause, probability = found.most_probable()
+        sure, resort = probability >= SURE_ENOUGH, cause in self._last_resort
         if waited >= (PATIENCE if resort else 1) or (sure and not early and not resort):
-            total = self.active_faults.with_total_sizes(shares)
+            total = self.active_faults.with_total_sizes(found.shares())
             self._wait(kernel.REFINING, MEMORIES)
             self._memory.sums[SINCE_DETECTION] = 0.0  # what raised the alarm may not last
             yield CauseIdentified(now_us, since, found.onset(), total, sure, settled=False)

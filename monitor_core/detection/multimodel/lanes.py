@@ -9,9 +9,9 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.detection.multimodel.hypothesis import Hypothesis
+from monitor_core.detection.multimodel.lane_intervals import discretize
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.discretization import zero_order_hold
 from monitor_core.drive.structure import DELAY as DELAY_PARAMETER
 from monitor_core.kernel import hypotheses as kernel
 from monitor_core.kernel import likelihood, predictors
@@ -20,7 +20,7 @@ from monitor_core.kernel.llvm_vectors import EIGHT
 from monitor_core.kernel.outliers import CREDIT
 from monitor_core.kernel.predictors import Predictors
 from monitor_core.kernel.state import COUNTERS, NEVER
-from monitor_core.kernel.tables import GAINS, OF_MOTION, ONE, TORQUE, WEIGHT, Tables
+from monitor_core.kernel.tables import GAINS, OF_MOTION, ONE, WEIGHT, Tables
 from monitor_core.settings import Settings
 
 
@@ -47,10 +47,9 @@ def lanes_of(
     Raises:
         ValueError: a hypothesis whose values the drive cannot have.
     """
-    drives = _Drives(replace(model, monitored=(), bounds={}), settings)
+    drives = _Drives(replace(model, monitored=(), bounds={}), settings, hypotheses)
     back, fill = len(hypotheses) - 1, -len(hypotheses) % EIGHT
-    hypotheses = [*hypotheses, *[hypotheses[0]] * fill]
-    lanes = [_lane(drives, hypothesis) for hypothesis in hypotheses]
+    lanes = [drives.lane(hypothesis) for hypothesis in [*hypotheses, *[hypotheses[0]] * fill]]
     table = {name: np.stack([lane[name] for lane in lanes], axis=1) for name in lanes[0]}
     own = table["own"]
     own[predictors.LIMIT] = np.inf
@@ -98,27 +97,21 @@ def memory_of(tables: Tables, lanes: int) -> Memory:
     return Memory(np.zeros((n, lanes)), u, np.zeros((likelihood.SUMS, lanes)), when, numbers, integers)
 
 
-class _Interval(NamedTuple):
-    """Discretization over one interval.
-
-    Up to the delay the previous torque acts; with a negative delay the next torque acts at the end.
-    """
-
-    move: Floats
-    """Transition of the state (n, n)"""
-    taps: Floats
-    """Effect of the held, the previous and the next torque (3, n)"""
-    acts: Floats
-    """Effect of each input (n, m)"""
-
-
 class _Drives:
     """The drive under each hypothesis, cached by its parameter values: half of the hypotheses do not change them."""
 
-    def __init__(self, model: AxisModel, s: Settings) -> None:
+    def __init__(self, model: AxisModel, s: Settings, hypotheses: Sequence[Hypothesis]) -> None:
         self.model, self.s, self.assembly = model, s, Assembly(model.drive, ())
-        self.changed = cache(self._changed)
-        self.constants, self.intervals = cache(self._constants), cache(self._intervals)
+        self.changed, self.constants = cache(self._changed), cache(self._constants)
+        self._keys = list(dict.fromkeys(map(self._key, hypotheses)))
+        models, delays = [self.changed(values) for values, _ in self._keys], [delay for _, delay in self._keys]
+        self._intervals = discretize(models, delays, np.array(_usual_us(s.interval_s)) / 1e6)
+
+    def _key(self, hypothesis: Hypothesis) -> tuple[tuple[float, ...], float]:
+        """Parameter values and delay, which determine the discretization."""
+        model = self.model
+        delay = self.s.delay_s + model.nominal.get(DELAY_PARAMETER, 0.0) + hypothesis.delay_s
+        return tuple(values_of(model, hypothesis).values()), delay
 
     def _changed(self, values: tuple[float, ...]) -> AxisModel:
         return replace(self.model, nominal=dict(zip(self.model.nominal, values, strict=True)))
@@ -126,39 +119,30 @@ class _Drives:
     def _constants(self, values: tuple[float, ...]) -> dict[str, Floats]:
         return self.assembly.model_constants(self.changed(values), self.s.speed_scale)
 
-    def _intervals(self, values: tuple[float, ...], delay: float) -> list[_Interval]:
-        """Discretizations over the usual intervals."""
-        model = self.changed(values)
-        return [_interval(model, us / 1e6, delay) for us in _usual_us(self.s.interval_s)]
-
-
-def _lane(drives: _Drives, hypothesis: Hypothesis) -> dict[str, Floats]:
-    model, s = drives.model, drives.s
-    values = tuple(values_of(model, hypothesis).values())
-    numbers = drives.constants(values)
-    n = len(model.drive.states)
-    gains = np.tile(hypothesis.K, (GAINS, 1)) if hypothesis.K is not None else s.gains(n)
-    gains = np.zeros_like(gains) if hypothesis.frozen else gains / hypothesis.output.scale
-    delay = s.delay_s + model.nominal.get(DELAY_PARAMETER, 0.0) + hypothesis.delay_s
-    torque, output = hypothesis.torque, hypothesis.output
-    own = [
-        delay, torque.scale, torque.offset, output.scale, output.offset, hypothesis.frozen, hypothesis.still,
-        1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0, 0.0, 0.0, 0.0,
-    ]  # fmt: skip
-    found = {name: numbers[name] for name in ("weight", "rest", "rigid", "u_scale")}
-    found |= {"V0": np.append(numbers["V0"], 0.0), "K": gains.ravel(), "own": np.array(own, float)}
-    always = np.array(model.drive.inputs) == ONE
-    usual = [
-        {
-            "usual_K": _gain_after(gains, us / 1e6 / s.interval_s),
-            "move": at.move.ravel(),
-            "taps": (at.taps * torque.scale).T.ravel(),
-            "constant": at.taps.sum(axis=0) * torque.offset + at.acts[:, always].sum(axis=1),
-            "acts": at.acts.ravel(),
+    def lane(self, hypothesis: Hypothesis) -> dict[str, Floats]:
+        """The numbers of one hypothesis, by the names of ``Predictors`` and those that ``lanes_of`` combines."""
+        s, model = self.s, self.model
+        key = values, delay = self._key(hypothesis)
+        numbers, at = self.constants(values), self._keys.index(key)
+        gains = np.tile(hypothesis.K, (GAINS, 1)) if hypothesis.K is not None else s.gains(len(model.drive.states))
+        gains = np.zeros_like(gains) if hypothesis.frozen else gains / hypothesis.output.scale
+        torque, output = hypothesis.torque, hypothesis.output
+        own = [
+            delay, torque.scale, torque.offset, output.scale, output.offset, hypothesis.frozen, hypothesis.still,
+            1 / (hypothesis.variance * s.lam0), -0.5 * np.log(hypothesis.variance), 0.0, 0.0, 0.0, 0.0,
+        ]  # fmt: skip
+        move, taps, acts = (part[at] for part in self._intervals)
+        always = np.array(model.drive.inputs) == ONE
+        return {name: numbers[name] for name in ("weight", "rest", "rigid", "u_scale")} | {
+            "V0": np.append(numbers["V0"], 0.0),
+            "K": gains.ravel(),
+            "own": np.array(own, float),
+            "usual_K": np.concatenate([_gain_after(gains, us / 1e6 / s.interval_s) for us in _usual_us(s.interval_s)]),
+            "move": move.ravel(),
+            "taps": (taps * torque.scale).transpose(0, 2, 1).ravel(),
+            "constant": (taps.sum(axis=1) * torque.offset + acts[..., always].sum(axis=2)).ravel(),
+            "acts": acts.ravel(),
         }
-        for us, at in zip(_usual_us(s.interval_s), drives.intervals(values, delay), strict=True)
-    ]
-    return found | {name: np.concatenate([interval[name] for interval in usual]) for name in usual[0]}
 
 
 def _usual_us(interval_s: float) -> range:
@@ -182,22 +166,6 @@ def values_of(model: AxisModel, hypothesis: Hypothesis) -> dict[str, float]:
     for name, shift in hypothesis.shifts.items():
         values[name] += shift
     return values
-
-
-def _interval(model: AxisModel, interval_s: float, delay: float) -> _Interval:
-    A, B, _ = model.matrices()
-    d = model.balance()
-    A, B, kinds = A / d[:, np.newaxis] * d, B / d[:, np.newaxis], np.array(model.drive.inputs)
-    before, now = np.clip(delay, 0, interval_s), np.clip(-delay, 0, interval_s)
-    held = interval_s - before - now
-    (A1, B1), (A2, B2), (A3, B3) = (_held(A, B, float(part)) for part in (before, held, now))
-    parts = np.stack([A3 @ B2, A3 @ A2 @ B1, B3])  # (3, n, m): held, previous, next
-    taps, acts = parts[:, :, kinds == TORQUE].sum(axis=2) * d, parts.sum(axis=0) * d[:, np.newaxis]
-    return _Interval(A3 @ A2 @ A1 * d[:, np.newaxis] / d, taps, acts)
-
-
-def _held(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats]:
-    return zero_order_hold(A, B, h) if h > 0 else (np.eye(len(A)), np.zeros_like(B))
 
 
 def _moving(model: AxisModel, acts: Floats) -> Ints:

@@ -15,32 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, finite
-from monitor_core.detection.alarm import (
-    MIN_PROBABILITY,
-    MODEL_ERROR,
-    Alarm,
-    Cause,
-    DetectorName,
-    Leading,
-    direction_of,
-)
-from monitor_core.detection.multimodel.candidates import (
-    CauseQuantity,
-    candidates,
-    causes_of,
-    hypothesis_of,
-    quantity_of,
-)
+from monitor_core.detection.alarm import MIN_PROBABILITY, MODEL_ERROR, Alarm, Cause, DetectorName, Leading, direction_of
+from monitor_core.detection.multimodel.candidates import CauseQuantity, candidate_cause, candidates, causes_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.isolability import Distinct, chosen, distinct_candidates
-from monitor_core.detection.multimodel.naming import (
-    CauseIdentified,
-    ChangeDetected,
-    Event,
-    Share,
-    SizeCorrected,
-)
+from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected, Event, Share, SizeCorrected
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.kalman import slowest_time_constant
 from monitor_core.drive.structure import DELAY
@@ -124,7 +104,7 @@ def bank_of(model: AxisModel, settings: Settings, thresholds: MultiModelThreshol
     # if the drive filters its torque.  Its evidence varies with the motion and with any fault, so faults would be
     # reported as a delay: leave these hypotheses out.
     own = [t for t in thresholds.own if not (t.cause == DELAY and t.allowance > 0)]
-    found = [replace(hypothesis_of(model, settings, t.cause, t.size), alike=t.alike) for t in own]
+    found = [replace(candidate_cause(model, settings, t.cause).hypothesis(t.size), alike=t.alike) for t in own]
     limits, allowance = (np.array([getattr(t, name) for t in own]) for name in ("h", "allowance"))
     return HypothesisBank(model, settings, found, limits, allowance, thresholds.evidence_share)
 
@@ -214,7 +194,7 @@ class MultiModelDetector:
 
     def quantity(self, cause: str) -> CauseQuantity:
         """Nominal value and unit of a cause."""
-        return quantity_of(self._model, self._settings, cause)
+        return candidate_cause(self._model, self._settings, cause).quantity
 
     def leading(self) -> Leading:
         """The cause with the largest g / h, and that ratio; none before the first sample."""

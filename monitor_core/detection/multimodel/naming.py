@@ -121,6 +121,12 @@ class CausePosterior:
         ]
         return tuple(sorted(shares, key=lambda share: -share.probability))
 
+    def most_probable(self, evidence: Floats) -> tuple[str, float]:
+        """The most likely cause of ``shares`` and its probability."""
+        probabilities = self._probabilities(self._evidence_share * evidence)
+        best = int(probabilities.argmax())
+        return self._causes[best].name, float(probabilities[best])
+
     def likeliest(self, evidence: Floats) -> str:
         """The cause that all of the evidence makes likeliest."""
         return self._causes[int(self._probabilities(evidence).argmax())].name

@@ -16,7 +16,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import slope_name
+from monitor_core.drive.parameter_names import slope_name
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import Balance, unexplained

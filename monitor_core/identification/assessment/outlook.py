@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.drive.structure import DELAY, LOAD, split_name, value_of
+from monitor_core.drive.parameter_names import split_name, value_of
+from monitor_core.drive.structure import DELAY, LOAD
 from monitor_core.identification.greybox import Estimate, monitored_information
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.wording import rounded_down

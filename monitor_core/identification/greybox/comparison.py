@@ -13,7 +13,8 @@ from types import MappingProxyType
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.drive.structure import DELAY, LOAD, Output, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import DELAY, LOAD, Output
 from monitor_core.identification.greybox.criterion import fit_starts
 from monitor_core.identification.greybox.estimate import Estimate
 from monitor_core.identification.greybox.residuals import Information, information

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.discretization import zero_order_hold_slopes
-from monitor_core.drive.structure import Drive, Matrix, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import Drive, Matrix
 from monitor_core.kernel.sample_interval import LOST
 from monitor_core.kernel.tables import COULOMB, TORQUE
 

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.discretization import zero_order_hold
-from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive, slope_name, value_of, with_values
+from monitor_core.drive.parameter_names import slope_name, value_of, with_values
+from monitor_core.drive.structure import DELAY, DISTURBANCE_TIME, Drive
 from monitor_core.identification.problem import Disturbance, Problem
 
 _FARTHEST = 1e3

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DISTURBANCE_TIME, Drive, slope_name, value_of, with_values
+from monitor_core.drive.parameter_names import slope_name, value_of, with_values
+from monitor_core.drive.structure import DISTURBANCE_TIME, Drive
 from monitor_core.identification.predictor.held_drive import (
     HalfIntervalSpeed,
     LinearDrive,

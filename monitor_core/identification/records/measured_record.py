@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
-from monitor_core.drive.structure import Output
+from monitor_core.drive.structure import OUTPUT_UNITS, Output
 from monitor_core.samples import SampleBlock
 
 _LOST = 1.5
@@ -20,7 +20,6 @@ _SPEED_STEP = 10
 """Number of samples over which the speed of an angle is taken"""
 _RARELY = 0.99
 """Share of the time in which a speed is not exceeded"""
-UNITS: Mapping[Output, str] = {"speed": "rad/s", "angle": "rad"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +59,7 @@ class Record:
     gate: Bools | None = None
 
     def __post_init__(self) -> None:
-        if self.quantity not in UNITS:
+        if self.quantity not in ("speed", "angle"):
             raise ValueError(f"{self._what}: the quantity {self.quantity!r} is neither speed nor angle")
         t, u, y = (np.array(values, dtype=np.float64) for values in (self.t, self.u, self.y))
         signals = {name: np.array(values, dtype=np.float64) for name, values in self.signals.items()}
@@ -144,7 +143,7 @@ class Record:
     @property
     def unit(self) -> str:
         """Unit of y."""
-        return UNITS[self.quantity]
+        return OUTPUT_UNITS[self.quantity]
 
     def select(self, samples: slice | Bools | Ints) -> Record:
         """The record with only these samples; the torque is held over the samples between them.

@@ -14,7 +14,8 @@ from scipy.linalg import hessenberg
 from scipy.optimize import nnls
 
 from monitor_core.arrays import Complexes, Floats
-from monitor_core.drive.structure import DAMPING, Drive, MatrixTerm, Output, Parameter, Quantity, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import DAMPING, Drive, MatrixTerm, Output, Parameter, Quantity
 from monitor_core.identification.problem import Problem
 from monitor_core.kernel.tables import COULOMB, ONE, TORQUE
 

@@ -17,7 +17,8 @@ from scipy.signal import csd, lfilter, medfilt, welch
 
 from monitor_core.arrays import Bools, Complexes, Floats, Ints
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DAMPING, STIFFNESS, Output, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import DAMPING, STIFFNESS, Output
 from monitor_core.identification.black_boxes.arx import Arx, fit_arx
 from monitor_core.identification.black_boxes.frequency_response import DECIBEL
 from monitor_core.identification.predictor.held_drive import LinearDrive, Structure, hold

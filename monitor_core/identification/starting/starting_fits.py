@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS, split_name, value_of, with_values
+from monitor_core.drive.parameter_names import split_name, value_of, with_values
+from monitor_core.drive.structure import DAMPING, INERTIA, STIFFNESS
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record_checks.known_axis import rigid_inertia

@@ -20,7 +20,7 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.operating_conditions import MARGIN
-from monitor_core.drive.structure import slope_name
+from monitor_core.drive.parameter_names import slope_name
 from monitor_core.drive.thermal_state import TEMPERATURE, ThermalModel
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms

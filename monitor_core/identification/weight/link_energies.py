@@ -27,9 +27,11 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, product
+from math import prod
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.drive.signal_terms import Factor, SignalProduct, Term
@@ -52,6 +54,8 @@ _CLEARLY_LESS = 0.95
 """A sum that was chosen before a later one is exchanged if another one leaves at most this share of the errors."""
 _DETERMINED = 1e-10
 """Singular values of the normal equations below this share of the largest are left out."""
+_WELL_DETERMINED = 1e-6
+"""Further energies are well determined if beside the others this share of their squares is left."""
 
 AngleSum = tuple[tuple[int, str], ...]
 """A sum of angles, by the names of their signals, each with a whole factor; of a weight that is its sign"""
@@ -110,12 +114,12 @@ class Energy(NamedTuple):
         )
         return Term((SignalProduct(accelerating), *turning))
 
-    def function_values(self, part: GridPart) -> tuple[Floats, Floats]:
+    def function_values(self, poses: Poses) -> tuple[Floats, Floats]:
         """f and its derivative by s (N,)."""
-        s = sum((n * part.signals[angle] for n, angle in self.angles), np.zeros(len(part.u)))
-        f, slope = (np.cos(s), -np.sin(s)) if self.function == "cos" else (np.sin(s), np.cos(s))
+        turned = poses.turned(self.angles)
+        f, slope = (turned.real, -turned.imag) if self.function == "cos" else (turned.imag, turned.real)
         for function, angles in self.factors:
-            more, _ = Energy((), function, angles).function_values(part)
+            more = poses.turned(angles).real if function == "cos" else poses.turned(angles).imag
             f, slope = more * f, more * slope
         return f, slope
 
@@ -127,6 +131,23 @@ class Energy(NamedTuple):
     def times(self, angle: str) -> int:
         """How often an angle is in the sum."""
         return next((n for n, name in self.angles if name == angle), 0)
+
+
+class Poses:
+    """Cosines and sines of sums of angles in a part, as products of exp(i angle), which take less time."""
+
+    def __init__(self, part: GridPart) -> None:
+        self._part, self._none = part, np.ones(len(part.u), complex)
+        self._turned: dict[tuple[int, str], NDArray[np.complex128]] = {}
+
+    def turned(self, angles: AngleSum) -> NDArray[np.complex128]:
+        """exp(i s) (N,) of a sum s of angles."""
+        return prod((self._multiple(*angle) for angle in angles), start=self._none)
+
+    def _multiple(self, n: int, angle: str) -> NDArray[np.complex128]:
+        if (n, angle) not in self._turned:
+            self._turned[n, angle] = np.exp(1j * n * self._part.signals[angle])
+        return self._turned[n, angle]
 
 
 def _factor(function: str, angles: AngleSum) -> Factor:
@@ -239,7 +260,8 @@ class EnergyBalance(WeightBalance):
         ends = np.cumsum([len(part.u) for part in parts])[:-1]
         further = [self.column(np.split(values, ends)) for values in terms]
         self.energies = energies
-        columns = [self._energy_column(energy, own) for energy in self.energies]
+        poses = [Poses(part) for part in parts]
+        columns = [self._energy_column(energy, own, poses) for energy in self.energies]
         rows = np.column_stack([self.rows, *further, *columns])
         size = np.sqrt((rows**2).sum(axis=0))
         rows = rows / np.where(size > 0, size, 1.0)
@@ -253,6 +275,11 @@ class EnergyBalance(WeightBalance):
             by_sum.setdefault(energy._replace(function=""), []).append(index)
         self.same_sum = list(by_sum.values())
         """Of each sum, the indices of its energies of the same joints: with cosine and with sine"""
+        self._alike = [
+            (np.array(places), self._usual + np.array([self.same_sum[place] for place in places]))
+            for places in _by_length(self.same_sum)
+        ]
+        """Places of ``same_sum`` with the same number of energies, and the columns of these"""
         independent = max(len(self.torque) / WINDOWS, 1.0)
         self.max_remaining = min(_MAX_REMAINING, 1 - _BY_CHANCE * np.log(len(by_sum)) / independent)
         """A further sum must reduce the squared errors to at most this share"""
@@ -263,11 +290,37 @@ class EnergyBalance(WeightBalance):
         None is preferred for its few angles: the inertia of a base follows the squares of cosines, and with the cosines
         the torque in other poses would be off by half as much again.
         """
-        errors = [
-            np.inf if place in chosen else self.sums_error([*chosen, place]) for place in range(len(self.same_sum))
-        ]
+        errors = self._errors_beside([index for place in chosen for index in self.same_sum[place]])
+        errors[list(chosen)] = np.inf
+        for place in np.flatnonzero(np.isnan(errors)).tolist():
+            errors[place] = self.sums_error([*chosen, place])
         best = int(np.argmin(errors))
-        return best, errors[best]
+        return best, self.sums_error([*chosen, best])
+
+    def _errors_beside(self, chosen: Sequence[int]) -> Floats:
+        """The errors with these energies and those of each place of ``same_sum``, by block elimination.
+
+        NaN where the energies of a place are hardly determined beside the others.
+        """
+        used = np.concatenate([np.arange(self._usual), self._usual + np.array(chosen, np.int64)])
+        missed = np.zeros(len(self.same_sum))
+        for (G, b, _), (G_, b_, yy) in (self._normal, self._normal[::-1]):
+            base = np.linalg.lstsq(G[np.ix_(used, used)], np.column_stack([b, G])[used], rcond=_DETERMINED)[0]
+            for places, columns in self._alike:
+                X = base[:, 1 + columns].transpose(1, 0, 2)  # (places, used, energies of a place)
+                own = columns[:, :, np.newaxis], columns[:, np.newaxis]
+                beside = G[columns][:, :, used]  # (places, energies of a place, used)
+                left = G[own] - beside @ X
+                determined = np.linalg.eigvalsh(left)[:, 0] > _WELL_DETERMINED * G[columns, columns].max(axis=1)
+                left[~determined] = np.eye(columns.shape[1])
+                found = np.linalg.solve(left, (b[columns] - beside @ base[:, 0])[..., np.newaxis])[..., 0]
+                others = base[:, 0] - (X @ found[..., np.newaxis])[..., 0]  # (places, used)
+                values = np.concatenate([others, found], axis=1)
+                which = np.concatenate([np.tile(used, (len(places), 1)), columns], axis=1)
+                square = G_[which[:, :, np.newaxis], which[:, np.newaxis]]
+                explained = ((2 * b_[which] - (square @ values[..., np.newaxis])[..., 0]) * values).sum(axis=1)
+                missed[places] += np.where(determined, yy - explained, np.nan)
+        return missed
 
     def sums_error(self, places: Sequence[int]) -> float:
         """The error with the energies at these places of ``same_sum``."""
@@ -287,23 +340,31 @@ class EnergyBalance(WeightBalance):
             missed += yy - float(2 * found @ b_[used] - found @ G_[square] @ found)
         return missed
 
-    def _energy_column(self, energy: Energy, own: str) -> Floats:
+    def _energy_column(self, energy: Energy, own: str, poses: Sequence[Poses]) -> Floats:
         """The integrals (M,) of the torque of this energy."""
         carried = [part.signals[energy.load] if energy.load else np.ones(len(part.u)) for part in self._parts]
         if not energy.axes:
             return self.column(
-                mass * energy.function_values(part)[0] for mass, part in zip(carried, self._parts, strict=True)
+                mass * energy.function_values(pose)[0] for mass, pose in zip(carried, poses, strict=True)
             )
         j, k = energy.axes
         n = energy.times(own)
         rates, torques = list[Floats](), list[Floats]()
-        for mass, part in zip(carried, self._parts, strict=True):
+        for mass, part, pose in zip(carried, self._parts, poses, strict=True):
             v = {angle: np.gradient(part.signals[angle], part.h) for angle in (j, k)}
-            f, slope = energy.function_values(part)
+            f, slope = energy.function_values(pose)
             momentum = f * v[k if j == own else j] if own in energy.axes else np.zeros(len(part.u))
             rates.append(mass * momentum)
             torques.append(-n * mass * slope * v[j] * v[k])
         return self.rate(rates) + self.column(torques)
+
+
+def _by_length(lists: Sequence[Sequence[int]]) -> list[list[int]]:
+    """Indices of lists, together where these are of the same length."""
+    found = dict[int, list[int]]()
+    for k, entries in enumerate(lists):
+        found.setdefault(len(entries), []).append(k)
+    return list(found.values())
 
 
 def possible_energies(

@@ -52,7 +52,8 @@ class WeightBalance:
     """
 
     def __init__(self, parts: Sequence[GridPart], window: int, scale: float, moving: bool = True) -> None:
-        self._parts, self._window = parts, window
+        self._parts = parts
+        self._windows = [window_of(window, part.h) for part in parts]
         rows, torque = balance_equations(parts, window, scale, USUAL)
         self._kept = _windows_of_motion(parts, window) if moving else np.ones(len(torque), np.bool_)
         self.rows, self.torque = rows[self._kept], torque[self._kept]
@@ -83,8 +84,7 @@ class WeightBalance:
 
     def _windowed(self, values: Iterable[Floats], mean: bool = False, rate: bool = False) -> Floats:
         found = list[Floats]()
-        for part, value in zip(self._parts, values, strict=True):
-            g, g1, _ = window_of(self._window, part.h)
+        for part, (g, g1, _), value in zip(self._parts, self._windows, values, strict=True):
             shape = -g1 if rate else g
             found.append(integrals(part, shape, value) / (part.h * shape.sum() if mean else 1.0))
         return np.concatenate(found)[self._kept]

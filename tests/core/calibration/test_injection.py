@@ -7,7 +7,8 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.injection import changed_values, equivalent_load, faulty_torque
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import DELAY, Output, split_name
+from monitor_core.drive.parameter_names import split_name
+from monitor_core.drive.structure import DELAY, Output
 from monitor_core.excitation import multisine
 from monitor_core.modeling.simulated_axis import SimulatedAxis
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass

@@ -270,3 +270,21 @@ def test_a_weight_that_stands_for_an_energy_is_not_needed(rng: Generator) -> Non
     found = link_energies(EnergyBalance(parts, window, 0.05, "q2", possible_energies("q2", ANGLES), given))
     assert found.found == (Energy(("q1", "q1"), "cos", ((2, "q2"),)),)
     assert found.needless == (1,)
+
+
+@pytest.mark.parametrize("together", [0.0, 0.9999, 1.0])
+def test_the_best_further_sum_is_that_of_the_smallest_error(together: float, rng: Generator) -> None:
+    """All sums at once, also those of an elbow that always, or nearly always, moves as the shoulder does."""
+    q, v, a = motion(rng, 120.0)
+    q[2], v[2], a[2] = (together * x[1] + (1 - together) * x[2] for x in (q, v, a))
+    torque = 3 * a[1] + 20 * np.cos(q[1]) + 9 * np.sin(q[1] + q[2]) + 4 * np.sin(2 * q[1]) * v[0] ** 2
+    parts, window = moving_parts([record(rng, 1, torque, q, v)], ANGLES)
+    given = np.cos(np.concatenate([part.signals["q2"] for part in parts]))
+    balance = EnergyBalance(parts, window, 0.05, "q2", possible_energies("q2", ANGLES, ["q1"]), [given])
+    chosen = list[int]()
+    for _ in range(4):
+        others = [place for place in range(len(balance.same_sum)) if place not in chosen]
+        errors = {place: balance.sums_error([*chosen, place]) for place in others}
+        best, error = balance.best(chosen)
+        assert error == errors[best] == pytest.approx(min(errors.values()), rel=1e-9)
+        chosen.append(best)

@@ -14,7 +14,8 @@ from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
-from service.config.axis_settings import axis_settings, detectors_of
+from service.config.axis_detectors import detectors_of
+from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.ingest.records import read_record
 from service.pipeline.axis_monitors import AxisMonitors

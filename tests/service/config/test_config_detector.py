@@ -10,7 +10,8 @@ import pytest
 from monitor_core.drive import HEAT
 from monitor_core.settings import Threshold
 from service.config import Config, ConfigErrors, load
-from service.config.axis_settings import AxisError, Detectors, alarm_source_of, axis_settings, detectors_of
+from service.config.axis_detectors import Detectors, alarm_source_of, detectors_of
+from service.config.axis_settings import AxisError, axis_settings
 from service.config.drives import axis_model
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown

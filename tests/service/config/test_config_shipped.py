@@ -13,7 +13,7 @@ from service.can.message_files import read_messages
 from service.can.messages import find_signal
 from service.config import Config, load
 from service.config.base_table import TomlTable
-from service.config.loading import table_in
+from service.config.schema_errors import table_in
 from service.config.toml_lines import Keys, positions
 from tests.service.found_files import nominal_text, thresholds_text
 

@@ -53,10 +53,10 @@ def without(folder: Path, made: Path, *gaps_s: tuple[float, float]) -> str:
 def test_a_bus_that_was_away_for_moments_does_not_spoil_the_record(folder: Path, robot: Config, tmp_path: Path) -> None:
     path = without(folder, tmp_path / "torn.csv", (6.5, 6.95), (13.2, 13.65))
     made = prepare(robot, robot.axes[0], [path], [], Request(start="values", free=FREE))
-    ends_s = [end for part in made.estimation for end in (part.source.start_s, part.source.end_s)]
+    ends_s = [end for part in made.records.estimation for end in (part.source.start_s, part.source.end_s)]
     assert ends_s == pytest.approx([0.0, 6.5, 6.95, 13.2, 13.65, 19.995])
     complete = load(path, robot, "demo.axis1").source
-    assert sum(part.source.used for part in made.estimation) == complete.used
+    assert sum(part.source.used for part in made.records.estimation) == complete.used
     assert made.options.begins_s == pytest.approx((0.0, 6.95, 13.65))
     assert any(
         words == "torn.csv: cut at its gaps; 100 % of the samples, in 3 parts, are used." for words in made.warnings
@@ -73,7 +73,7 @@ def test_a_record_of_nothing_but_gaps_is_used_as_it_is(folder: Path, robot: Conf
     gaps = [(k + 0.5, k + 0.6) for k in range(20)]
     path = without(folder, tmp_path / "torn.csv", *gaps)
     made = prepare(robot, robot.axes[0], [path], [], Request(start="values", free=FREE))
-    assert [len(part.record) for part in made.estimation] == [load(path, robot, "demo.axis1").source.used]
+    assert [len(part.record) for part in made.records.estimation] == [load(path, robot, "demo.axis1").source.used]
     assert any("used as a whole, since little is left between its gaps" in words for words in made.warnings)
 
 
@@ -205,7 +205,7 @@ def test_a_search_that_finds_nothing_leaves_the_fit_from_the_values(
 
 def test_the_simulation_makes_its_own_friction(folder: Path, robot: Config) -> None:
     """By the simulated speed, not the measured one, which no simulation knows."""
-    (angle,) = (part.record for part in task(folder, robot, "second.csv").estimation)
+    (angle,) = (part.record for part in task(folder, robot, "second.csv").records.estimation)
     record = Record(angle.t, angle.u, np.gradient(angle.y, angle.t), "speed")
     values = {**REFERENCE_VALUES, "fc": 0.3, "tau0": 0.0}
     problem = Problem(three_mass("speed"), values, ("fm",), K=(0.0, 0.0, 0.3, 0.0, 0.0))

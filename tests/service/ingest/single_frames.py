@@ -18,8 +18,10 @@ from monitor_core.sampling import (
     new_pairing,
     time_per_count_s,
 )
-from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE, count_time, read_cycle, release_held
+from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE
+from monitor_core.sampling.controller_cycle import read_cycle, release_held
 from monitor_core.sampling.pairing import MOTION, NO_TIME, SAMPLE, TORQUE, add_pair, add_value, flush_pairing
+from monitor_core.sampling.sample_counter import count_time
 from monitor_core.sampling.stamp_meter import frame_received, sample_timed
 from service.ingest.timestamp_jitter import ClockKind, Stamps, stamps_of
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from monitor_core.sampling.controller_clocks import WINDOW
+from monitor_core.sampling.controller_cycle import WINDOW
 from service.can.frames import Frame
 from service.ingest.bus_samples import Ingest
 from tests.service.ingest.plant import (

@@ -11,8 +11,9 @@ import scipy.io
 
 from service.can.user_errors import RecordError
 from service.ingest.csv_tables import CsvTable, LongTable
+from service.ingest.table_cells import seconds_of
 from service.ingest.table_files import MatTable, open_table
-from service.ingest.table_head import head_of, seconds_of
+from service.ingest.table_head import head_of
 
 ROWS = ["0.000,1.5,2.5", "0.005,1.6,2.6", "0.010,1.7,2.7"]
 NAMES = ("t", "u", "y")

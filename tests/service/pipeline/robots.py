@@ -9,7 +9,7 @@ from service.can.frames import Frame, FrameBlock
 from service.commands.exit_codes import OK
 from service.config import AxisConfig, Config, load
 from service.ingest.encode import Encoded, FrameEncoder
-from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import SimulatedSample
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot

@@ -13,7 +13,8 @@ from fastapi import FastAPI
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config
-from service.pipeline.alarm_recording import AlarmRecorder, quantities
+from service.pipeline.alarm_recording import AlarmRecorder
+from service.pipeline.axis_alarms import quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.baselines import Baselines
 from service.pipeline.bus_readers import BusIntake

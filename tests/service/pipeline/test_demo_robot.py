@@ -7,7 +7,7 @@ import pytest
 
 from service.config import Config, load
 from service.config.drive_sources import shipped
-from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.robot import FaultError, SimulatedFault, SimulatedRobot
 from tests.service.pipeline.robots import START_US, blocks, demo, with_axes

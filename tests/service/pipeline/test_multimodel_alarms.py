@@ -12,7 +12,8 @@ from monitor_core.detection import Alarm
 from service.can.frames import FrameBlock
 from service.config import Config
 from service.config.schema_model import DetectorConfig
-from service.pipeline.alarm_recording import AlarmRecorder, AxisAlarm, quantities
+from service.pipeline.alarm_recording import AlarmRecorder
+from service.pipeline.axis_alarms import AxisAlarm, quantities
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.simulation.axis import SimulatedSample

@@ -13,7 +13,7 @@ from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AlarmState, AxisMonitor
 from service.can.frames import FrameBlock
 from service.config import Config
-from service.pipeline.alarm_recording import AxisAlarm
+from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.checkpointing import Checkpointer, LostState, Restored, loss_messages, restore
 from service.store.alarm_entries import AlarmEntry

@@ -9,7 +9,8 @@ import pytest
 from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.entries import EstimateReading
 from service.config import Config
-from service.pipeline.alarm_recording import AlarmRecorder, AxisAlarm, quantities
+from service.pipeline.alarm_recording import AlarmRecorder
+from service.pipeline.axis_alarms import AxisAlarm, quantities
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.pipeline.trends import Trends

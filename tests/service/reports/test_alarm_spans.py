@@ -13,9 +13,9 @@ from service.config import load
 from service.ingest.records import RecordQuality, RecordStep
 from service.pipeline.alarm_recording import as_recorded
 from service.pipeline.axis_monitors import AxisMonitors
-from service.reports.replay_course import Timeline, TimeUnit
 from service.reports.replay_report import alarm_table
 from service.reports.replay_result import Replay, ReplayedAxis
+from service.reports.timeline import Timeline, TimeUnit
 from service.store.alarm_entries import AlarmEntry
 
 ROOT = Path(__file__).resolve().parents[3]

@@ -24,9 +24,10 @@ from monitor_core.settings import Threshold
 from service.can.decoder import FRAME_REASONS
 from service.ingest.unwrap import AMBIGUOUS
 from service.reports import replay_course as rows
-from service.reports.replay_course import PAUSE_S, SIGMAS, ReplayCourse, Timeline, time_unit
+from service.reports.replay_course import SIGMAS, ReplayCourse
 from service.reports.replay_html import REASONS
 from service.reports.replay_report import dated
+from service.reports.timeline import PAUSE_S, Timeline, time_unit
 from tests.core.cases import BY_NAME, record
 
 SAMPLES = 3000

@@ -11,7 +11,8 @@ import pytest
 
 from service.config import Config, load
 from service.config.epoch_values import content_of, fingerprint_of
-from service.pipeline.recording import Extracts, RecordingFolder
+from service.pipeline.recording import Extracts
+from service.pipeline.recording_folder import RecordingFolder
 from service.pipeline.replay_reports import ReplayReports, ReportState
 from service.store.epochs import EpochPlan
 from service.store.tokens import Scope, TokenFile

@@ -8,7 +8,7 @@ from monitor_core.wording import rounded_down
 from service.commands.calibrate import as_identified, calibrate_axis
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, as_found, within
 from service.commands.output_files import replace_text
-from service.config.commissioned import pages_of
+from service.config.commissioning_files import pages_of
 from service.config.conditions import needed
 from service.config.corrections import Correction
 from service.ingest.loaded_records import samples_in

@@ -20,7 +20,7 @@ from service.commands.commissioning.axis.load_search import LoadSearches
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.output_files import replace_text
 from service.config import AxisConfig
-from service.config.commissioned import motion_file
+from service.config.commissioning_files import motion_file
 from service.config.corrections import Correction
 from service.ingest.axis_records import sha256_of, wanted
 from service.reports.commissioning_report import Outcome

@@ -5,13 +5,7 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
-from monitor_core.identification import (
-    FitQuality,
-    IdentificationError,
-    Record,
-    TurningWeight,
-    turning_weight,
-)
+from monitor_core.identification import FitQuality, IdentificationError, Record, TurningWeight, turning_weight
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, within
 from service.commands.commissioning.axis.identification_retries import (
@@ -29,7 +23,7 @@ from service.commands.commissioning.axis.missing_motion import motion_for, with_
 from service.commands.identification_task import Request, drawing_of, prepare
 from service.commands.output_files import replace_text
 from service.config import NamedAxis
-from service.config.commissioned import pages_of
+from service.config.commissioning_files import pages_of
 from service.config.corrections import SIGNAL
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome
@@ -56,8 +50,7 @@ def identified(job: AxisJob, outcome: Outcome, loads: LoadSearches, progress: Co
                 break
             if again.schedule and fit.is_usable:
                 without_links = fit  # it stands if none of those with the load of links is usable
-            attempt = fit.attempt._replace(lacks=fit.lacks, offer=fit.offer)
-            attempt = _following(attempt, again, fit.axis.config.model.drive)
+            attempt = _following(fit.attempt, again, fit.axis.config.model.drive)
         job, outcome = fit.attempt.job, fit.attempt.outcome
         outcome = replace(outcome, notes=(*outcome.notes, *_unknown_gears(fit)))
     except REFUSALS as error:
@@ -76,7 +69,7 @@ def identified(job: AxisJob, outcome: Outcome, loads: LoadSearches, progress: Co
 
 
 class _Attempt(NamedTuple):
-    """What is identified, and what the attempts before it have shown."""
+    """What is identified, and what it and the attempts before it have shown."""
 
     job: AxisJob
     """With the configuration of this attempt"""
@@ -89,9 +82,9 @@ class _Attempt(NamedTuple):
     left_out: int = 0
     """Number of terms that were left out"""
     lacks: str = ""
-    """What the drive before lacked, see ``lacks_of``"""
+    """What the drive lacks, see ``lacks_of``"""
     offer: str = ""
-    """What --yes would have applied, as the end of a sentence"""
+    """What --yes would apply, as the end of a sentence"""
 
 
 class _Fit(NamedTuple):
@@ -103,10 +96,6 @@ class _Fit(NamedTuple):
     records: Sequence[Record]
     """Those to which the drive is fitted"""
     search: LoadSearch
-    lacks: str
-    """What its drive lacks, see ``lacks_of``"""
-    offer: str
-    """What --yes would apply, as the end of a sentence"""
 
     @property
     def is_usable(self) -> bool:
@@ -120,7 +109,7 @@ def _fit(attempt: _Attempt, loads: LoadSearches, progress: CommissioningProgress
     config, axis = job.configured()
     request = Request(schedule=attempt.schedule, memories_s=memories_of(axis.config))
     task = prepare(config, axis, job.records, [], request)
-    records = [item.record for item in task.estimation]
+    records = task.records.fitted
     provenance = job.provenance._replace(drawing=drawing_of(axis.config))
     search, turn = loads.search(text), partial(_turn_of_weight, records)
     is_guess = job.shorten and not attempt.drives  # the first drive may be one
@@ -138,7 +127,8 @@ def _fit(attempt: _Attempt, loads: LoadSearches, progress: CommissioningProgress
             again = retry(report, text, axis, attempt.drives, search, turn)
         if report.rejection and again:  # the complete records would not help
             break
-    return _Fit(attempt, axis, report, records, search, lacks_of(report, attempt.lacks), attempt.offer), again
+    attempt = attempt._replace(lacks=lacks_of(report, attempt.lacks))
+    return _Fit(attempt, axis, report, records, search), again
 
 
 def _turn_of_weight(records: Sequence[Record]) -> TurningWeight | None:
@@ -153,27 +143,25 @@ def _agreed(fit: _Fit, again: Retry | None) -> tuple[_Fit, Retry | None]:
     job, report = fit.attempt.job, fit.report
     if again is None or not again.changes or job.shorten:
         return fit, again
-    fit = fit._replace(offer=fit.offer or f"; --yes applies {again.words}")
-    return fit, None if report.rejection else followers_monitored(report, job.text, fit.axis)
+    attempt = fit.attempt._replace(offer=fit.attempt.offer or f"; --yes applies {again.words}")
+    return fit._replace(attempt=attempt), None if report.rejection else followers_monitored(report, job.text, fit.axis)
 
 
 def _following(before: _Attempt, again: Retry, drive: str) -> _Attempt:
     """The attempt after this one, which was with ``drive``."""
-    left_out, lacks, notes = before.left_out, before.lacks, before.outcome.notes
+    lacks, notes = before.lacks, before.outcome.notes
     if again.left_out:
-        left_out += 1
         notes = (*notes, f"The fit does not converge with {again.left_out}, so this term is left out.")
     elif again.schedule:
         lacks = ""  # the schedules have it
         notes = (*notes, f"The torque shows {again.shown}. {', '.join(again.schedule)}.")
-    return _Attempt(
-        before.job._replace(text=again.text),
-        replace(before.outcome, notes=notes, corrections=(*before.outcome.corrections, *again.changes)),
-        again.schedule or before.schedule,
-        (*before.drives, drive),
-        left_out,
-        lacks,
-        before.offer,
+    return before._replace(
+        job=before.job._replace(text=again.text),
+        outcome=replace(before.outcome, notes=notes, corrections=(*before.outcome.corrections, *again.changes)),
+        schedule=again.schedule or before.schedule,
+        drives=(*before.drives, drive),
+        left_out=before.left_out + bool(again.left_out),
+        lacks=lacks,
     )
 
 
@@ -204,7 +192,7 @@ def _unknown_gears(fit: _Fit) -> Iterator[str]:
 
 def _with_values(fit: _Fit, outcome: Outcome) -> Outcome:
     """Outcome with the identified values, written into the folder."""
-    folder, axis, report, offer = fit.attempt.job.folder, fit.axis, fit.report, fit.offer
+    folder, axis, report, offer = fit.attempt.job.folder, fit.axis, fit.report, fit.attempt.offer
     page, values = pages_of(axis.id)[0], f"{axis.id}-nominal.toml"
     better = [f"A better fit can be tried{offer}."] if offer and not report.rejection and watched_in(report) else []
     replace_text(folder / page, identification_html.as_html(report))
@@ -217,7 +205,7 @@ def _with_values(fit: _Fit, outcome: Outcome) -> Outcome:
         no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,
     )
     if report.rejection:
-        return replace(outcome, refusal=not_identified(report, offer, fit.lacks))
+        return replace(outcome, refusal=not_identified(report, offer, fit.attempt.lacks))
     replace_text(folder / values, as_toml(report))
     watched = watched_in(report)
     return replace(

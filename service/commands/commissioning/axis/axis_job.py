@@ -1,6 +1,8 @@
 """The job of commissioning one axis, and what its steps share: progress, refusals, the configuration so far."""
 
-from collections.abc import Callable
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,7 +14,8 @@ from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.config import Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
-from service.config.commissioned import commissioned, configured, corrected
+from service.config.commissioned import Found, commissioned, configured, corrected, uncoupled
+from service.config.corrections import Correction
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
 
@@ -42,12 +45,23 @@ class AxisJob(NamedTuple):
         """The configuration and the axis."""
         return configured(self.text, self.axis_id, self.folder)
 
+    def corrected(self, corrections: Sequence[Correction]) -> AxisJob:
+        """The job with corrected values of the axis."""
+        return self._replace(text=corrected(self.text, self.axis_id, corrections))
+
+    def uncoupled(self) -> AxisJob:
+        """The job in which the motion of the axis is that of the arm, as it is sent."""
+        return self._replace(text=uncoupled(self.text, self.axis_id))
+
+    def with_results(self, found: Found) -> AxisJob:
+        """The job with the results for the axis in its configuration, which has no other axes."""
+        return self._replace(text=commissioned(self.text, {self.axis_id: found}))
+
 
 def as_found(job: AxisJob, outcome: Outcome) -> tuple[Config, NamedAxis]:
     """The configuration with all that was found until now, and the axis."""
     assert outcome.found is not None
-    changed = corrected(job.text, job.axis_id, outcome.corrections)
-    return job._replace(text=commissioned(changed, {job.axis_id: outcome.found})).configured()
+    return job.corrected(outcome.corrections).with_results(outcome.found).configured()
 
 
 def within(phase: str, progress: CommissioningProgress) -> Callable[[str, float, float], None]:

@@ -10,7 +10,6 @@ from monitor_core.wording import percent
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearches
 from service.config import AxisConfig
-from service.config.commissioned import configured, corrected, uncoupled
 from service.config.corrections import SIGNAL, Correction
 from service.config.coupling_rules import may_be_coupled
 from service.config.robot_defaults import COUPLING
@@ -48,8 +47,7 @@ def with_coupling(
     if not job.shorten:
         words = f"{changes[0].reason[0].upper()}{changes[0].reason[1:]}. --yes applies {_line(_rounded(found))}."
         return job, replace(outcome, notes=(*outcome.notes, words))
-    text = corrected(job.text, job.axis_id, changes)
-    return job._replace(text=text), replace(outcome, corrections=(*outcome.corrections, *changes))
+    return job.corrected(changes), replace(outcome, corrections=(*outcome.corrections, *changes))
 
 
 # --- The search in the records ----------------------------------------------------------------------------------------
@@ -57,28 +55,27 @@ def with_coupling(
 
 def _found(job: AxisJob, given: Mapping[str, float], loads: LoadSearches) -> MotorCoupling | None:
     """The factors by the names of axes or signals, found one by one, with the load of links that each makes known."""
-    plain = uncoupled(job.text, job.axis_id)
-    factors, found = dict(given), None
+    plain, factors, found = job.uncoupled(), dict(given), None
     while True:
-        text = corrected(plain, job.axis_id, [Correction((COUPLING, n), c, "") for n, c in factors.items()])
-        again = _one_more(job, plain, loads.search(text).links, list(factors))
+        coupled = plain.corrected([Correction((COUPLING, n), c, "") for n, c in factors.items()])
+        again = _one_more(plain, loads.search(coupled.text).links, list(factors))
         if again is None or again.factors.keys() == factors.keys():
             return again or found
         factors, found = _rounded(again), again
 
 
-def _one_more(job: AxisJob, plain: str, links: LinkLoad | None, known: list[str]) -> MotorCoupling | None:
+def _one_more(plain: AxisJob, links: LinkLoad | None, known: list[str]) -> MotorCoupling | None:
     """The coupling with one axis more than are known.
 
-    ``plain``: the text of the configuration without factors; ``links``: the load of links with the known factors.
+    ``plain``: the job without factors in its configuration; ``links``: the load of links with the known factors.
     """
-    config, axis = configured(plain, job.axis_id, job.folder)
+    config, axis = plain.configured()
     partners = [o for o in config.axes if o.robot == axis.robot and may_be_coupled(axis.config, o.config)]
     signals = {other.config.name: _signal(other.config.name, axis.config) for other in partners}
     changes = [Correction((SIGNAL, signal, "axis"), name, "") for name, signal in signals.items()]
     changes += links.changes if links else ()
-    config, _ = configured(corrected(plain, job.axis_id, changes), job.axis_id, job.folder)
-    records = [load(name, config, job.axis_id).record for name in job.records]
+    config, _ = plain.corrected(changes).configured()
+    records = [load(name, config, plain.axis_id).record for name in plain.records]
     signals |= {name: name for name in known if name not in signals}
     used = {n: s for n, s in signals.items() if all(np.isfinite(r.signals.get(s, np.nan)).any() for r in records)}
     if not used or not used.keys() >= {*known}:

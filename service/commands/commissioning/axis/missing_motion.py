@@ -10,9 +10,10 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import OF_ANGLE
 from monitor_core.identification import Obstacle, Record, top_speed
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob
-from service.commands.excite import MotionRequest, angle_columns, planned, torque_columns
 from service.commands.output_files import replace_text
-from service.config.commissioned import Found, commissioned, corrected, motion_file, uncoupled
+from service.commands.planned_motion import MotionRequest, angle_columns, planned, torque_columns
+from service.config.commissioned import Found
+from service.config.commissioning_files import motion_file
 from service.ingest.loaded_records import load
 from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv
@@ -62,7 +63,7 @@ def within_arm(motion: SuggestedMotion, job: AxisJob) -> SuggestedMotion:
     Raises:
         RecordError: a record cannot be read.
     """
-    config, axis = job._replace(text=uncoupled(job.text, job.axis_id)).configured()
+    config, axis = job.uncoupled().configured()
     records = [load(name, config, axis.id).record for name in job.records]
     return motion._replace(request=motion.request._replace(speed=_speed(records), angle=_angle_limit(records)))
 
@@ -94,15 +95,15 @@ def with_motion(job: AxisJob, outcome: Outcome, motion: SuggestedMotion) -> Outc
     """
     name, file = job.axis_id, motion_file(job.axis_id)
     assert outcome.nominal_file is not None
-    changed = corrected(job.text, name, outcome.corrections)
-    own = commissioned(changed, {name: outcome.found or Found(outcome.nominal_file, None, motion.lost)})
+    found = outcome.found or Found(outcome.nominal_file, None, motion.lost)
+    own = job.corrected(outcome.corrections).with_results(found)
     if outcome.found is None:  # no part of what is commissioned, but a motion is planned with its values
-        replace_text(job.folder / own_config(name), own)
+        replace_text(job.folder / own_config(name), own.text)
     outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)
     path = job.folder / file
     path.parent.mkdir(exist_ok=True)
     try:
-        _, axis = job._replace(text=own).configured()
+        _, axis = own.configured()
         experiment = planned(axis, motion.request, np.random.default_rng(_PHASES))
     except REFUSALS as error:
         return replace(outcome, notes=(*outcome.notes, f"No motion could be planned for it: {error}."))

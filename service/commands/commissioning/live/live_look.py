@@ -12,7 +12,7 @@ from typing import NamedTuple
 from monitor_core.identification import moves
 from monitor_core.wording import first_of
 from service.can.frames import FrameKey
-from service.can.user_errors import RecordError
+from service.can.user_errors import RecordError, silent_words, undescribed_words
 from service.commands.commissioning.live.axis_look import AxisLook, look_at_axis, missing_messages
 from service.commands.commissioning.live.bus_recording import Heard, Show, record_buses
 from service.commands.commissioning.signals.exchanged_torques import exchanged
@@ -84,15 +84,9 @@ def _bus_problems(config: Config, heard: Heard) -> Iterator[str]:
         elif errors := lost.get("error_frame", 0):
             yield f"{where}: {errors} error frames: the bit rate is wrong, or a cable or its termination is bad"
         elif not traffic:
-            yield (
-                f"{where} is silent: no frame in {heard.seconds:.0f} s; is the controller on, does it send, and are"
-                " cable, termination and bit rate right?"
-            )
+            yield silent_words(where, f"{heard.seconds:.0f}")
         elif not any(described.counted(traffic).values()):
-            yield (
-                f"{where}: {traffic.total()} frames, and none of their messages is in {described.source}:"
-                f" {_ids(traffic)}; does that describe this robot, and this bus?"
-            )
+            yield undescribed_words(f"{where}: {traffic.total()} frames", described.source, _ids(traffic))
         for reason, count in lost.items():
             if reason in ("queue_full", "kernel_overflow"):
                 yield f"{where}: {count} frames were lost ({reason}): this machine is too busy"

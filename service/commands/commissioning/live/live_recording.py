@@ -17,7 +17,7 @@ from service.commands.commissioning.live.live_look import LiveLook, look_at
 from service.commands.progress import steps_bar
 from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
-from service.config.commissioned import RECORDS, motion_file
+from service.config.commissioning_files import RECORDS, motion_file
 
 LEAST_S, MOST_S = 30.0, 86400.0
 """Duration of a record: the shortest that may identify an axis, and a day"""

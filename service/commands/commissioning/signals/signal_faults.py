@@ -5,12 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import UNITS, Record, Span, held_for, samples_late, stuck_spans, top_speed
+from monitor_core.identification import Record, Span, held_for, samples_late, stuck_spans, top_speed
 from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
 from service.can.user_errors import left_out_words
 from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis, values_of
 from service.config.schema_signals import MOST_LATE
+from service.config.unit_names import UNITS
 from service.ingest.loaded_records import RecordOrigin
 from service.ingest.recorded_units import Signal
 

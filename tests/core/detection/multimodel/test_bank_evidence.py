@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.detection.multimodel import lanes
 from monitor_core.detection.multimodel.bank_evidence import BankEvidence
-from monitor_core.detection.multimodel.candidates import hypothesis_of
+from monitor_core.detection.multimodel.candidates import candidate_cause
 from monitor_core.detection.multimodel.hypothesis import REFERENCE
 from monitor_core.detection.multimodel.naming import CausePosterior
 from monitor_core.kernel.likelihood import SINCE_DETECTION, G
@@ -21,7 +21,10 @@ H = 10.0
 def evidence() -> BankEvidence:
     """For kT -20 and +20 %, fm +40 %, and the healthy axis; no sums yet."""
     axis = (PLANT.model, PLANT.settings)
-    changes = [hypothesis_of(*axis, cause, size) for cause, size in (("kT", -0.2), ("kT", 0.2), ("fm", math.log(1.4)))]
+    changes = [
+        candidate_cause(*axis, cause).hypothesis(size)
+        for cause, size in (("kT", -0.2), ("kT", 0.2), ("fm", math.log(1.4)))
+    ]
     hypotheses = (REFERENCE, *changes, REFERENCE)
     zeros = np.zeros(len(hypotheses))
     tables, predictors = lanes.lanes_of(
@@ -53,3 +56,14 @@ def test_crossed_likeliest_and_lane(evidence: BankEvidence) -> None:
     assert (evidence.likeliest(), evidence.lane("kT"), evidence.lane("fm")) == ("kT", 2, 3)
     first, *_ = evidence.shares()
     assert (first.cause, first.probability > 0.99) == ("kT", True)
+
+
+@pytest.mark.parametrize("share", [1.0, 1 / 3])
+@pytest.mark.parametrize("sums", [(0.0, 0.0, 0.0), (3.0, 4.0, 4.5), (9.0, 2.0, 8.8)])
+def test_the_most_probable_cause_is_the_first_share(
+    sums: tuple[float, float, float], share: float, evidence: BankEvidence
+) -> None:
+    evidence = evidence._replace(causes=CausePosterior(evidence.hypotheses[1:], share))
+    evidence.memory.sums[G, 1:4] = sums
+    first, *_ = evidence.shares()
+    assert evidence.most_probable() == (first.cause, first.probability)

@@ -1,6 +1,7 @@
 """A bank whose axis has nominal values that vary: it is quiet while they are followed, and names faults beside them."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,10 +10,13 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.fault_trials import run_trials
 from monitor_core.calibration.injection import InjectedFault
 from monitor_core.calibration.multimodel_thresholds import bank_thresholds
+from monitor_core.detection.multimodel import hypothesis_bank
 from monitor_core.detection.multimodel.hypothesis import STEP
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
+from monitor_core.detection.multimodel.lanes import lanes_of
 from monitor_core.detection.multimodel.multimodel_detector import MultiModelDetector, MultiModelThresholds, guaranteed
 from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDetected
+from monitor_core.drive.axis_model import AxisModel
 from monitor_core.excitation import multisine
 from monitor_core.excitation.reference_experiment import BAND_HZ, TORQUE_RMS
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES
@@ -92,6 +96,41 @@ def test_steps_too_small_to_be_followed_change_nothing(seed: int) -> None:
     samples = SampleBlock(T, u, y)
     (_, plain), (_, moved) = (bank().run_traced(block) for block in (samples, samples._replace(shift=small)))
     assert np.array_equal(plain.g, moved.g, equal_nan=True)
+
+
+def test_predictors_are_built_once_for_each_position(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also over restarts: a bank of 80 hypotheses takes 15 ms for them, and trials of faults restart it often."""
+    rng = np.random.default_rng(seed)
+    shift = course(FM, -0.5, 3.0)
+    u, y = axis(rng, shift, {}, N)
+    samples, built = SampleBlock(T, u, y, shift=shift), list[AxisModel]()
+
+    def counted(model: AxisModel, *args: Any) -> Any:
+        built.append(model)
+        return lanes_of(model, *args)
+
+    monkeypatch.setattr(hypothesis_bank, "lanes_of", counted)
+    used = bank()
+    assert not used.run(samples)
+    positions = {model.nominal["fm"] for model in built}
+    assert 30 < len(built) == len(positions) < 60
+    first = used.to_arrays()
+    used.reset()
+    assert not used.run(samples)
+    assert len(built) == len(positions)
+    assert {name: a.tobytes() for name, a in used.to_arrays().items()} == {n: a.tobytes() for n, a in first.items()}
+
+
+def test_a_bank_with_active_faults_becomes_as_new(seed: int) -> None:
+    """Predictors around a fault are not those around none."""
+    rng = np.random.default_rng(seed)
+    u, y = axis(rng, np.zeros((N, 3)), {"kT": 0.75}, N // 4)
+    samples, used = SampleBlock(T, u, y), bank()
+    expected = used.run(samples)
+    assert used.active_faults
+    used.reset()
+    assert not used.active_faults
+    assert repr(used.run(samples)) == repr(expected)
 
 
 def test_wrong_shapes_are_refused() -> None:

@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 from monitor_core.arrays import Floats
 from monitor_core.detection.alarm import TORQUE_SCALE, TORQUE_STUCK
 from monitor_core.detection.multimodel import hypothesis_bank
-from monitor_core.detection.multimodel.candidates import hypothesis_of
+from monitor_core.detection.multimodel.candidates import candidate_cause
 from monitor_core.detection.multimodel.hypothesis import Distortion, Hypothesis
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.lanes import lanes_of
 from monitor_core.drive.axis_model import AxisModel
-from monitor_core.drive.structure import split_name
+from monitor_core.drive.parameter_names import split_name
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.kernel.outliers import AFTER, JOLT_S
 from monitor_core.kernel.predictors import FARTHEST, SHORTEST, Predictors
@@ -144,8 +144,8 @@ def lively(case: Case, h: float = 3.0) -> HypothesisBank:
 def few(name: str) -> tuple[Hypothesis, ...]:
     model, s = BY_NAME[name].model, BY_NAME[name].settings()
     causes = (*model.monitored, TORQUE_SCALE)
-    some = [hypothesis_of(model, s, cause, size) for cause in causes for size in (-0.2, 0.2)]
-    return (*some, Hypothesis("output stuck", frozen=True), hypothesis_of(model, s, TORQUE_STUCK, 1.0))
+    some = [candidate_cause(model, s, cause).hypothesis(size) for cause in causes for size in (-0.2, 0.2)]
+    return (*some, Hypothesis("output stuck", frozen=True), candidate_cause(model, s, TORQUE_STUCK).hypothesis(1.0))
 
 
 def state(bank: HypothesisBank) -> list[bytes]:

@@ -11,7 +11,7 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.detection import Alarm, Cause, FormerName
 from monitor_core.detection.alarm import MODEL_ERROR, OUTPUT_NOISE, TORQUE_OFFSET, TORQUE_SIGN, Onset
-from monitor_core.detection.multimodel.candidates import causes_of, quantity_of
+from monitor_core.detection.multimodel.candidates import candidate_cause, causes_of
 from monitor_core.detection.multimodel.hypothesis import HEALTHY
 from monitor_core.detection.multimodel.multimodel_detector import (
     HypothesisThreshold,
@@ -29,14 +29,7 @@ from monitor_core.detection.multimodel.naming import (
 )
 from monitor_core.drive.structure import DELAY
 from monitor_core.excitation import multisine
-from monitor_core.excitation.reference_experiment import (
-    BAND_HZ,
-    FAULT_AT,
-    NOISE,
-    TORQUE_RMS,
-    Experiment,
-    experiment,
-)
+from monitor_core.excitation.reference_experiment import BAND_HZ, FAULT_AT, NOISE, TORQUE_RMS, Experiment, experiment
 from monitor_core.modeling.standard_drives import INTERVAL_S, REFERENCE_VALUES, reference_model, three_mass
 from monitor_core.monitoring import AxisMonitor, Fleet
 from monitor_core.monitoring.alarm_tracker import AlarmTracker
@@ -199,18 +192,18 @@ def test_that_all_is_as_it_was_raises_nothing() -> None:
 def test_sizes_go_there_and_back(name: str) -> None:
     model, s = BY_NAME[name].model, BY_NAME[name].settings()
     for cause in causes_of(model):
-        quantity = quantity_of(model, s, cause)
+        quantity = candidate_cause(model, s, cause).quantity
         change, sd = quantity.change(0.25, 0.01)
         if np.isfinite(change):
             assert quantity.size(change) == pytest.approx(0.25)
             assert quantity.change(0.26, 0.01)[0] - change == pytest.approx(sd, rel=0.02)
             assert quantity.unit
-    assert quantity_of(model, s, DELAY).change(1.0, 0.0)[0] == pytest.approx(s.interval_s)
-    assert np.isnan(quantity_of(model, s, TORQUE_SIGN).change(np.nan, np.nan)[0])
-    assert np.isnan(quantity_of(model, s, OUTPUT_NOISE).size(-2.0))
-    assert quantity_of(model, s, TORQUE_OFFSET).unit == "N m"
+    assert candidate_cause(model, s, DELAY).quantity.change(1.0, 0.0)[0] == pytest.approx(s.interval_s)
+    assert np.isnan(candidate_cause(model, s, TORQUE_SIGN).quantity.change(np.nan, np.nan)[0])
+    assert np.isnan(candidate_cause(model, s, OUTPUT_NOISE).quantity.size(-2.0))
+    assert candidate_cause(model, s, TORQUE_OFFSET).quantity.unit == "N m"
     with pytest.raises(KeyError):
-        quantity_of(model, s, "nothing")
+        candidate_cause(model, s, "nothing")
 
 
 # --- from samples to alarms --------------------------------------------------------------------------

@@ -22,7 +22,7 @@ from monitor_core.detection.alarm import (
     TORQUE_SIGN,
     TORQUE_STUCK,
 )
-from monitor_core.detection.multimodel.candidates import hypothesis_of
+from monitor_core.detection.multimodel.candidates import candidate_cause
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
 from monitor_core.detection.multimodel.isolability import default_hypotheses
 from monitor_core.detection.multimodel.multimodel_detector import least_delay
@@ -351,7 +351,10 @@ def test_a_nominal_value_that_may_be_off_turns_no_change_into_a_larger_one(seed:
 def test_what_a_change_leaves_unexplained_is_no_evidence_of_a_second_one(seed: int) -> None:
     """Beside an axis that is so nominally: a share of the evidence for the change, that of a size 5 % off."""
     model, settings, size = reference_model(), settings_of("speed", seed), math.log(1.1)
-    found = [hypothesis_of(model, settings, "kT", size), hypothesis_of(model, settings, "fm", 0.2)]
+    found = [
+        candidate_cause(model, settings, "kT").hypothesis(size),
+        candidate_cause(model, settings, "fm").hypothesis(0.2),
+    ]
     rec = experiment(seed, {"kT": 1.1}, samples=6000, fault_at=0)
     healthy, stands = (HypothesisBank(model, settings, found) for _ in range(2))
     stands.adopt({"kT": size}, None)
@@ -381,7 +384,7 @@ def test_friction_is_a_gain_where_its_effect_is_proportional_to_it() -> None:
     ):
         rec = experiment(0, output=model.drive.output)
         for name in {"fm", "fc"}.intersection(model.monitored):
-            hypotheses = [hypothesis_of(model, s, name, size) for size in (0.2, 0.8)]
+            hypotheses = [candidate_cause(model, s, name).hypothesis(size) for size in (0.2, 0.8)]
             _, trace = HypothesisBank(model, s, hypotheses).run_traced(SampleBlock(*rec), reference=True)
             effect = np.nanstd(trace.eps[:, 1:] - trace.eps[:, :1], axis=0) / np.expm1([0.2, 0.8])
             assert bool(effect[1] > 0.95 * effect[0]) is is_gain

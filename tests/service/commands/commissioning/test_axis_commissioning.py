@@ -354,7 +354,7 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
     if settles:
         reports[-1] = report(KT)
     schedules = list[tuple[str, ...]]()
-    task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=lambda *_: reports.pop(0))
+    task = SimpleNamespace(records=SimpleNamespace(fitted=[()]), run=lambda *_: reports.pop(0))
     task.with_most_moving_parts = lambda: task
 
     def prepare(*given: Any) -> Any:
@@ -388,7 +388,7 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
 ) -> None:
     alone = report(KT, FM, quality=FitQuality.FAIR)
     reports = [alone, alone, with_links, with_links]  # a first look at part of the records, and all of them
-    task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=lambda *_: reports.pop(0))
+    task = SimpleNamespace(records=SimpleNamespace(fitted=[()]), run=lambda *_: reports.pop(0))
     task.with_most_moving_parts = lambda: task
     signals = (Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),)
     load = load_of(signals, "a2-acceleration")
@@ -435,7 +435,7 @@ def test_links_are_looked_for_where_nothing_can_be_fitted_without_them(
             raise IdentificationError("no fit: the records do not give a frequency response")
         return report(KT)
 
-    task = SimpleNamespace(estimation=[SimpleNamespace(record=())], run=run)
+    task = SimpleNamespace(records=SimpleNamespace(fitted=[()]), run=run)
     task.with_most_moving_parts = lambda: task
 
     def prepare(*given: Any) -> Any:
