@@ -11,7 +11,7 @@
 from monitor_core.drive.axis_model import AxisModel, NominalValueError
 from monitor_core.drive.friction_roles import friction_of
 from monitor_core.drive.gates import Gate, OpenGates
-from monitor_core.drive.operating_conditions import Conditions, NominalSchedule, Operating
+from monitor_core.drive.operating_conditions import MARGIN, Conditions, NominalSchedule, Operating
 from monitor_core.drive.parameter_names import split_name
 from monitor_core.drive.signal_terms import FUNCTIONS, Term
 from monitor_core.drive.structure import DELAY, LOAD, OUTPUT_UNITS, Drive, Output, Parameter

@@ -10,10 +10,11 @@ follow a measured temperature (``operating_conditions``).
 While no samples come, the axis is taken to stand still and cool, unless its angle shows afterwards that it has moved.
 A gearbox has more than one time constant, and it cools more slowly the longer it stands.  So the standard deviation of
 the remaining heat is the difference to a gearbox that cools half as fast.  In a pause in which nothing could have been
-received (``unwatched``), the axis may also have moved and come back: the longer the pause, the less is known of the
-heat.  After the axis has moved unseen, after a clock was set, and at an unknown start, the heat may be anything from 0
-to the largest of the records.  Its variance then falls like a^2, and with observations (``monitoring.heat_observer``),
-to that of the model error.
+received (``unwatched``), the axis may also have moved and come back.  If it may have moved unseen, or has, the heat is
+between that of an axis that stood and that of one at the largest power: the longer the pause, the less is known.  So
+the seconds of a restart in the middle of a motion change little, and after hours nothing is known.  After a clock was
+set, and at an unknown start, the heat may be anything from 0 to the largest of the records.  Its variance then falls
+like a^2, and with observations (``monitoring.heat_observer``), to that of the model error.
 
 Where records show two time constants (of the parts that rub, and of their surroundings), the heat is the weighted mean
 of two such parts, both driven by the same power.
@@ -138,7 +139,7 @@ class ThermalState:
         self._variance = 0.0  # at since_us
         self._restored = False  # True until the first sample after a saved state was restored
         self.losses = 0
-        """Number of times that the heat became completely unknown"""
+        """Number of times that the heat became unknown, or uncertain because the axis may have moved unseen"""
         self._now_us: int | None = None
         if model.start == "unknown":
             self._lose(None)
@@ -168,23 +169,25 @@ class ThermalState:
             self.since_us = int(t_us[0])
         h, gap = steps.interval_us, GAP_S * 1e6
         paused = h > gap
-        lost = (h < -gap) | (paused & (steps.distance > MOVED))
+        lost, moved = h < -gap, paused & (steps.distance > MOVED)
+        if self._restored and self.model.unwatched == "unknown":
+            moved[0] = paused[0]
+        self._restored = False
         distinct, which = np.unique(np.maximum(h, 0), return_inverse=True)
         # Value by value: the last bit of a vectorised exponential may depend on the index in the array.
         ones = (1.0,) * len(self.parts)
         a = np.array([self.model.cooled(ones, us * 1e-6) for us in distinct.tolist()]).T[:, which]
         power = np.minimum(self.model.power(steps.speed), _MOST_POWER * self.model.largest)
         brought = (1.0 - a) * np.where(paused, 0.0, power)
-        if self._restored and self.model.unwatched == "unknown" and h[0] > gap and not lost[0]:
-            self._doubt(int(t_us[0]), a[:, 0].tolist())
-            a[:, 0], brought[:, 0], paused[0] = 1.0, 0.0, False
-        self._restored = False
         heat, ends = np.zeros(N), [0, *np.flatnonzero(lost | paused).tolist(), N]
         for first, end in pairwise(ends):
             if first == end:
                 continue
             if lost[first]:
                 self._lose(int(t_us[first]))
+                a[:, first], brought[:, first] = 1.0, 0.0
+            elif moved[first]:
+                self._doubt(int(t_us[first]), a[:, first].tolist())
                 a[:, first], brought[:, first] = 1.0, 0.0
             elif paused[first]:
                 self._cool(int(t_us[first]), int(h[first]) * 1e-6)
@@ -215,7 +218,7 @@ class ThermalState:
             self._variance *= 1 + (more / before) ** 2
 
     def _doubt(self, t_us: int, a: Sequence[float]) -> None:
-        """Set heat and variance after an unwatched pause: the axis may have stood, or moved at up to the largest power.
+        """Set heat and variance after a pause in which the axis may have moved unseen, at up to the largest power.
 
         ``a``: share of each part that the pause would leave without motion.
         """
@@ -223,6 +226,7 @@ class ThermalState:
         self._variance = (kept * self.sd_of_start) ** 2 + ((1.0 - kept) * usual) ** 2
         self.parts = tuple(left * heat + (1.0 - left) * usual for left, heat in zip(a, self.parts, strict=True))
         self.since_us, self._now_us, self.known = t_us, t_us, False
+        self.losses += 1
 
     def observed(self, heat: float, sd: float, known: bool) -> None:
         """Set the observed heat and its standard deviation [W], and whether the heat counts as known."""

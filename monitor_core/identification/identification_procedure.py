@@ -37,7 +37,7 @@ from monitor_core.identification.starting import (
     grow,
     hold_balanced_inertia,
 )
-from monitor_core.identification.thermal.measured_temperature import following_temperature
+from monitor_core.identification.thermal.measured_temperature import following_temperature, is_of_the_gear
 from monitor_core.identification.thermal.warm_up import (
     LEAST_MOTION_S,
     FoundWarmUp,
@@ -224,6 +224,8 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
         watched=watch.watched,
         memory_s=watch.memory_s,
         warm_up=None if warmed is None else warmed.warm_up,
+        temperature_errors={} if warmed is None else warmed.errors,
+        temperature_share=None if warmed is None else warmed.share,
         not_following=tuple(name for name in searched if warmed is None or name not in warmed.followers),
         standstill=standstill,
     )
@@ -259,6 +261,10 @@ class _Warmed(NamedTuple):
     terms: Sequence[ScheduledTerm]
     warm_up: FoundWarmUp | None
     """Of an axis whose heat is not measured; None: its temperature is"""
+    errors: Mapping[str, float]
+    """What the followers of a measured temperature are off by beside it; empty: they follow the heat"""
+    share: float | None = None
+    """What the measured temperature explains of what the heat explains; None: the records show one of both at most"""
 
     @property
     def followers(self) -> tuple[str, ...]:
@@ -281,8 +287,8 @@ def _warmed(
 ) -> _Warmed | None:
     """The fit with friction that follows the measured temperature or the heat; None: the records show neither.
 
-    A temperature is often that of the winding or of a board, which warms up in another way than the gear, so the one
-    that explains the records better is taken.
+    The temperature is taken unless it explains little of what the heat explains: it may be that of the winding or of a
+    board.
     """
     assert options.thermal is not None
     report("warm-up", 0, 1)
@@ -290,16 +296,23 @@ def _warmed(
     def refit(problem: Problem, own: Sequence[Record]) -> Estimate:
         return _fit(problem, own, report)
 
-    fits = list[_Warmed]()
+    measured, heated = None, None
     # A fit that explains nothing, or all, has no errors to learn from.
     with suppress(ValueError, np.linalg.LinAlgError):
-        measured = following_temperature(found, records, followers, refit)
-        fits += [_Warmed(*measured, None)] if measured else []
+        if follows := following_temperature(found, records, followers, refit):
+            measured = _better(_Warmed(*follows[:3], None, follows.errors), found)
     with suppress(ValueError, np.linalg.LinAlgError):
         if warm_up := find_warm_up(found, records, followers, options.thermal, options.begins_s):
-            fits.append(_Warmed(*following(found, warm_up, records, refit), warm_up))
-    better = [fit for fit in fits if fit.estimate.converged and fit.estimate.cost < found.cost]
-    return min(better, key=lambda fit: fit.estimate.cost, default=None)
+            heated = _better(_Warmed(*following(found, warm_up, records, refit), warm_up, {}), found)
+    if measured is None or heated is None:
+        return measured or heated
+    share = (found.cost - measured.estimate.cost) / (found.cost - heated.estimate.cost)
+    return (measured if is_of_the_gear(share) else heated)._replace(share=share)
+
+
+def _better(fit: _Warmed, found: Estimate) -> _Warmed | None:
+    """A fit that explains more than that with constant friction; None: it does not."""
+    return fit if fit.estimate.converged and fit.estimate.cost < found.cost else None
 
 
 class _Watch(NamedTuple):

@@ -148,6 +148,10 @@ class IdentificationResult:
     warm_up: FoundWarmUp | None = None
     not_following: tuple[str, ...] = ()
     """Friction parameters for which a warm-up was searched but not found"""
+    temperature_errors: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviations of what friction is off by beside the measured temperature that it follows, by parameter"""
+    temperature_share: float | None = None
+    """What the measured temperature explains, over what the heat does; None: the records show one of both at most"""
     standstill: Standstill | None = None
     gap_cuts: tuple[GapCut, ...] = ()
 

@@ -124,6 +124,7 @@ def calibrate_axis(
         RecordError, DescriptionError, IngestError: a record cannot be read.
     """
     from monitor_core.calibration import calibrate as find_thresholds
+    from monitor_core.drive import friction_of
     from monitor_core.monitoring import pose_maps, ranges
     from service.commands.progress import Background
     from service.config import conditions_of
@@ -140,10 +141,12 @@ def calibrate_axis(
     result = find_thresholds(model, settings, records, options, progress, Background)
     alarms: DetectorName = "cusum" if result.bank is None else alarm_source_of(axis.config, True)
     conditions = conditions_of(axis)
+    friction = {name for names in friction_of(model.drive) for name in names}
+    followed = {signal for s in conditions.schedules if s.name in friction for signal in s.term.signals}
     found = ranges(model.drive.output, settings, conditions.columns, records)
     poses = tuple(pose_maps(conditions.pose_angles, conditions.columns, records))
     units = units_as_recorded(config, axis, wanted(texts[0]).path)
-    cautions = (*warnings(result), *one_sided(records, found), *new_poses(poses), *units)
+    cautions = (*warnings(result), *one_sided(records, found, followed), *new_poses(poses), *units)
     return Calibration(axis, result, sources, cautions, provenance, alarms, tuple(found), poses)
 
 

@@ -152,12 +152,17 @@ def _options(config: AxisConfig, model: AxisModel) -> MonitoringOptions:
 
 
 def model_error(config: AxisConfig, model: AxisModel) -> tuple[float, ...]:
-    """Error of each parameter that remains after the warm-up correction, in sizes; empty: no thermal model."""
-    table = None if config.model.nominal_file is None else config.model.nominal_file.thermal
-    if table is None or thermal_of(config) is None:
+    """Error of each parameter that remains beside the temperature or the heat, in sizes; empty: none is known."""
+    found = config.model.nominal_file
+    if found is None:
+        return ()
+    errors = {s.parameter: s.model_error for s in found.schedule if s.model_error}
+    if found.thermal is not None and thermal_of(config) is not None:
+        errors |= found.thermal.model_error
+    elif not errors:
         return ()
     size = model.scale
-    return tuple(table.model_error.get(name, 0.0) / float(s) for name, s in zip(model.monitored, size, strict=True))
+    return tuple(errors.get(name, 0.0) / float(s) for name, s in zip(model.monitored, size, strict=True))
 
 
 def unidentifiable_pairs(config: AxisConfig) -> tuple[tuple[str, str], ...]:

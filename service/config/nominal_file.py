@@ -74,6 +74,8 @@ class ScheduleTable(FoundTable):
     standard_deviation: NotNegative
     reference: Real
     range: tuple[Real, Real]
+    model_error: NotNegative = 0.0
+    """Standard deviation of what the parameter is off by beside a temperature; 0: of another signal, or not judged"""
 
 
 class ThermalTable(FoundTable):

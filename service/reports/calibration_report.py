@@ -1,7 +1,7 @@
 """A calibration of a configured axis with its origin, in words and tables: on the terminal, and for the page."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,7 @@ from rich.text import Text
 
 from monitor_core.calibration import CalibrationResult, DetectorResult, TrialResult
 from monitor_core.detection import DetectorName
+from monitor_core.drive import HEAT
 from monitor_core.monitoring import MOST_NEW_POSES, RMS_SPEED, ConditionRange, PoseMap
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
@@ -218,16 +219,30 @@ def conditions(calibration: Calibration) -> TextTable:
 _ONE_DAY_S, _SHORT_S = 86400.0, 3600.0
 
 
-def one_sided(records: Sequence[SampleBlock], found: Sequence[ConditionRange]) -> Iterator[str]:
-    """Cautions about records that cover little of the conditions that the axis will meet."""
+def one_sided(
+    records: Sequence[SampleBlock], found: Sequence[ConditionRange], followed: Collection[str] = ()
+) -> Iterator[str]:
+    """Cautions about records that cover little of the conditions that the axis will meet.
+
+    ``followed``: signals that the friction of the axis follows.
+    """
     starts = [record.t_us[0] * 1e-6 for record in records]
     longest = max((record.t_us[-1] - record.t_us[0]) * 1e-6 for record in records)
     if max(starts) - min(starts) < _ONE_DAY_S and longest < _SHORT_S:
-        yield (
-            f"The records are of one day and last {duration(longest)} at most. What changes over hours or days is not"
-            " in them: friction, for example, falls by a fifth to a half while an axis warms up. Expect alarms when it"
-            " is warmer or colder than in the records; add records from the cold and from the warm axis."
-        )
+        brief = f"The records are of one day and last {duration(longest)} at most."
+        if followed:
+            wider = ' (with outside_calibration = "widen", with a wider allowance)' if HEAT in followed else ""
+            yield (
+                f"{brief} Friction follows {listed(sorted(followed))}. Where that is more than a tenth of its range"
+                f" outside the range of the records, the axis is not tested{wider}; add records from the cold and from"
+                " the warm axis."
+            )
+        else:
+            yield (
+                f"{brief} What changes over hours or days is not in them: friction, for example, falls by a fifth to a"
+                " half while an axis warms up. Expect alarms when it is warmer or colder than in the records; add"
+                " records from the cold and from the warm axis."
+            )
     for r in found:
         if r.condition != RMS_SPEED and r.high == r.low:
             yield f"{r.condition} is {r.low:.3g} in all records: at other values the promise does not hold."

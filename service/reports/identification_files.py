@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from monitor_core.drive import DELAY, HEAT, OUTPUT_UNITS, Fast, split_name
+from monitor_core.drive import DELAY, HEAT, OUTPUT_UNITS, TEMPERATURE, Fast, split_name
 from monitor_core.identification import (
     ComparedRecord,
     FoundWarmUp,
@@ -39,7 +39,7 @@ def _tables(report: IdentificationReport) -> Iterator[str]:
     for slope in report.result.slopes():
         f = slope.scheduled
         about = f"{one_line(f.parameter)} = its value above + slope ({f.term} - reference)"
-        yield toml_table("[[schedule]]", _slope(slope), about)
+        yield toml_table("[[schedule]]", _slope(slope, report.result.temperature_errors), about)
     if report.result.warm_up is not None:
         about = "heat' = (P - heat) / tau, P = fm w^2 + fc |w| of the motor speed w: the signal heat [W], 0 when cold."
         yield toml_table("[thermal]", _thermal(report.result.warm_up), about)
@@ -141,8 +141,10 @@ def _about(name: str, rows: Mapping[str, ParameterRow], report: IdentificationRe
 # --- What both have, with what it means ------------------------------------------------------------------------------
 
 
-def _slope(s: Slope) -> Json:
+def _slope(s: Slope, errors: Mapping[str, float]) -> Json:
     f = s.scheduled
+    off = errors.get(f.parameter) if f.term == TEMPERATURE else None
+    beside = {} if off is None else {"model_error": Fact(off, "sd of what it is off by beside the signal, in its unit")}
     origin = "of [thermal] below" if f.term == HEAT else "of [[robot.axis.signal]] in the configuration"
     return {
         "parameter": f.parameter,
@@ -151,6 +153,7 @@ def _slope(s: Slope) -> Json:
         "standard_deviation": _rough(s.sd),
         "reference": f.reference,
         "range": Fact([f.low, f.high], "of the signal in the records", rough=True),
+        **beside,
     }
 
 
@@ -228,7 +231,7 @@ def as_json(report: IdentificationReport) -> str:
             ],
             "outlook": report.outlook,
             "parameters": [_parameter(row) for row in result.rows()],
-            "schedule": [_slope(slope) for slope in result.slopes()],
+            "schedule": [_slope(slope, result.temperature_errors) for slope in result.slopes()],
             "thermal": _thermal(result.warm_up) if result.warm_up else None,
             "masses": _growth(result.growth) if result.growth else None,
             "names": e.names,

@@ -1,7 +1,7 @@
 """The result of an identification with its origin, in words and tables: on the terminal, and for the page."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -149,22 +149,34 @@ class IdentificationReport:
         """What the identified warm-up lacks."""
         found = self.result.warm_up
         if found is None:
+            if off := self._off_by(self.result.temperature_errors):
+                yield (
+                    f"Beside the temperature {off} (standard deviation, in the worst part of the records; a thermometer"
+                    f" lags): the tests allow for {MODEL_ERRORS:g} times that."
+                )
             return
-        values = {row.name: row.value for row in self.result.rows()}
-        off = [
-            f"{name} is off by {percent(error / abs(values[name]))}"
-            for name, error in found.errors.items()
-            if values.get(name)
-        ]
+        off = self._off_by(found.errors)
         if not off:
             return
         how = "the larger, the less there is to judge it by" if found.judged else "half of what the heat changes"
-        yield (
-            f"Beside the heat {' and '.join(off)} (standard deviation; {how}): the tests allow for"
-            f" {MODEL_ERRORS:g} times that."
-        )
+        yield (f"Beside the heat {off} (standard deviation; {how}): the tests allow for {MODEL_ERRORS:g} times that.")
         if not found.judged:
             yield "These records are too short to judge that better: give two records from cold on."
+        yield (
+            "The heat does not know how cold or warm the hall is. When that is several degrees colder or warmer than in"
+            " the records, expect alarms of friction. A measured temperature of the axis (signal temperature) tells it;"
+            " records of days with a cold and with a warm hall make the allowance as large as it takes."
+        )
+
+    def _off_by(self, errors: Mapping[str, float]) -> str:
+        """What parameters are off by, relative to their values; empty: nothing is known of that."""
+        values = {row.name: row.value for row in self.result.rows()}
+        off = (
+            f"{name} is off by {percent(error / abs(values[name]))}"
+            for name, error in errors.items()
+            if values.get(name)
+        )
+        return " and ".join(off)
 
     def _not_following(self) -> Iterator[str]:
         """Remark on friction that is taken as constant, although a warm-up of it was searched for."""

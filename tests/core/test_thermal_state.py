@@ -152,16 +152,38 @@ def test_what_is_observed_of_two_parts_leaves_none_below_zero() -> None:
         assert thermal.heat == pytest.approx(min(heat, UNKNOWN.largest))
 
 
-@pytest.mark.parametrize(("later_s", "way"), [(300.0, 1.5), (-100.0, 0.0)], ids=["it moved", "clock set"])
-def test_after_a_pause_in_which_it_moved_the_heat_is_unknown(later_s: float, way: float) -> None:
+def test_after_the_clock_was_set_the_heat_is_unknown() -> None:
     axis = operating(COLD, MODEL)
     t_us = np.arange(3000) * H_US
     heat_of(axis, t_us, t_us * 1e-5)
     thermal = axis.thermal
     assert thermal is not None
     assert (thermal.known, thermal.sd) == (True, 0.0)
-    heat_of(axis, np.array([t_us[-1] + round(later_s * 1e6)]), np.array([t_us[-1] * 1e-5 + way]))
+    heat_of(axis, np.array([t_us[-1] - 100_000_000]), t_us[-1:] * 1e-5)
     assert (thermal.known, thermal.heat, thermal.sd) == (False, 15.0, 15.0)
+
+
+@pytest.mark.parametrize("model", [COLD, replace(COLD, unwatched="unknown")], ids=["stood", "unknown"])
+@pytest.mark.parametrize("restart", [False, True], ids=["silence", "restart"])
+@pytest.mark.parametrize("pause_s", [2.0, 300.0, 30_000.0])
+def test_an_axis_that_has_moved_in_a_pause_may_be_as_warm_as_it_can_become_in_it(
+    model: ThermalModel, restart: bool, pause_s: float
+) -> None:
+    """From 9 W: between an axis that stood and one that worked at 30 W.  Two seconds change next to nothing."""
+    axis = operating(model, MODEL)
+    t_us = np.arange(60_000) * H_US
+    warm = heat_of(axis, t_us, t_us * 1e-5)[-1]
+    if restart:
+        arrays = axis.to_arrays()
+        assert arrays is not None
+        axis = operating(model, MODEL)
+        axis.from_arrays(arrays)
+    (heat,) = heat_of(axis, t_us[-1:] + round(pause_s * 1e6), t_us[-1:] * 1e-5 + 1.5)
+    thermal, a = axis.thermal, math.exp(-pause_s / COLD.tau_s)
+    assert thermal is not None
+    assert not thermal.known
+    assert heat == pytest.approx(a * warm + (1 - a) * 15.0)
+    assert thermal.sd == pytest.approx((1 - a) * 15.0)
 
 
 def test_an_unknown_heat_is_forgotten_with_the_time_constant() -> None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from monitor_core.drive.thermal_state import MOVED
 from monitor_core.monitoring import NotTested
 from monitor_core.monitoring.heat_observer import corrected
 from monitor_core.monitoring.lane_status import Deviations
@@ -202,6 +203,26 @@ def test_how_long_it_takes_at_most_is_stated_and_true(made: Made) -> None:
     cold = Watcher(config)
     cold.take(plant.take(20.0))
     assert NotTested.WARM_UP not in cold.monitor.status().untested()
+
+
+def test_seconds_without_samples_in_a_motion_hardly_change_the_heat(made: Made) -> None:
+    """As of a restart in the middle of production, after which the axis is at another angle."""
+    plant, knows, watcher = copy.deepcopy(made.plant), Watcher(made.config), Watcher(made.config)
+    day = plant.take(DAY_S)
+    for each in (knows, watcher):
+        each.take(day)
+    way = 0.0
+    while abs(way) < 2 * MOVED:
+        knows.take(missed := plant.take(2.0))
+        way = missed.y[-1] - day.y[-1]
+    rest = plant.take(15.0)
+    for each in (knows, watcher):
+        each.take(rest)
+    assert watcher.heat is not None
+    assert knows.heat is not None
+    assert watcher.heat.known
+    assert watcher.heat.heat_w == pytest.approx(knows.heat.heat_w, rel=0.1)
+    assert {p.not_tested for p in watcher.monitor.status().parameters} == {None}
 
 
 def test_after_a_pause_the_models_wait_longer_than_the_tests_of_the_estimates(made: Made) -> None:

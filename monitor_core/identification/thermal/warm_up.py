@@ -30,8 +30,8 @@ from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, scheduled_terms, with_terms
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.thermal.law_errors import PARTS, deviations_in_groups, worst_error
 from monitor_core.identification.thermal.warm_up_search import (
-    GROUP,
     ONE,
     HeatProportions,
     Search,
@@ -212,22 +212,10 @@ def _carried(records: Sequence[Record], begins_s: Sequence[float | None], output
 
 
 # One or two time constants and straight lines do not describe any gearbox exactly.  The remaining error is estimated on
-# windows that the fit has not used:
+# windows that the fit has not used (``law_errors``):
 #
 # * the beginning, the middle and the end of each record, with the fit to the other records, as on another day;
 # * the last third of each record, with the fit to the part before, as for an axis that becomes warmer than its records.
-#
-# In each group of windows, deviations of the parameters from the fit are estimated.  The mean square of these
-# deviations, minus that of chance, is the square of the error.  The worst part counts, with an upper bound, as there
-# are few groups.  Chance is half the mean square of the differences of neighbouring groups, as the errors of the heat
-# change slowly.
-
-_PARTS = 3
-"""Number of parts of a record, which are judged separately; the last part also by the fit of the first ones."""
-_LEAST = 3
-"""Least number of groups in a part of a record; with fewer, its parts are judged as one."""
-_SURE = 1.28
-"""Standard deviations up to the bound that a mean square exceeds in one of ten cases."""
 
 
 def model_errors(
@@ -250,20 +238,8 @@ def model_errors(
     """
     search = Search(windows, index, carried, start)
     days = [course for seen in _days(search) for course in _deviations(search, shape, seen)]
-    but_last = [np.arange(w.power.size) < w.power.size * (_PARTS - 1) / _PARTS for w in windows]
-    ends = _deviations(search, shape, but_last)
-    parts = [[np.array_split(course, _PARTS)[k] for course in days] for k in range(_PARTS)]
-    few = min((len(course) for part in parts for course in part), default=0) < _LEAST
-    squares = list[Floats]()
-    for judged, courses in (*((part, days) for part in ([days] if few else parts)), (ends, ends)):
-        n = sum(len(course) for course in judged)
-        if n >= 2 * _LEAST:
-            chance = (np.concatenate([np.diff(course, axis=0) for course in courses]) ** 2).mean(axis=0) / 2
-            excess = (np.concatenate(judged) ** 2).mean(axis=0) - chance
-            squares.append(np.maximum(excess, 0.0) + _SURE * math.sqrt(2 / n) * chance)
-    if not squares:
-        return np.full(windows[0].score.shape[1], math.nan)
-    return np.asarray(np.sqrt(np.max(squares, axis=0)), np.float64)
+    but_last = [np.arange(w.power.size) < w.power.size * (PARTS - 1) / PARTS for w in windows]
+    return worst_error(days, _deviations(search, shape, but_last), windows[0].score.shape[1])
 
 
 def _days(search: Search) -> Iterator[list[Bools]]:
@@ -287,12 +263,7 @@ def _deviations(search: Search, shape: HeatProportions, seen: Sequence[Bools]) -
             continue
         if not by.any() and k in search.free:
             left = _from_best_start(w, fit, left)
-        edges = np.arange(int(np.argmin(by)), w.power.size + 1, GROUP)
-        course = [
-            np.linalg.lstsq(w.information[a:b].sum(axis=0), left[a:b].sum(axis=0), rcond=1e-12)[0]
-            for a, b in pairwise(edges.tolist())
-        ]
-        found.append(np.array(course).reshape(len(course), w.score.shape[1]))
+        found.append(deviations_in_groups(w, left, int(np.argmin(by))))
     return found
 
 

@@ -11,6 +11,7 @@ import typer
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.record_doubts import CalibrationError
+from monitor_core.samples import SampleBlock
 from service.commands.calibrate import calibrate_axis, seconds_of
 from service.config import Config, load
 from service.config.axis_detectors import detectors_of
@@ -19,7 +20,7 @@ from service.config.drives import axis_model
 from service.ingest.records import read_record
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.calibration_files import as_html, as_toml
-from service.reports.calibration_report import Calibration
+from service.reports.calibration_report import Calibration, one_sided
 from service.reports.formats import Provenance
 from service.texts.not_tested_words import not_tested_sentences
 from tests.service.found_files import named
@@ -64,6 +65,29 @@ def test_the_promise_and_faults_that_are_found(found: Calibration) -> None:
         assert max(rows["kT"], key=lambda name: rows["kT"][name]) == "kT"
     assert {caught.fault.parameter for caught in found.result.caught if caught.exact} == {"kT", "fm"}
     assert found.result.tests.confusion()["kT"]["kT"] > 24
+
+
+def test_records_of_an_hour_say_what_to_expect_of_another_temperature(robot: Path, found: Calibration) -> None:
+    """An axis whose friction follows a temperature raises no alarm outside its range: it is not tested there."""
+    (caution,) = (words for words in found.warnings if "of one day" in words)
+    assert "Expect alarms when it is warmer or colder" in caution
+    header, *rows = (robot.parent / "healthy.csv").read_text(encoding="utf-8").splitlines()
+    measured = [f"{header},temp", *(f"{row},30" for row in rows)]
+    (robot.parent / "measured.csv").write_text("\n".join(measured) + "\n", encoding="utf-8")
+    signal = (
+        '[[robot.axis.signal]]\nname = "temperature"\ncolumn = "temp"\nmessage = "Axis1State"\nsignal = "Counter"\n'
+    )
+    schedule = 'parameter = "fm"\nsignal = "temperature"\nslope = -0.001\nreference = 30.0\n'
+    text = f"{robot.read_text(encoding='utf-8')}{signal}[[robot.axis.model.schedule]]\n{schedule}"
+    (robot.parent / "follows.toml").write_text(text, encoding="utf-8")
+    config, few = load(robot.parent / "follows.toml", {}), replace(OPTIONS, onsets=1, copies=50_000)
+    follows = calibrate_axis(config, config.axes[0], [str(robot.parent / "measured.csv")], few, PROVENANCE)
+    (caution,) = (words for words in follows.warnings if "of one day" in words)
+    assert "Friction follows temperature. Where that is more than a tenth" in caution
+    assert "the axis is not tested; add records" in caution
+    short = SampleBlock(np.array([0, 5000], np.int64), np.zeros(2), np.zeros(2))
+    (heated,) = one_sided([short], [], {"heat"})
+    assert 'the axis is not tested (with outside_calibration = "widen", with a wider' in heated
 
 
 def test_the_same_again_is_the_same(robot: Path) -> None:

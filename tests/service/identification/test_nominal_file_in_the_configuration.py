@@ -176,6 +176,21 @@ def test_nominal_values_follow_as_the_file_and_the_configuration_say(robot: Path
     assert "fm follows temperature already by robot[1].axis[1].model.nominal_file in line" in problem.message
 
 
+def test_the_tests_allow_for_what_friction_is_off_by_beside_a_temperature(robot: Path) -> None:
+    path = file_with(robot)
+    text = path.read_text(encoding="utf-8") + FOLLOWS
+    edit(robot, ("[robot.axis.model]\n", f"{TEMPERATURE}[robot.axis.model]\n"))
+    for more, shares in (("model_error = 0.003\n", {"fm": 0.003 / AXIS.model.nominal["fm"]}), ("", {})):
+        path.write_text(text + more, encoding="utf-8")
+        axis = only(load(robot, {}))
+        model = axis_model(axis.config)
+        expected = [shares.get(name, 0.0) for name in model.monitored] if shares else []
+        settings = axis_settings(axis, model)
+        assert settings.model_error == pytest.approx(expected)
+        allowances = 2 * np.array(expected or np.zeros(len(model.monitored)))
+        assert (settings.tests(len(model.monitored))[2] >= allowances).all()
+
+
 def _doubtful(sd: float, r: float) -> dict[str, dict[str, Any]]:
     fm, names = AXIS.model.nominal["fm"], ["Ja", "fm", "fc"]
     deviations = {"Ja": 1e-6, "fm": sd * fm, "fc": 0.1}

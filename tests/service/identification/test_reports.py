@@ -268,6 +268,16 @@ def test_friction_that_is_taken_as_constant_is_reported(found: IdentificationRep
     assert not any("warms up" in w for w in found.warnings)
 
 
+def test_what_a_temperature_or_the_heat_leaves_is_reported(found: IdentificationReport) -> None:
+    """The heat does not know the hall; a thermometer does."""
+    fm, hall = found.result.estimate.values["fm"], "how cold or warm the hall is"
+    measured = notes(found, replace(found.result, temperature_errors={"fm": 0.1 * fm}))
+    assert any("Beside the temperature fm is off by 10 %" in w and "2 times that" in w for w in measured)
+    assert not any(hall in w for w in measured)
+    heat = FoundWarmUp(ThermalModel(300.0, 1e-3, 0.1, 10.0), {"fm": (-1e-5, 1e-6)}, ((0.0,),), {"fm": 0.1 * fm})
+    assert any(hall in w for w in notes(found, replace(found.result, warm_up=heat)))
+
+
 def notes(found: IdentificationReport, result: IdentificationResult) -> tuple[str, ...]:
     return replace(found, result=result).warnings
 

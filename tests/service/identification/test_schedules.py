@@ -2,12 +2,14 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import Result
 
+from monitor_core.drive.thermal_state import ThermalModel
 from monitor_core.identification.parameter_selection import (
     ParameterSelection,
     ScheduledTerm,
@@ -15,10 +17,12 @@ from monitor_core.identification.parameter_selection import (
     with_schedule,
 )
 from monitor_core.identification.problem import IdentificationError
-from service.commands.identification_task import Request, prepare, read_schedule
+from monitor_core.identification.thermal.warm_up import FoundWarmUp
+from service.commands.identification_task import Request, prepare, read_schedule, temperature_remarks
 from service.config import Config, load
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
+from service.reports.formats import Provenance
 from service.simulation.axis import ControlledAxis
 from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import SHIPPED, robot_text
@@ -99,7 +103,7 @@ def test_friction_follows_the_temperature_and_the_inertia_follows_nothing(direct
     read = read_found(NominalFile, directory / "nominal.toml")
     assert read.predictor.colour < 4, "with the friction held at its middle the errors would be coloured: 17"
     assert read.values["fm"] == pytest.approx(0.06, abs=5 * sd * 12.5 + 0.01 * 0.06)
-    assert [v.model_dump() for v in read.schedule] == [
+    assert [v.model_dump(exclude_defaults=True) for v in read.schedule] == [
         {**entry, "range": pytest.approx(tuple(entry["range"]), rel=1e-4), "slope": pytest.approx(entry["slope"]),
          "standard_deviation": pytest.approx(entry["standard_deviation"], rel=1e-4)}
         for entry in (friction, inertia)
@@ -139,8 +143,40 @@ def test_friction_follows_a_signal_that_is_called_temperature_by_itself(director
     assert friction.slope == pytest.approx(SLOPE, abs=5 * friction.standard_deviation)
     assert "fm follows temperature, by" in " ".join(result.stdout.split())
     assert "Follows the signal temperature: fm. In the records it is 20 to 45." in " ".join(result.stdout.split())
+    assert friction.model_error > 0
+    assert "Beside the temperature fm is off by" in " ".join(result.stdout.split())
     short = " ".join(identify("--free", "fm").stdout.split())
     assert "Friction does not follow the signal temperature: it does not clearly fall" in short
+
+
+def test_the_remark_says_why_friction_follows_a_temperature_or_not(directory: Path, seed: int) -> None:
+    write(directory / "long.csv", load(directory / "robot.toml", {}), 64, seed)
+    config = load(directory / "robot.toml", {})
+    task = prepare(config, config.axes[0], ["long.csv"], [], Request(start="values", free=("Jm", "fm")))
+    axis, found = config.axes[0].config, task.run(Provenance("1", "2026-01-01", "identify")).result
+    follows = "Follows the signal temperature: fm. In the records it is 20 to 45. Below 17.5 and above 47.5 nothing is"
+    days = replace(found, options=replace(found.options, begins_s=(0.0, 90_000.0)))
+    for share, more in ((None, 0), (0.95, 0), (0.8, 1)):
+        first, *others = temperature_remarks(axis, replace(days, temperature_share=share))
+        assert first.startswith(follows), first
+        assert len(others) == more, share
+    assert "explains 80 % of what the heat" in others[0]
+    for begins_s in ((0.0,), (None, None), (0.0, 4000.0)):
+        morning = replace(found, options=replace(found.options, begins_s=begins_s))
+        _, doubt = temperature_remarks(axis, morning)
+        assert "if that thermometer is not on this axis, remove the signal temperature" in doubt
+
+    by_heat = replace(found, options=replace(found.options, scheduled=()), temperature_errors={})
+    warm_up = FoundWarmUp(ThermalModel(600.0, 0.06, 0.0, 10.0), {"fm": (-0.001, 1e-5)}, ((0.0,),))
+    for share, warmed, why in (
+        (None, None, "it does not clearly fall while that rises, or not alike"),
+        (None, warm_up, "it does not clearly fall while that rises, or not alike"),
+        (0.3, warm_up, "the heat of the axis's own motion explains it better; the signal explains 30 % of that."),
+        (-0.1, warm_up, "the signal explains 0 % of that."),
+    ):
+        (remark,) = temperature_remarks(axis, replace(by_heat, temperature_share=share, warm_up=warmed))
+        assert why in remark
+    assert not [*temperature_remarks(axis.model_copy(update={"signal": ()}), found)]
 
 
 def test_a_long_term_has_a_number_in_tables(directory: Path) -> None:
