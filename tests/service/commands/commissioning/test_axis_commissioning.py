@@ -34,6 +34,7 @@ from service.commands.commissioning.axis.identification_retries import (
     memories_of,
     memory_change,
     retry,
+    with_spring,
     without_unsettled,
 )
 from service.commands.commissioning.axis.load_search import LinkLoad, PressingGate
@@ -47,7 +48,9 @@ from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.outlook_words import outlook_words
+from tests.conftest import no_pictures
 from tests.service.command_line import axiswatch
+from tests.service.commands.commissioning.two_mass_tables import FEW, table
 from tests.service.config.config_texts import FILE, furnish
 
 TEXT = """
@@ -485,6 +488,65 @@ def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatc
         assert first.config.motion.factor == 0.5
         assert (first.config.sample_interval_s, second.config.sample_interval_s) == (0.005, 0.008)
     assert [job.axis_id for job in seen] == [NAME, "cell.a2"]
+
+
+ONE = """
+[[robot]]
+name = "cell"
+[[robot.axis]]
+name = "a1"
+sample_interval_s = 0.005
+time = { column = "Time" }
+torque = { column = "A1_Trq" }
+angle = { column = "A1_Pos" }
+model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }
+"""
+
+
+def one_axis(folder: Path, record: Path, shorten: bool = True) -> AxisJob:
+    """The commissioning of an axis as ``init`` proposes it."""
+    return AxisJob(ONE, NAME, (str(record),), folder, FEW, Provenance("0", "2026-01-01", "test"), shorten)
+
+
+def test_one_mass_that_does_not_fit_its_records_gets_a_spring(tmp_path: Path, seed: int) -> None:
+    """Of this axis it explains nine tenths of the motion, a good fit; but kT would be off by its own size."""
+    record = table(tmp_path / "record.csv", seed, 22.0)
+    with no_pictures():
+        outcome = commission_axis(one_axis(tmp_path, record), Review((), (), (), ""))
+    assert outcome.state == "ready", outcome
+    (drive,) = (change for change in outcome.corrections if change.key == ("model", "drive"))
+    assert drive.value == "two-mass"
+    assert "as one-mass it was not calibrated: " in drive.reason
+    assert "differs from its nominal value throughout" in drive.reason
+    assert set(outcome.finds) == {"kT", "1/Ja", "fm"}
+    assert outcome.misfit is False
+
+
+def test_without_consent_the_drive_stays(tmp_path: Path, seed: int) -> None:
+    record = table(tmp_path / "record.csv", seed, 22.0)
+    with no_pictures():
+        outcome = commission_axis(one_axis(tmp_path, record, shorten=False), Review((), (), (), ""))
+    assert outcome.refusal.startswith("not calibrated: ")
+    assert ("model", "drive") not in {change.key for change in outcome.corrections}
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("sample_interval_s = 0.005", "sample_interval_s = 0.02"),
+        ('"one-mass", monitor = ["kT", "fm"]', '"three-mass", monitor = ["kT", "fm"]'),
+        ("angle = {", "coupling = { a2 = 0.5 }\nangle = {"),
+    ],
+)
+def test_a_spring_is_tried_for_one_mass_of_its_own_at_fast_samples(old: str, new: str, tmp_path: Path) -> None:
+    def tried(text: str) -> Retry | None:
+        return with_spring(text, configured(text, NAME, tmp_path)[1], "not calibrated")
+
+    again = tried(TWO)
+    assert again is not None
+    model = configured(again.text, NAME, tmp_path)[1].config.model
+    assert (model.drive, model.monitor, dict(model.nominal)) == ("two-mass", ("kT", "1/Ja", "fm"), {"kT": 1, "r": 1})
+    assert tried(TWO.replace(old, new, 1)) is None
 
 
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
