@@ -46,6 +46,7 @@ class CalibrationError(Exception):
         without: parameters that the records do not determine; without them the records may suffice.
         misfit: whether the nominal values do not fit the records, as values that were found from them do not if the
             drive lacks something.
+        reason: the text without what would be right.
     """
 
     def __init__(
@@ -56,8 +57,10 @@ class CalibrationError(Exception):
         joint_state: bool = False,
         without: Sequence[str] = (),
         misfit: bool = False,
+        advice: str = "",
     ) -> None:
-        super().__init__(text)
+        super().__init__(f"{text}; {advice}" if advice else text)
+        self.reason = text
         self.budget_s = budget_s
         self.memory_s = memory_s
         self.joint_state = joint_state
@@ -237,8 +240,9 @@ def _check_no_offset(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> 
                 f"{axis.model.monitored[i]} differs from its nominal value throughout,"
                 f" by {100 * mean[i]:+.1f} % of its size,"
                 f" {abs(mean[i]) / sd[i]:.0f} standard deviations of the estimate: the nominal values do not fit these"
-                " records; identify the axis with them first",
+                " records",
                 misfit=True,
+                advice="identify the axis with them first",
             )
 
 

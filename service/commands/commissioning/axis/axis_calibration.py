@@ -18,6 +18,7 @@ from service.texts.not_tested_words import not_tested_sentences
 
 _MOST_REMEDIES = 5
 """Remedies are tried repeatedly, since one refusal may follow another."""
+_FOUND_FROM_THEM = "although they were found from them: the drive lacks something"
 _AT_ONCE = 10_000
 """Number of samples between two reports of progress"""
 
@@ -34,7 +35,8 @@ def calibrated(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) 
             remedy = _remedy_for(error, outcome, options)
             if remedy is None or not job.shorten:
                 taken = "" if remedy is None else f"; --yes applies {remedy.words}"
-                return replace(outcome, refusal=f"not calibrated: {error}{taken}", misfit=error.misfit)
+                why = f"{error.reason}, {_FOUND_FROM_THEM}" if error.misfit else str(error)
+                return replace(outcome, refusal=f"not calibrated: {why}{taken}", misfit=error.misfit)
             outcome, options = remedy.outcome, remedy.options
         except REFUSALS as error:
             return replace(outcome, refusal=f"not calibrated: {error}")

@@ -56,8 +56,10 @@ def commission_axis(
     outcome = identified(job, before, loads, progress)
     if outcome.found is not None:
         outcome = calibrated(job, outcome, progress)
-        if outcome.misfit and (better := identified_with_spring(job, outcome, before, loads, progress)) is not None:
-            outcome = calibrated(job, better, progress)
+        if outcome.misfit:
+            better = identified_with_spring(job, outcome, before, loads, progress)
+            other = replace(outcome, refusal=f"{outcome.refusal}; configure another one")
+            outcome = other if better is None else calibrated(job, better, progress)
         if outcome.thresholds_file is not None:
             outcome = tested(job, outcome, progress)
         _, axis = job.configured()

@@ -518,8 +518,21 @@ def test_one_mass_that_does_not_fit_its_records_gets_a_spring(tmp_path: Path, se
     assert drive.value == "two-mass"
     assert "as one-mass it was not calibrated: " in drive.reason
     assert "differs from its nominal value throughout" in drive.reason
+    assert drive.reason.endswith("although they were found from them: the drive lacks something")
     assert set(outcome.finds) == {"kT", "1/Ja", "fm"}
     assert outcome.misfit is False
+
+
+def test_where_a_spring_does_not_help_another_drive_is_asked_for(
+    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(axis_commissioning, "identified_with_spring", lambda *_: None)
+    record = table(tmp_path / "record.csv", seed, 22.0)
+    with no_pictures():
+        outcome = commission_axis(one_axis(tmp_path, record), Review((), (), (), ""))
+    assert outcome.refusal.startswith("not calibrated: kT differs from its nominal value throughout")
+    assert outcome.refusal.endswith("found from them: the drive lacks something; configure another one")
+    assert outcome.nominal_file is not None
 
 
 def test_without_consent_the_drive_stays(tmp_path: Path, seed: int) -> None:
