@@ -68,8 +68,8 @@ from monitor_core.identification.torque_balance.late_torque import samples_late
 from monitor_core.identification.torque_balance.rigid_body import rigid_fit, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import leaves_much_less
 from monitor_core.identification.weight.arm_contact import arm_contact
+from monitor_core.identification.weight.arm_energies import MotionSignals
 from monitor_core.identification.weight.arm_links import ArmSignals, LinkWeights
 from monitor_core.identification.weight.arm_load import ArmLoad, arm_load, motor_angles, recorded_signals
-from monitor_core.identification.weight.link_energies import MotionSignals
 from monitor_core.identification.weight.motor_coupling import CouplingFactor, MotorCoupling, motor_coupling
 from monitor_core.identification.weight.turning_weight import TurningWeight, turning_weight

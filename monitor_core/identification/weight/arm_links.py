@@ -30,13 +30,8 @@ from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart, leaves_much_less
-from monitor_core.identification.weight.link_energies import (
-    AngleSum,
-    EnergyBalance,
-    MotionSignals,
-    link_energies,
-    possible_energies,
-)
+from monitor_core.identification.weight.arm_energies import AngleSum, MotionSignals, possible_energies
+from monitor_core.identification.weight.link_energies import EnergyBalance, link_energies
 from monitor_core.identification.weight.weight_balance import (
     MIN_INCREASE,
     MOST_OTHERS,

@@ -23,7 +23,7 @@ from monitor_core.identification.torque_balance.torque_windows import (
     of_unit_length,
     residual_torque,
 )
-from monitor_core.identification.weight.link_energies import AngleSum
+from monitor_core.identification.weight.arm_energies import AngleSum
 from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 
 _TURNS = np.geomspace(0.3, 2 * np.pi, 40)

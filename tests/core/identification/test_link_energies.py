@@ -13,14 +13,9 @@ from numpy.random import Generator
 from monitor_core.arrays import Floats
 from monitor_core.drive.signal_terms import Term
 from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.weight.arm_energies import Energy, MotionSignals, possible_energies
 from monitor_core.identification.weight.arm_links import ArmSignals, link_weights
-from monitor_core.identification.weight.link_energies import (
-    Energy,
-    EnergyBalance,
-    MotionSignals,
-    link_energies,
-    possible_energies,
-)
+from monitor_core.identification.weight.link_energies import EnergyBalance, link_energies
 from monitor_core.identification.weight.weight_balance import moving_parts
 
 ANGLES = ("q1", "q2", "q3")
