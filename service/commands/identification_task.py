@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -12,8 +12,6 @@ from monitor_core.drive import (
     COULOMB,
     HEAT,
     LOAD,
-    MARGIN,
-    TEMPERATURE,
     AxisModel,
     Drive,
     ThermalStart,
@@ -25,7 +23,6 @@ from monitor_core.identification import (
     IdentificationError,
     IdentificationOptions,
     IdentificationProgress,
-    IdentificationResult,
     ParameterSelection,
     PredictorKind,
     Problem,
@@ -39,7 +36,6 @@ from monitor_core.identification import (
     speed_scales,
     with_schedule,
 )
-from monitor_core.wording import listed, percent
 from service.commands.identification_records import IdentificationRecords, load_records
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
@@ -49,12 +45,10 @@ from service.config.drives import lacking_for, watches_load
 from service.ingest.recorded_units import units_as_recorded
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
+from service.reports.temperature_words import temperature_remarks
 
 _SLOW = 0.1
 """Initial level of the slow disturbance, as a share of the torque's standard deviation."""
-_AS_GOOD = 0.9
-"""Share of what the heat explains from which on a measured temperature is as good."""
-_ONE_DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
@@ -118,51 +112,6 @@ class IdentificationTask:
             provenance,
             tuple(sorted(self.axis.config.coupling.values())),
         )
-
-
-def temperature_remarks(axis: AxisConfig, result: IdentificationResult) -> Iterator[str]:
-    """What follows the temperature of the axis, if that is measured, or why nothing does."""
-    if all(signal.name != TEMPERATURE for signal in axis.signal) or result.options.thermal is None:
-        return
-    followed = [term for term in result.options.scheduled if term.term == TEMPERATURE]
-    if followed:
-        names, first, share = listed([term.parameter for term in followed]), followed[0], result.temperature_share
-        reach = MARGIN * (first.high - first.low)
-        yield (
-            f"Follows the signal {TEMPERATURE}: {names}. In the records it is {first.low:.3g} to {first.high:.3g}."
-            f" Below {first.low - reach:.3g} and above {first.high + reach:.3g} nothing is tested: record the axis as"
-            " cold and as warm as it becomes, over the day and over the year."
-        )
-        if share is not None and share < _AS_GOOD:
-            yield (
-                f"The signal {TEMPERATURE} explains {percent(share)} of what the heat of the axis's own motion does,"
-                " as a thermometer lags behind the gear. It is taken all the same, because the heat does not know how"
-                " cold or warm the hall is."
-            )
-        if not _of_days(result.options.begins_s):
-            yield (
-                "In records of one day the temperature of something else that rises meanwhile, as of a cabinet or of"
-                f" the hall, looks the same: if that thermometer is not on this axis, remove the signal {TEMPERATURE}."
-                " Records of days with a cold and with a warm hall show what the signal is worth."
-            )
-    elif result.warm_up is None or result.temperature_share is None:
-        yield (
-            f"Friction does not follow the signal {TEMPERATURE}: it does not clearly fall while that rises, or not"
-            " alike in all parts of the records, or by more than a tenth for each degree. It may be the temperature of"
-            " something else, such as a cabinet or the hall; or it is not in degrees, which a factor corrects."
-        )
-    else:
-        yield (
-            f"Friction does not follow the signal {TEMPERATURE}: the heat of the axis's own motion explains it better;"
-            f" the signal explains {percent(max(result.temperature_share, 0.0))} of that. It may be the temperature of"
-            " something else, such as a winding, a board or a cabinet."
-        )
-
-
-def _of_days(begins_s: Sequence[float | None]) -> bool:
-    """Whether records begin on several days, by the clock times of their first samples [s]; None: unknown."""
-    known = [begins for begins in begins_s if begins is not None]
-    return bool(known) and max(known) - min(known) > _ONE_DAY_S / 2
 
 
 def prepare(

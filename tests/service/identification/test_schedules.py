@@ -18,11 +18,12 @@ from monitor_core.identification.parameter_selection import (
 )
 from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
-from service.commands.identification_task import Request, prepare, read_schedule, temperature_remarks
+from service.commands.identification_task import Request, prepare, read_schedule
 from service.config import Config, load
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile
 from service.reports.formats import Provenance
+from service.reports.temperature_words import temperature_remarks
 from service.simulation.axis import ControlledAxis
 from tests.service.command_line import axiswatch
 from tests.service.identification.conftest import SHIPPED, robot_text

@@ -34,7 +34,6 @@ from service.commands.commissioning.axis.identification_retries import (
     memories_of,
     memory_change,
     retry,
-    with_spring,
     without_unsettled,
 )
 from service.commands.commissioning.axis.load_search import LinkLoad, PressingGate
@@ -48,9 +47,7 @@ from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance
 from service.reports.outlook_words import outlook_words
-from tests.conftest import no_pictures
 from tests.service.command_line import axiswatch
-from tests.service.commands.commissioning.two_mass_tables import FEW, table
 from tests.service.config.config_texts import FILE, furnish
 
 TEXT = """
@@ -122,6 +119,9 @@ def retried(folder: Path, found: Any, text: str = TEXT, **given: Any) -> tuple[R
     again = next_try(folder, found, text, **given)
     assert again is not None
     return again, configured(again.text, NAME, folder)[1].config
+
+
+# --- Another drive ----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("found", [report(KT, FM, rejection="the fit has not converged"), report(NO_FM)])
@@ -213,6 +213,9 @@ def test_slow_motion_asks_for_no_other_drive(tmp_path: Path) -> None:
     found = report(rejection="poor", missing=(Effect.SLOW,))
     assert next_try(tmp_path, found) is None
     assert "set min_speed = 0.1 in [[robot.axis]]" in not_identified(found, "", lacks_of(found, ""))
+
+
+# --- What follows a signal, and the load of links ---------------------------------------------------------------------
 
 
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
@@ -464,6 +467,9 @@ def test_links_are_looked_for_where_nothing_can_be_fitted_without_them(
         assert outcome.refusal.startswith("not identified: no fit: the records do not give a frequency response")
 
 
+# --- What is reported -------------------------------------------------------------------------------------------------
+
+
 def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The motion of one may be a signal of another, in the unit and at the interval that were found for it."""
     (tmp_path / "axes.toml").write_text(TWO, encoding="utf-8")
@@ -488,78 +494,6 @@ def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatc
         assert first.config.motion.factor == 0.5
         assert (first.config.sample_interval_s, second.config.sample_interval_s) == (0.005, 0.008)
     assert [job.axis_id for job in seen] == [NAME, "cell.a2"]
-
-
-ONE = """
-[[robot]]
-name = "cell"
-[[robot.axis]]
-name = "a1"
-sample_interval_s = 0.005
-time = { column = "Time" }
-torque = { column = "A1_Trq" }
-angle = { column = "A1_Pos" }
-model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }
-"""
-
-
-def one_axis(folder: Path, record: Path, shorten: bool = True) -> AxisJob:
-    """The commissioning of an axis as ``init`` proposes it."""
-    return AxisJob(ONE, NAME, (str(record),), folder, FEW, Provenance("0", "2026-01-01", "test"), shorten)
-
-
-def test_one_mass_that_does_not_fit_its_records_gets_a_spring(tmp_path: Path, seed: int) -> None:
-    """Of this axis it explains nine tenths of the motion, a good fit; but kT would be off by its own size."""
-    record = table(tmp_path / "record.csv", seed, 22.0)
-    with no_pictures():
-        outcome = commission_axis(one_axis(tmp_path, record), Review((), (), (), ""))
-    assert outcome.state == "ready", outcome
-    (drive,) = (change for change in outcome.corrections if change.key == ("model", "drive"))
-    assert drive.value == "two-mass"
-    assert "as one-mass it was not calibrated: " in drive.reason
-    assert "differs from its nominal value throughout" in drive.reason
-    assert drive.reason.endswith("although they were found from them: the drive lacks something")
-    assert set(outcome.finds) == {"kT", "1/Ja", "fm"}
-    assert outcome.misfit is False
-
-
-def test_where_a_spring_does_not_help_another_drive_is_asked_for(
-    tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(axis_commissioning, "identified_with_spring", lambda *_: None)
-    record = table(tmp_path / "record.csv", seed, 22.0)
-    with no_pictures():
-        outcome = commission_axis(one_axis(tmp_path, record), Review((), (), (), ""))
-    assert outcome.refusal.startswith("not calibrated: kT differs from its nominal value throughout")
-    assert outcome.refusal.endswith("found from them: the drive lacks something; configure another one")
-    assert outcome.nominal_file is not None
-
-
-def test_without_consent_the_drive_stays(tmp_path: Path, seed: int) -> None:
-    record = table(tmp_path / "record.csv", seed, 22.0)
-    with no_pictures():
-        outcome = commission_axis(one_axis(tmp_path, record, shorten=False), Review((), (), (), ""))
-    assert outcome.refusal.startswith("not calibrated: ")
-    assert ("model", "drive") not in {change.key for change in outcome.corrections}
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [
-        ("sample_interval_s = 0.005", "sample_interval_s = 0.02"),
-        ('"one-mass", monitor = ["kT", "fm"]', '"three-mass", monitor = ["kT", "fm"]'),
-        ("angle = {", "coupling = { a2 = 0.5 }\nangle = {"),
-    ],
-)
-def test_a_spring_is_tried_for_one_mass_of_its_own_at_fast_samples(old: str, new: str, tmp_path: Path) -> None:
-    def tried(text: str) -> Retry | None:
-        return with_spring(text, configured(text, NAME, tmp_path)[1], "not calibrated")
-
-    again = tried(TWO)
-    assert again is not None
-    model = configured(again.text, NAME, tmp_path)[1].config.model
-    assert (model.drive, model.monitor, dict(model.nominal)) == ("two-mass", ("kT", "1/Ja", "fm"), {"kT": 1, "r": 1})
-    assert tried(TWO.replace(old, new, 1)) is None
 
 
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
