@@ -19,6 +19,11 @@ like a^2, and with observations (``monitoring.heat_observer``), to that of the m
 Where records show two time constants (of the parts that rub, and of their surroundings), the heat is the weighted mean
 of two such parts, both driven by the same power.
 
+The power says how much warmer the gearbox is than its surroundings, but friction depends on its temperature.  So a
+hall that is colder or warmer than in the records adds to the heat: the ambient heat, in the same unit, which no motion
+shows in advance.  It is a second state, an Ornstein-Uhlenbeck process with the standard deviation ``ambient`` and a
+time constant of some hours.  Its value and its covariance with the error of the heat come from observations.
+
 The model is that of Simoni, Beschi, Legnani and Visioli (Robotica, doi 10.1017/S0263574717000509), with one state or
 two.
 """
@@ -39,6 +44,8 @@ HEAT = "heat"
 """Name of the derived signal [W]; with a thermal model no measured signal can have this name."""
 TEMPERATURE = "temperature"
 """Name of a measured signal that friction may follow instead, in any unit"""
+AMBIENT_TAU_S = 8 * 3600.0
+"""Time constant of the temperature of a hall [s]: after a night it is another one, after an hour nearly the same."""
 GAP_S = 1.0
 """A longer interval between two samples is a pause."""
 MOVED = 1.0
@@ -72,6 +79,7 @@ class ThermalModel:
             come back.
         error: standard deviation [W] of the model error, which remains when the heat is known.
         fast: the part with the shorter time constant; None: there is only one time constant.
+        ambient: standard deviation [W] of the ambient heat; 0: the surroundings are always those of the records.
 
     Raises:
         ValueError: a value is out of its range.
@@ -85,6 +93,7 @@ class ThermalModel:
     unwatched: Unwatched = "stood"
     error: float = 0.0
     fast: Fast | None = None
+    ambient: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("tau_s", "largest"):
@@ -92,8 +101,9 @@ class ThermalModel:
                 raise ValueError(f"{name} = {getattr(self, name)}: need a finite value greater than zero")
         if not (0 <= self.fm < math.inf and 0 <= self.fc < math.inf and self.fm + self.fc > 0):
             raise ValueError(f"fm = {self.fm}, fc = {self.fc}: need finite values, at least zero, and one above")
-        if not 0 <= self.error < math.inf:
-            raise ValueError(f"error = {self.error}: need a finite value, at least zero")
+        for name in ("error", "ambient"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise ValueError(f"{name} = {getattr(self, name)}: need a finite value, at least zero")
         if self.fast and not (0 < self.fast.tau_s < self.tau_s and 0 < self.fast.share < 1):
             raise ValueError(
                 f"fast = {self.fast.tau_s, self.fast.share}: need a time constant between 0 and {self.tau_s}, and a"
@@ -126,17 +136,23 @@ class ThermalModel:
 
 
 class ThermalState:
-    """The heat of one axis and its variance, from sample to sample; blocks may be split anywhere."""
+    """The heat of one axis and its uncertainty, from sample to sample; blocks may be split anywhere.
+
+    The errors of the two states, the heat by friction and the ambient heat, have the covariance ``covariance``.
+    """
 
     def __init__(self, model: ThermalModel) -> None:
         self.model = model
         self.parts = (0.0,) * len(model.parts)
-        """Present heat of each part [W]"""
+        """Present heat of each part by friction [W]"""
+        self.ambient = 0.0
+        """Present ambient heat [W]"""
         self.known = True
         """Whether the heat is known well enough to test the parameters that follow it"""
         self.since_us: int | None = None
         """Time at which the heat became unknown, or was last observed; None: before the first sample"""
-        self._variance = 0.0  # at since_us
+        self._P = np.diag([0.0, model.ambient**2])  # at _P_us
+        self._P_us: int | None = None
         self._restored = False  # True until the first sample after a saved state was restored
         self.losses = 0
         """Number of times that the heat became unknown, or uncertain because the axis may have moved unseen"""
@@ -147,18 +163,29 @@ class ThermalState:
     @property
     def heat(self) -> float:
         """Now [W]; what is expected, where it is not known."""
-        return self.model.mean(self.parts)
+        return self.model.mean(self.parts) + self.ambient
 
     @property
     def sd(self) -> float:
         """Standard deviation of the present heat [W], including the model error."""
-        return math.hypot(self.sd_of_start, self.model.error)
+        return math.hypot(self.sd_of_state, self.model.error)
 
     @property
-    def sd_of_start(self) -> float:
-        """Standard deviation [W] due to the unknown heat at ``since_us``, or its observation; it decays with time."""
-        passed_us = 0 if self.since_us is None or self._now_us is None else self._now_us - self.since_us
-        return math.sqrt(self._variance) * self.model.kept(max(passed_us, 0) * 1e-6)
+    def sd_of_state(self) -> float:
+        """Standard deviation [W] due to the heat at a start or a pause, or its observation, and the ambient heat."""
+        return math.sqrt(max(float(self.covariance.sum()), 0.0))
+
+    @property
+    def covariance(self) -> Floats:
+        """Covariance (2, 2) [W^2] of the errors of the heat by friction and of the ambient heat, now."""
+        return self._covariance(self._now_us)
+
+    def _covariance(self, t_us: int | None) -> Floats:
+        passed_us = 0 if self._P_us is None or t_us is None else t_us - self._P_us
+        passed_s = max(passed_us, 0) * 1e-6
+        kept = np.array([self.model.kept(passed_s), math.exp(-passed_s / AMBIENT_TAU_S)])
+        drifted = np.diag([0.0, (1.0 - kept[1] ** 2) * self.model.ambient**2])
+        return np.asarray(self._P * np.outer(kept, kept) + drifted)
 
     def take(self, t_us: NDArray[np.int64], steps: MeasuredSteps) -> Floats:
         """The heat [W] at samples with times ``t_us`` (N,), from the steps to them."""
@@ -166,7 +193,7 @@ class ThermalState:
         if not N:
             return np.zeros(0)
         if self.since_us is None:
-            self.since_us = int(t_us[0])
+            self.since_us = self._P_us = int(t_us[0])
         h, gap = steps.interval_us, GAP_S * 1e6
         paused = h > gap
         lost, moved = h < -gap, paused & (steps.distance > MOVED)
@@ -179,7 +206,7 @@ class ThermalState:
         a = np.array([self.model.cooled(ones, us * 1e-6) for us in distinct.tolist()]).T[:, which]
         power = np.minimum(self.model.power(steps.speed), _MOST_POWER * self.model.largest)
         brought = (1.0 - a) * np.where(paused, 0.0, power)
-        heat, ends = np.zeros(N), [0, *np.flatnonzero(lost | paused).tolist(), N]
+        heat, ends = np.full(N, math.nan), [0, *np.flatnonzero(lost | paused).tolist(), N]
         for first, end in pairwise(ends):
             if first == end:
                 continue
@@ -187,7 +214,7 @@ class ThermalState:
                 self._lose(int(t_us[first]))
                 a[:, first], brought[:, first] = 1.0, 0.0
             elif moved[first]:
-                self._doubt(int(t_us[first]), a[:, first].tolist())
+                self._doubt(int(t_us[first]), int(h[first]) * 1e-6)
                 a[:, first], brought[:, first] = 1.0, 0.0
             elif paused[first]:
                 self._cool(int(t_us[first]), int(h[first]) * 1e-6)
@@ -196,6 +223,7 @@ class ThermalState:
                 for k, kept in enumerate(self.parts)
             ]
             self.parts = tuple(course[-1] for course in courses)
+            heat[first:end] = self.ambient
             for course, (_, share) in zip(courses, self.model.parts, strict=True):
                 heat[first:end] += share * np.array(course)
         self._now_us = int(t_us[-1])
@@ -203,47 +231,63 @@ class ThermalState:
 
     def _lose(self, t_us: int | None) -> None:
         """Set the heat to unknown: anything in its range."""
-        self.parts = (self.model.largest / 2,) * len(self.parts)
-        self._variance, self.since_us, self.known = self.heat**2, t_us, False
+        self.parts, self.ambient = (self.model.largest / 2,) * len(self.parts), 0.0
+        self._P, self._P_us = np.diag([self.heat**2, self.model.ambient**2]), t_us
+        self.since_us, self.known = t_us, False
         self.losses += 1
 
     def _cool(self, t_us: int, seconds: float) -> None:
         """Increase the variance for a pause in which the axis stood; call before ``parts`` are updated for it."""
         left, slower = (self.model.mean(self.model.cooled(self.parts, s)) for s in (seconds, seconds / 2))
-        self._now_us, more = t_us, slower - left
-        before = self.sd_of_start
-        if more > before:
-            self._variance, self.since_us = before**2 + more**2, t_us
-        elif before > 0:
-            self._variance *= 1 + (more / before) ** 2
+        before = self._elapse(t_us, seconds)
+        self._P[0, 0] += (slower - left) ** 2
+        if self._P.sum() > 2 * before:
+            self.since_us = t_us
 
-    def _doubt(self, t_us: int, a: Sequence[float]) -> None:
-        """Set heat and variance after a pause in which the axis may have moved unseen, at up to the largest power.
-
-        ``a``: share of each part that the pause would leave without motion.
-        """
-        usual, kept = self.model.largest / 2, self.model.mean(a)
-        self._variance = (kept * self.sd_of_start) ** 2 + ((1.0 - kept) * usual) ** 2
+    def _doubt(self, t_us: int, seconds: float) -> None:
+        """Set heat and variance after a pause in which the axis may have moved unseen, at up to the largest power."""
+        usual, a = self.model.largest / 2, self.model.cooled((1.0,) * len(self.parts), seconds)
+        self._elapse(t_us, seconds)
+        self._P[0, 0] += ((1.0 - self.model.mean(a)) * usual) ** 2
         self.parts = tuple(left * heat + (1.0 - left) * usual for left, heat in zip(a, self.parts, strict=True))
-        self.since_us, self._now_us, self.known = t_us, t_us, False
+        self.since_us, self.known = t_us, False
         self.losses += 1
 
-    def observed(self, heat: float, sd: float, known: bool) -> None:
-        """Set the observed heat and its standard deviation [W], and whether the heat counts as known."""
-        heat, before = min(max(heat, 0.0), self.model.largest), self.heat
+    def _elapse(self, t_us: int, seconds: float) -> float:
+        """Let a pause pass for the ambient heat and the covariance; returns the variance without what it has added."""
+        P, kept = self._covariance(t_us - round(seconds * 1e6)), math.exp(-seconds / AMBIENT_TAU_S)
+        decayed = np.array([self.model.kept(seconds), kept])
+        self.ambient *= kept
+        self._P, self._P_us, self._now_us = self._covariance(t_us), t_us, t_us
+        return float(decayed @ P @ decayed)
+
+    def observed(self, step: Floats, covariance: Floats, known: bool) -> None:
+        """Correct both heats by an observation.
+
+        Args:
+            step: correction (2,) of the heat by friction and of the ambient heat [W].
+            covariance: their covariance (2, 2) afterwards.
+            known: whether the heat counts as known.
+        """
+        before = self.model.mean(self.parts)
+        heat = min(max(before + float(step[0]), 0.0), self.model.largest)
         # Colder by the same share, warmer by the same amount: no part is below zero.
         if heat < before:
             self.parts = tuple(part * (heat / before) for part in self.parts)
         else:
             self.parts = tuple(part + (heat - before) for part in self.parts)
-        self._variance, self.known, self.since_us = sd**2, known, self._now_us
+        if self.model.ambient > 0:
+            # What no friction power explains is due to the surroundings.
+            self.ambient += float(step[1]) + (before + float(step[0]) - heat)
+        self._P, self._P_us = covariance, self._now_us
+        self.known, self.since_us = known, self._now_us
 
     def to_array(self) -> Floats:
-        """The state (4 + parts,), to be saved; empty before the first sample."""
-        if self._now_us is None or self.since_us is None:
+        """The state (8 + parts,), to be saved; empty before the first sample."""
+        if self._now_us is None or self.since_us is None or self._P_us is None:
             return np.zeros(0)
-        rest = self._variance, self.since_us, self._now_us, self.known
-        return np.array([*self.parts, *rest], np.float64)
+        P = self._P[0, 0], self._P[0, 1], self._P[1, 1]
+        return np.array([*self.parts, self.ambient, *P, self._P_us, self.since_us, self._now_us, self.known])
 
     def restore(self, state: Floats) -> None:
         """Restore a state from ``to_array``.
@@ -254,11 +298,12 @@ class ThermalState:
         if not state.size:
             return
         k = len(self.parts)
-        if state.shape != (k + 4,) or not np.isfinite(state).all() or not (state[: k + 1] >= 0).all():
+        never_negative = [*range(k), k + 1, k + 3]  # parts and variances
+        if state.shape != (k + 8,) or not np.isfinite(state).all() or not (state[never_negative] >= 0).all():
             raise ValueError("this is no state of a warm-up")
-        *parts, variance, since_us, now_us, known = state.tolist()
-        self.parts, self._variance = tuple(parts), variance
-        self.since_us, self._now_us, self.known = int(since_us), int(now_us), bool(known)
+        *parts, ambient, of_heat, both, of_ambient, P_us, since_us, now_us, known = state.tolist()
+        self.parts, self.ambient, self._P = tuple(parts), ambient, np.array([[of_heat, both], [both, of_ambient]])
+        self._P_us, self.since_us, self._now_us, self.known = int(P_us), int(since_us), int(now_us), bool(known)
         self._restored = True
 
 

@@ -1,10 +1,12 @@
 """Observes the heat of an axis from its estimates, where nothing else determines it (``drive.thermal_state``).
 
-After a start, or a pause of which nothing is known, the heat is uncertain by its whole range.  Meanwhile the axis is
-estimated, but not tested.  The heat is corrected as by a Kalman filter, from the deviation d of the estimates, their
+After a start, or a pause of which nothing is known, the heat is uncertain by its whole range, and after a night the
+surroundings may be colder or warmer.  Meanwhile the axis is estimated, but not tested.  Both heats x = (by friction,
+ambient) with the covariance P are corrected as by a Kalman filter, from the deviation d of the estimates, their
 covariance C and the slopes s of the nominal values over the heat,
 
-    heat <- heat + V s' M^-1 d,   V <- 1 / (1 / V + s' M^-1 s),   M = C + diag(error^2),
+    d = s h' x + noise,   h = (1, 1)',   M = C + diag(error^2),   r = 1 / (s' M^-1 s),   z = r s' M^-1 d,
+    x <- x + P h z / (h' P h + r),   P <- P - P h h' P / (h' P h + r),
 
 where ``error`` is the standard deviation by which healthy estimates are off beside their scatter, until the remaining
 uncertainty moves no nominal value by more than a share of the deviation that the tests tolerate.  Only the parameters
@@ -13,14 +15,20 @@ already present cannot be distinguished from heat, unless it is larger than the 
 parameters but one agree on a heat, that one has changed by a fault, and the others determine the heat; if no heat
 explains them so, the uncertainty only decays.
 
+While the axis is tested, the ambient heat is followed in the same way: the heat by friction converges to the same
+value whatever it was, and only then the surroundings show, and a hall warms up in some hours.  Its covariance then
+allows for no more than that, so that a change within minutes is no ambient heat.  As the errors of healthy estimates
+last, observations in a row are not independent.  While an alarm is open nothing is followed.
+
 The tests also tolerate the error of the thermal model (``Settings.model_error``), and the change of the nominal values
 if the heat is off by its standard deviation, as after a pause.  Beyond the heat of the records, where the straight
 lines are extrapolated, the tests also tolerate the whole extrapolated change.
 """
 
+import copy
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -32,6 +40,7 @@ from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.monitoring.lane_status import Deviations
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
+from monitor_core.trend.entries import EstimateReading
 
 LOOKS_PER_MEMORY = 2
 """Number of checks per memory whether the heat can be observed."""
@@ -41,10 +50,26 @@ MAX_SHARE = 0.5
 """Share of the tolerated deviation by which the uncertainty of the heat may move a nominal value."""
 MAX_SIGMAS = 3.0
 """Limit in standard deviations: friction that is farther from any value that heat explains has changed by a fault."""
+ERROR_LASTS = 0.5
+"""The error of healthy estimates beside their scatter is about the same for this share of the time constant."""
+EXTRAPOLATED = 0.5
+"""Standard deviation of a heat beyond the range of the records, as a share of what it is beyond: lines are no law."""
+CURVED = 0.5
+"""Share by which the effect of the hall on friction may change while the axis warms up by the largest heat: friction
+falls more steeply while it is cold."""
 LOOKS_ALIKE = "a warmer or colder gearbox"
 """Other possible cause, in alarms, of a change of a parameter that depends on the heat"""
 _SLOPE_STEP = 1e-3
 """Step for slopes, as a share of the largest heat."""
+
+
+class HeatCorrection(NamedTuple):
+    """What an observation corrects."""
+
+    step: Floats
+    """(2,) of the heat by friction and of the ambient heat [W]"""
+    covariance: Floats
+    """(2, 2) of their errors afterwards [W^2]"""
 
 
 class WarmUp:
@@ -71,6 +96,8 @@ class WarmUp:
         self._widen_us = self._every_us * LOOKS_PER_MEMORY * SETTLING_MEMORIES
         self._since_us: int | None = None  # time at which the heat became unknown
         self._learned = 0  # number of learned samples at that time, or at the last observation
+        self._by_friction = 0.0  # heat by friction at that time [W]
+        self._tried = False  # whether an observation has been tried since the heat became unknown
         self._last_us: int | None = None
         self.widened = ""
         """A sentence if the heat is far beyond that of the records, so that friction has a wider allowance"""
@@ -85,19 +112,35 @@ class WarmUp:
         now_us = int(block.t_us[0])
         self._look(now_us)
         if self._last_us is None or self._last_us // self._widen_us != now_us // self._widen_us:
+            self._follow()
             self._allow()
         n = self._part_size(block)
         taken = self._operating.conditioned(block.select(slice(n)))
         self._last_us = int(block.t_us[n - 1])
         if self._thermal.since_us != self._since_us:
-            self._since_us, self._learned = self._thermal.since_us, self._monitor.learned
+            # A heat that was known when it was saved has been observed, if there was no pause since.
+            saved = self._since_us is None and self._thermal.known and self._thermal.since_us != now_us
+            if self._since_us is None:
+                self._by_friction = self._thermal.model.mean(self._thermal.parts)
+            self._since_us, self._learned, self._tried = self._thermal.since_us, self._monitor.learned, saved
             self._monitor.judged_us = None
             self._allow(doubt=False)
             if self._thermal.known and (found := self._monitor.deviations()) is not None:
-                self._thermal.known = self._wait_s(self._thermal.sd_of_start, found) == 0.0
+                self._thermal.known = self._wait_s(self._thermal.covariance, found) == 0.0
             self._allow()
         self._monitor.judge(self._thermal.known)
         return taken, block.select(slice(n, None)) if n < block.size else None
+
+    def for_trend(self, readings: Iterable[EstimateReading]) -> list[EstimateReading]:
+        """Readings for the long-term trend, converted to the hall of the records.
+
+        Wear makes friction change as slowly as a hall does, and is taken for one.  So the observed hall is not
+        subtracted here: over weeks halls are scatter, and wear is not.
+        """
+        heat = self._thermal.heat
+        hall = self._operating.shift_at_heat(heat) - self._operating.shift_at_heat(heat - self._thermal.ambient)
+        step = np.where(np.isfinite(hall), hall, 0.0)
+        return [reading._replace(value=tuple((reading.value + step).tolist())) for reading in readings]
 
     def _part_size(self, block: SampleBlock) -> int:
         """Number of samples until the next observation of the heat, or until a pause."""
@@ -114,7 +157,7 @@ class WarmUp:
         """Set the deviation that the tests tolerate now, beyond the heat of the records and for an uncertain heat."""
         self.widened, more = self._operating.far_beyond, np.abs(self._operating.shift_beyond())
         if doubt and self._thermal.known:
-            more = more + np.abs(self._slopes()) * self._thermal.sd_of_start
+            more = more + np.abs(self._slopes()) * self._thermal.sd_of_state
         self._monitor.allow(more, bool(self.widened))
 
     def _next_look(self, now_us: int) -> int:
@@ -127,29 +170,63 @@ class WarmUp:
             return
         if self._next_look(self._last_us) > now_us or (found := self._monitor.deviations()) is None:
             return
-        heat, sd = self._thermal.heat, self._thermal.sd_of_start
+        observed: HeatCorrection | None = None
         if self._monitor.learned - self._learned >= self._needed:
-            heat, sd = corrected(heat, sd, self._slopes(), found)
-            self._learned = self._monitor.learned
-        wait_s = self._wait_s(sd, found)
+            observed = corrected(self._thermal.covariance, self._slopes(), found)
+            self._learned, self._tried = self._monitor.learned, True
+        now = observed or HeatCorrection(np.zeros(2), self._thermal.covariance)
+        wait_s = self._wait_s(now.covariance, found)
         known = wait_s == 0.0
         self._monitor.judged_us = self._next_look(now_us + round(1e6 * wait_s)) if math.isfinite(wait_s) else None
-        if known or heat != self._thermal.heat:
-            before = self._operating.shift_at_heat(self._thermal.heat)
-            self._thermal.observed(heat, sd, known)
-            step = self._operating.shift_at_heat(self._thermal.heat) - before
-            self._monitor.move_nominal(np.where(np.isfinite(step), step, 0.0))
+        if known or observed is not None:
+            self._correct(now, known)
             self._since_us = self._thermal.since_us
+            self._by_friction = self._thermal.model.mean(self._thermal.parts)
             self._allow()
 
-    def _wait_s(self, sd: float, found: Deviations) -> float:
+    def _follow(self) -> None:
+        """Follow the ambient heat of an axis that is tested, if that is due."""
+        thermal, monitor = self._thermal, self._monitor
+        if not thermal.model.ambient or not thermal.known or monitor.open_alarms or self._since_us is None:
+            return
+        if monitor.learned - self._learned < self._needed or (found := monitor.deviations()) is None:
+            return
+        passed_s = (monitor.learned - self._learned) * monitor.settings.interval_s
+        row = max(1.0, ERROR_LASTS * thermal.model.tau_s / passed_s)  # number of observations with the same errors
+        warmed = (thermal.model.mean(thermal.parts) - self._by_friction) / thermal.model.largest
+        covariance = thermal.covariance
+        covariance[1, 1] += row * (CURVED * thermal.ambient * warmed) ** 2
+        self._learned, self._by_friction = monitor.learned, thermal.model.mean(thermal.parts)
+        now = corrected(covariance, self._slopes(), found._replace(errors=found.errors * math.sqrt(row)))
+        if now is not None:
+            self._correct(now, known=True)
+            self._since_us = thermal.since_us
+
+    def _correct(self, now: HeatCorrection, known: bool) -> None:
+        """Correct the heat, and the nominal values with it."""
+        heat, (low, high) = self._thermal.heat + float(now.step.sum()), self._operating.heat_range
+        beyond = max(low - heat, heat - high, 0.0)
+        if self._thermal.model.ambient > 0:
+            now.covariance[1, 1] = max(float(now.covariance[1, 1]), (EXTRAPOLATED * beyond) ** 2)
+        before = self._operating.shift_at_heat(self._thermal.heat)
+        self._thermal.observed(now.step, now.covariance, known)
+        step = self._operating.shift_at_heat(self._thermal.heat) - before
+        self._monitor.move_nominal(np.where(np.isfinite(step), step, 0.0))
+
+    def _wait_s(self, covariance: Floats, found: Deviations) -> float:
         """Time [s] until the heat is known well enough for the tests, if its error only decays.  0: now; inf: never.
 
-        ``sd``: standard deviation of the error now [W].
+        An ambient heat does not decay: if an observation shows none that would explain the deviations, they are tested.
+
+        ``covariance``: of the heats (2, 2) [W^2].
         """
-        moved, tolerated = np.abs(self._slopes()) * sd, MAX_SHARE * found.tolerated
-        if (moved <= tolerated).all():
+        slopes, tolerated = np.abs(self._slopes()), MAX_SHARE * found.tolerated
+        if (slopes * math.sqrt(max(float(covariance.sum()), 0.0)) <= tolerated).all():
             return 0.0
+        moved = slopes * math.sqrt(float(covariance[0, 0]))
+        if (moved <= tolerated).all():
+            left = self._needed - (self._monitor.learned - self._learned)
+            return 0.0 if self._tried else max(left, 1) * self._monitor.settings.interval_s
         with np.errstate(divide="ignore"):
             return float(self._thermal.model.tau_s * np.log(np.max(moved[moved > 0] / tolerated[moved > 0])))
 
@@ -160,36 +237,46 @@ class WarmUp:
         return np.where(np.isfinite(step), step / (2 * h), 0.0)
 
 
-def corrected(heat: float, sd: float, slopes: Floats, found: Deviations) -> tuple[float, float]:
-    """Heat and its standard deviation [W], corrected by the deviations of the estimates.
+def corrected(covariance: Floats, slopes: Floats, found: Deviations) -> HeatCorrection | None:
+    """Correction of the heats by the deviations of the estimates, and their covariance (2, 2) [W^2] afterwards.
 
-    They stay as they are if no heat explains the deviations, not even those of all parameters but a certain one.
-    ``slopes``: change of the nominal values (p,) per watt.
+    None: no heat explains the deviations, not even those of all parameters but a certain one.
+
+    Args:
+        covariance: of the heat by friction and the ambient heat before (2, 2) [W^2].
+        slopes: change of the nominal values (p,) per watt.
+        found: the deviations.
     """
-    used = np.flatnonzero((slopes != 0) & np.isfinite(found.d))
-    if not used.size or not sd > 0:
-        return heat, sd
-    explained = _explained(sd, slopes, found, used)
-    if explained is None:
+    used, variance = np.flatnonzero((slopes != 0) & np.isfinite(found.d)), float(covariance.sum())
+    if not used.size or not variance > 0:
+        return None
+    measured = _measured(variance, slopes, found, used)
+    if measured is None:
         # A fault of one parameter: the heat is what explains all others.
-        fewer = [_explained(sd, slopes, found, np.delete(used, k)) for k in range(used.size if used.size > 1 else 0)]
-        possible = [step for step in fewer if step is not None]
+        fewer = [
+            _measured(variance, slopes, found, np.delete(used, k)) for k in range(used.size if used.size > 1 else 0)
+        ]
+        possible = [each for each in fewer if each is not None]
         if len(possible) != 1:
-            return heat, sd
-        explained = possible[0]
-    step, variance = explained
-    return heat + step, float(np.sqrt(variance))
+            return None
+        measured = possible[0]
+    z, r = measured
+    gain = covariance.sum(axis=1) / (variance + r)
+    return HeatCorrection(gain * z, covariance - np.outer(gain, covariance.sum(axis=1)))
 
 
-def _explained(sd: float, slopes: Floats, found: Deviations, used: Ints) -> tuple[float, float] | None:
-    """Step of the heat [W] and its variance by the parameters ``used``; None: no heat explains their deviations."""
+def _measured(variance: float, slopes: Floats, found: Deviations, used: Ints) -> tuple[float, float] | None:
+    """Deviation z of the heat [W] by the parameters ``used``, and its variance r; None: no heat explains them.
+
+    ``variance``: of the heat before.
+    """
     d, s = found.d[used], slopes[used]
     M = found.covariance[np.ix_(used, used)] + np.diag(found.errors[used] ** 2)
-    if d @ np.linalg.solve(M + sd**2 * np.outer(s, s), d) > MAX_SIGMAS**2 * used.size:
+    if d @ np.linalg.solve(M + variance * np.outer(s, s), d) > MAX_SIGMAS**2 * used.size:
         return None
     weighted = np.linalg.solve(M, s)
-    variance = 1 / (1 / sd**2 + float(weighted @ s))
-    return variance * float(weighted @ d), variance
+    r = 1 / float(weighted @ s)
+    return r * float(weighted @ d), r
 
 
 # --- Records: the heat at their first sample is computed back from later samples --------------------------------------
@@ -213,10 +300,11 @@ def _conditioned(
     thermal = operating.thermal
     if thermal is None or record.size < 2:
         return operating.conditioned(record)
-    first = operating.conditioned(record.select(slice(1)))
-    if thermal.known:
+    first, first_us = operating.conditioned(record.select(slice(1))), int(record.t_us[0])
+    observe = not thermal.known or (thermal.model.ambient > 0 and thermal.since_us == first_us)
+    if not observe:
         return concatenate([first, operating.conditioned(record.select(slice(1, None)))])
-    start = _first_heat(model, settings, conditions, record)
+    start = _first_heat(model, settings, conditions, thermal, record)
     if start is not None:
         thermal.observed(*start, known=True)
     rest = operating.conditioned(record.select(slice(1, None)))
@@ -226,12 +314,13 @@ def _conditioned(
 
 
 def _first_heat(
-    model: AxisModel, settings: Settings, conditions: Conditions, record: SampleBlock
-) -> tuple[float, float] | None:
-    """Heat at the first sample of a record, and its standard deviation [W]; None: the heat cannot be observed."""
-    assert conditions.thermal is not None
-    unknown = replace(conditions, thermal=replace(conditions.thermal, start="unknown"))
-    observed, plain = Operating(model, unknown), Operating(model, unknown)
+    model: AxisModel, settings: Settings, conditions: Conditions, expected: ThermalState, record: SampleBlock
+) -> HeatCorrection | None:
+    """HeatCorrection of the heat that is expected at the first sample of a record; None: it cannot be observed."""
+    observed, plain = Operating(model, conditions), Operating(model, conditions)
+    for operating in (observed, plain):
+        operating.thermal = copy.copy(expected)
+        operating.thermal.known = False
     monitor = AxisMonitor(model, settings)
     warm_up, rest, taken = WarmUp(observed, monitor), record, 0
     thermal, alone = observed.thermal, plain.thermal
@@ -245,8 +334,10 @@ def _first_heat(
         monitor.update(part)
         rest = more if more is not None else rest
     plain.take(record.t_us[:taken], record.y[:taken], None)
-    if alone.losses > 1:
+    if alone.losses > expected.losses:
         return None  # there was a pause of unknown heat in between
-    # The observed correction has decayed since the first sample.
+    # The observed correction of the heat by friction has decayed since the first sample.
     kept = thermal.model.kept((int(record.t_us[taken - 1]) - int(record.t_us[0])) * 1e-6)
-    return thermal.model.largest / 2 + (thermal.heat - alone.heat) / kept, thermal.sd_of_start / kept
+    by_friction = (thermal.model.mean(thermal.parts) - alone.model.mean(alone.parts)) / kept
+    step = np.array([by_friction, thermal.ambient - alone.ambient])
+    return HeatCorrection(step, thermal.covariance / np.outer([kept, 1.0], [kept, 1.0]))

@@ -14,7 +14,7 @@ from monitor_core.drive import HEAT, AxisModel, Term
 from monitor_core.settings import Settings
 from monitor_core.wording import duration
 from service.config.axis_settings import AxisError, axis_settings
-from service.config.conditions import schedules_of
+from service.config.conditions import has_ambient_heat, schedules_of
 from service.config.drives import axis_model
 from service.config.schema import AxisConfig, NamedAxis
 
@@ -33,7 +33,7 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
     """The configured detectors.
 
     By default the multi-model detector raises alarms if it has thresholds from a healthy record, and the nominal
-    values are constant or follow only the warm-up state of the axis.
+    values are constant or follow only the warm-up state of an axis whose hall is always as warm.
 
     Raises:
         AxisError: the multi-model detector is the alarm source, but is not available.
@@ -66,9 +66,10 @@ def detectors_of(axis: NamedAxis, model: AxisModel, settings: Settings) -> Detec
 def alarm_source_of(axis: AxisConfig, from_record: bool) -> DetectorName:
     """The alarm source of an axis that can have both detectors; ``from_record``: with thresholds from a record."""
     # Model errors are larger if measured conditions change the model: then the paper's tests raise alarms by default.
-    # The error that a warm-up correction leaves is known from the records and calibrated.  With "widen", only the
-    # paper's tests have a wider allowance outside the range of the records.
-    known = axis.detector.outside_calibration != "widen" and all(
+    # The error that a warm-up correction leaves is known from the records and calibrated, but not that of a hall which
+    # is colder or warmer.  Only the paper's tests have an allowance that grows with it, and, with "widen", outside the
+    # range of the records.
+    known = not (has_ambient_heat(axis) or axis.detector.outside_calibration == "widen") and all(
         Term.read(v.signal).signals == (HEAT,) for _, v in schedules_of(axis)
     )
     by_models = from_record and (known or not schedules_of(axis))

@@ -130,8 +130,14 @@ def min_speed_of(axis: AxisConfig) -> float:
 
 
 def _within(follow: NominalSchedule, axis: AxisConfig) -> NominalSchedule:
-    """Let a parameter follow the heat also beyond the range of the records, if so configured."""
-    if axis.detector.outside_calibration == "widen" and follow.term.signals == (HEAT,):
+    """Let a parameter follow the heat also beyond the range of the records, if so configured.
+
+    The heat of a colder or warmer hall is there all day.  So it is followed unless the axis is to wait, or the
+    multi-model detector raises its alarms, whose allowance is fixed.
+    """
+    outside = axis.detector.outside_calibration
+    follows_hall = has_ambient_heat(axis) and outside == "report" and axis.detector.alarm_source != "multimodel"
+    if follow.term.signals == (HEAT,) and (outside == "widen" or follows_hall):
         return follow._replace(margin=math.inf)
     return follow
 
@@ -156,7 +162,14 @@ def thermal_of(axis: AxisConfig) -> ThermalModel | None:
         axis.thermal.unwatched,
         max(errors, default=0.0),
         None if table.fast_time_constant_s is None else Fast(table.fast_time_constant_s, table.fast_share),
+        table.ambient_w,
     )
+
+
+def has_ambient_heat(axis: AxisConfig) -> bool:
+    """Whether friction follows a heat that the hall is a part of, which is observed."""
+    thermal = thermal_of(axis)
+    return thermal is not None and thermal.ambient > 0
 
 
 def signal_names(axis: AxisConfig) -> list[str]:

@@ -89,6 +89,8 @@ class ThermalTable(FoundTable):
     viscous_friction: NotNegative
     coulomb_friction: NotNegative
     largest_w: Positive
+    ambient_w: NotNegative = 0.0
+    """standard deviation of what a colder or warmer hall adds to the heat; 0: in files of earlier versions"""
     first_w: NotNegative | None = None
     """Heat at the start of the first record, 0: assumed cold; None in files of earlier versions"""
     model_error: dict[str, NotNegative] = Field(default_factory=dict)

@@ -143,9 +143,9 @@ class DetectorConfig(TomlTable):
     """threshold h = alpha_2 times the size of the parameter"""
     outside_calibration: Literal["report", "wait", "widen"] = "report"
     """if speed or signals are outside their range in the calibration records: "report" (tests continue, alarms are
-    marked), "wait" (nothing is tested, nor in the hour after a start at an unknown heat), or "widen" (as "report"; and
-    if friction follows the heat of the axis, the CUSUM tests continue beyond the heat of the records with a wider
-    allowance, instead of waiting); in poses that no record has nothing is tested in any case"""
+    marked; beyond the heat of the records with a wider allowance), "wait" (nothing is tested, nor in the hour after a
+    start at an unknown heat), or "widen" (as "report", also with a nominal_file of an earlier version, which has no
+    ambient_w); in poses that no record has nothing is tested in any case"""
     covariance_reset: Real = Field(0.0, ge=0, le=1e6)
     """after an alarm P_ii is at least this many times P(0)_ii: faster convergence; 0: P stays"""
 

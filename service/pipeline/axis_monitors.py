@@ -77,7 +77,7 @@ class AxisMonitors:
             axis_id, axis = ids[a], self.axes[ids[a]]
             if self._deferred is not None and axis.monitor.multimodel is not None:
                 self._deferred.setdefault(axis_id, []).append(axis.monitor.judged(blocks[a]))
-            self.trends.take(axis_id, update.readings)
+            self.trends.take(axis_id, axis.for_trend(update.readings))
             axis.epoch.take(update.readings)
             if observer is not None and update.trace is not None:
                 observer(axis_id, blocks[a], update.trace)

@@ -1,6 +1,6 @@
 """One axis: its monitor, and the steps that its samples pass before the monitor."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,6 +18,7 @@ from monitor_core.monitoring import (
 )
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
+from monitor_core.trend import EstimateReading
 from monitor_core.wording import Sentence, joined, sentence
 from service.config import NamedAxis, conditions_of
 from service.config.drive_sources import model_of_axis
@@ -32,6 +33,8 @@ class Heat(NamedTuple):
     sd_w: float
     known: bool
     """Whether it is known well enough to test the friction"""
+    ambient_w: float = 0.0
+    """The part of it due to a hall that is colder or warmer than in the records"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +112,10 @@ class AxisPipeline:
                 block = block._replace(gate=gate if block.gate is None else block.gate & gate)
         return block, more
 
+    def for_trend(self, readings: Iterable[EstimateReading]) -> Iterable[EstimateReading]:
+        """Readings for the long-term trend, in which no hall hides slow wear."""
+        return readings if self._warm_up is None else self._warm_up.for_trend(readings)
+
     @property
     def dropped(self) -> Mapping[str, int]:
         """Number of samples refused before they reached the monitor, by reason."""
@@ -118,13 +125,13 @@ class AxisPipeline:
     def heat(self) -> Heat | None:
         """The warm-up state; None: the axis has no thermal model."""
         thermal = None if self.operating is None else self.operating.thermal
-        return None if thermal is None else Heat(thermal.heat, thermal.sd, thermal.known)
+        return None if thermal is None else Heat(thermal.heat, thermal.sd, thermal.known, thermal.ambient)
 
     @property
     def outside_calibration(self) -> tuple[str, ...]:
         """Conditions of the last sample that are outside the range of the calibration, in words."""
         outside = () if self._calibrated is None else self._calibrated.outside
-        if self._outside == "widen" and self._warm_up is not None and self._warm_up.widened:
+        if self._outside != "wait" and self._warm_up is not None and self._warm_up.widened:
             wider = sentence("wider", "{why}: tested with a wider allowance", why=self._warm_up.widened)
             return (*outside, wider)
         return outside

@@ -25,7 +25,7 @@ from service.store.journal import Journal
 
 log = structlog.get_logger(__name__)
 
-THERMAL_SCHEMA = "thermal schema=1"
+THERMAL_SCHEMA = "thermal schema=2"
 """Start of the key of a saved warm-up state.  The rest of the key is the thermal model, without its initial state and
 its missing parameters."""
 STARTS_SCHEMA = "starts schema=1"
@@ -75,7 +75,7 @@ def states_of(axis: AxisPipeline) -> Iterator[SavedState]:
     if operating is not None and operating.thermal is not None:
         m = operating.thermal.model
         tau = " ".join(f"tau={tau_s}" for tau_s, _ in m.parts)
-        key = f"{THERMAL_SCHEMA} {tau} fm={m.fm} fc={m.fc} largest={m.largest}"
+        key = f"{THERMAL_SCHEMA} {tau} fm={m.fm} fc={m.fc} largest={m.largest} ambient={m.ambient}"
         name = f"{axis_id} (warm-up state)"
         yield SavedState("thermal", name, key, operating.to_arrays, operating.from_arrays)
     if starts is not None:

@@ -165,6 +165,7 @@ def _thermal(found: FoundWarmUp) -> Json:
         "viscous_friction": Fact(m.fm, "fm of the power [N m s/rad]"),
         "coulomb_friction": Fact(m.fc, "fc of the power [N m]"),
         "largest_w": Fact(m.largest, "heat in the records, at the most"),
+        "ambient_w": Fact(m.ambient, "sd of what a colder or warmer hall adds to the heat"),
         "first_w": Fact(found.starts[0][0], "heat at the beginning of the first record"),
         "model_error": Fact(found.errors, "sd of what friction is off by beside the heat, in its unit"),
     }

@@ -10,8 +10,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.text import Text
 
-from monitor_core.drive import OUTPUT_UNITS
-from monitor_core.identification import LEVEL, ComparedRecord, Growth, IdentificationResult, ParameterRow, Rejection
+from monitor_core.drive import OUTPUT_UNITS, TEMPERATURE
+from monitor_core.identification import (
+    LEVEL,
+    ComparedRecord,
+    FoundWarmUp,
+    Growth,
+    IdentificationResult,
+    ParameterRow,
+    Rejection,
+)
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration, listed, percent
 from service.ingest.loaded_records import RecordOrigin
@@ -21,6 +29,8 @@ from service.reports.outlook_words import missing_words, outlook_words, verdict_
 _LONGEST_LABEL = 40
 """Longest name of a slope in a table [characters]"""
 _MOST_NAMED = 3
+_HALL_SDS = 2.0
+"""A hall that differs by more than so many standard deviations is unlikely."""
 _WARM = 3.0
 """Number of time constants after which an axis counts as warm: 5 % of the warm-up remain."""
 
@@ -162,11 +172,30 @@ class IdentificationReport:
         yield (f"Beside the heat {off} (standard deviation; {how}): the tests allow for {MODEL_ERRORS:g} times that.")
         if not found.judged:
             yield "These records are too short to judge that better: give two records from cold on."
-        yield (
-            "The heat does not know how cold or warm the hall is. When that is several degrees colder or warmer than in"
-            " the records, expect alarms of friction. A measured temperature of the axis (signal temperature) tells it;"
-            " records of days with a cold and with a warm hall make the allowance as large as it takes."
-        )
+        yield from self._ambient(found)
+
+    def _ambient(self, found: FoundWarmUp) -> Iterator[str]:
+        """What is done about a hall that is colder or warmer than in the records, and its price."""
+        sd, values = found.model.ambient, {row.name: row.value for row in self.result.rows()}
+        moved = [
+            f"{name} by up to {percent(_HALL_SDS * sd * abs(slope / values[name]))}"
+            for name, (slope, _) in found.slopes.items()
+            if values.get(name)
+        ]
+        if sd > 0 and moved:
+            yield (
+                f"A hall that is colder or warmer than in the records changes {' and '.join(moved)}. The daemon"
+                " observes that in the first minutes of motion, and follows it. So a change of friction by as much that"
+                " came while the axis stood is taken for the hall. A measured temperature of the axis (signal"
+                f" {TEMPERATURE}) tells them apart."
+            )
+        others = [w for w in found.ambients if w]
+        if others:
+            shown = listed([f"{w:+.2g}" for w in found.ambients[1:]])
+            yield (
+                f"The records are of halls that are not as warm: {shown} W of heat, beside up to"
+                f" {found.model.largest:.2g} W by friction."
+            )
 
     def _off_by(self, errors: Mapping[str, float]) -> str:
         """What parameters are off by, relative to their values; empty: nothing is known of that."""

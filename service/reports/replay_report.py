@@ -65,9 +65,11 @@ def not_tested(axis: ReplayedAxis) -> Iterator[str]:
 
 
 def heat_words(heat: Heat) -> str:
-    """How warm an axis is at the end: "its heat is 12.3 W at the end"."""
+    """How warm an axis is at the end: "its heat is 12.3 W at the end, -2.1 W of it by a colder hall"."""
     unsure = f" ± {plain(heat.sd_w, 2)}" if heat.sd_w > 0 else ""
-    return f"its heat is {plain(heat.heat_w, 3)}{unsure} W at the end{'' if heat.known else ', not known yet'}"
+    hall = f", {heat.ambient_w:+.2g} W of it by a {'warmer' if heat.ambient_w > 0 else 'colder'} hall"
+    known = "" if heat.known else ", not known yet"
+    return f"its heat is {plain(heat.heat_w, 3)}{unsure} W at the end{hall if heat.ambient_w else ''}{known}"
 
 
 def of_what(axes: Sequence[ReplayedAxis]) -> str:

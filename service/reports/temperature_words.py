@@ -29,8 +29,8 @@ def temperature_remarks(axis: AxisConfig, result: IdentificationResult) -> Itera
         if share is not None and share < _AS_GOOD:
             yield (
                 f"The signal {TEMPERATURE} explains {percent(share)} of what the heat of the axis's own motion does,"
-                " as a thermometer lags behind the gear. It is taken all the same, because the heat does not know how"
-                " cold or warm the hall is."
+                " as a thermometer lags behind the gear. It is taken all the same, because it tells how cold or warm"
+                " the hall is, which the heat does not."
             )
         if not _of_days(result.options.begins_s):
             yield (

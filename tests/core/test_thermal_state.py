@@ -147,7 +147,7 @@ def test_what_is_observed_of_two_parts_leaves_none_below_zero() -> None:
     assert thermal is not None
     for heat in (0.0, 2.0, 25.0, 99.0):
         thermal.parts = 14.0, 9.0
-        thermal.observed(heat, 1.0, known=True)
+        thermal.observed(np.array([heat - thermal.heat, 0.0]), np.diag([1.0, 0.0]), known=True)
         assert min(thermal.parts) >= 0
         assert thermal.heat == pytest.approx(min(heat, UNKNOWN.largest))
 
@@ -269,22 +269,23 @@ def test_what_the_model_lacks_stays_in_the_standard_deviation() -> None:
     assert axis.thermal.sd == pytest.approx(math.hypot(15.0, 2.0))
     heat_of(axis, t_us[1:], np.full(t_us.size - 1, 10.0))
     assert axis.thermal.sd == pytest.approx(2.0, rel=1e-6)
-    assert axis.thermal.sd_of_start < 0.001
+    assert axis.thermal.sd_of_state < 0.001
 
 
-@given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1))
-def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int) -> None:
+@given(cuts=st.lists(st.integers(0, 60), max_size=4), seed=st.integers(0, 2**32 - 1), ambient=st.sampled_from([0, 8]))
+def test_blocks_may_be_split_anywhere(cuts: list[int], seed: int, ambient: float) -> None:
+    thermal = replace(UNKNOWN, ambient=ambient)
     rng = np.random.default_rng(seed)
     steps = rng.choice([0, 5000, 5001, 2_000_000, -3_000_000], 60, p=[0.05, 0.5, 0.35, 0.05, 0.05])
     t_us, y = np.cumsum(steps), np.cumsum(rng.normal(0, 0.5, 60))
     y[rng.random(60) < 0.1] = math.nan
-    at_once, parts, saved = (operating(UNKNOWN, MODEL) for _ in range(3))
+    at_once, parts, saved = (operating(thermal, MODEL) for _ in range(3))
     expected = heat_of(at_once, t_us, y)
     found = []
     for a, b in pairwise([0, *sorted(cuts), 60]):
         found.append(heat_of(parts, t_us[a:b], y[a:b]))
         if (arrays := parts.to_arrays()) is not None:  # as over a restart
-            saved = operating(UNKNOWN, MODEL)
+            saved = operating(thermal, MODEL)
             saved.from_arrays(arrays)
             parts = saved
     np.testing.assert_array_equal(np.concatenate(found), expected)

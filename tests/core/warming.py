@@ -44,10 +44,12 @@ class Warmth:
     def __init__(self, warming: Warming) -> None:
         self._warming = warming
         self._parts = np.zeros(2)  # fast, slow
+        self.hall = 0.0
+        """Warmth of the hall, beyond that of the day of its first record"""
 
     @property
     def now(self) -> float:
-        return float(self._parts.sum())
+        return float(self._parts.sum()) + self.hall
 
     def fall(self, friction: str) -> float:
         """Factor by which a kind of friction is smaller than in a cold gearbox."""
@@ -71,6 +73,10 @@ class WarmingPlant(MismatchPlant):
     def warmth(self) -> float:
         """0: cold; 1: as after a lasting friction power of ``Warming.watts``."""
         return self._warmth.now
+
+    def enter(self, hall: float) -> None:
+        """From now on the hall is warmer by this warmth than on the first day."""
+        self._warmth.hall = hall
 
     def break_down(self, fault: Mapping[str, float]) -> None:
         """From now on kT, fc and fm have so many times their values."""

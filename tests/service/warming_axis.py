@@ -11,6 +11,7 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
+from monitor_core.drive.thermal_state import ThermalState
 from monitor_core.samples import SampleBlock
 from service.commands.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
@@ -115,6 +116,14 @@ class Watcher:
     def heat(self) -> Heat | None:
         """How warm it believes the axis to be."""
         return self._monitors.axes[AXIS_ID].heat
+
+    @property
+    def thermal(self) -> ThermalState:
+        """The state of its heat."""
+        operating = self._monitors.axes[AXIS_ID].operating
+        assert operating is not None
+        assert operating.thermal is not None
+        return operating.thermal
 
     @property
     def outside(self) -> tuple[str, ...]:

@@ -3,6 +3,7 @@
 Gearboxes of another law than that of the monitor (tests/core/warming.py), redrawn; commissioned by ``identify`` and
 ``calibrate`` from records of two mornings, with nothing said of any temperature.  ``AXISWATCH_PLANTS`` is the number of
 axes, ``AXISWATCH_DAYS`` that of days.  Each fault is tried on the first, the fourth and the last day, cold and warm.
+The hall is colder or warmer on each day, by ``AXISWATCH_HALL_SD`` of what the axis warms up by itself.
 """
 
 import os
@@ -26,6 +27,8 @@ pytestmark = pytest.mark.soak
 
 PLANTS = int(os.environ.get("AXISWATCH_PLANTS", 20))
 DAYS = int(os.environ.get("AXISWATCH_DAYS", 10))
+HALL_SD = float(os.environ.get("AXISWATCH_HALL_SD", 0.2))
+"""In warmths: of an axis that becomes 20 degrees warmer than the hall, 0.2 are 4 degrees."""
 EXCITE_S, RECORD_S, DAY_S, NIGHT_S, LUNCH_S = 60.0, 2700.0, 7200.0, 14 * 3600.0, 1800.0
 """Two records of three quarters of an hour; days of two hours with a pause in the middle."""
 FAULTS: dict[str, tuple[str, float, float]] = {
@@ -76,6 +79,7 @@ def commissioned(number: int, seed: int, folder: Path) -> tuple[WarmingPlant, Pa
     plant.rest(NIGHT_S)
     for name in ("monday.csv", "tuesday.csv"):
         records.append(write(folder / name, plant.take(RECORD_S)))
+        plant.enter(rng.normal(0.0, HALL_SD))
         plant.rest(NIGHT_S)
     # The masses from an excitation of a minute, and what is watched from the motion of operation.
     config, _ = identified(folder, FOUND, [excited], "--thermal", "off")
@@ -90,13 +94,16 @@ def watched(number: int, seed: int, folder: Path) -> Run:
     """All days of one axis."""
     plant, config = commissioned(number, seed, folder)
     watcher, false, tried, hours = Watcher(config), list[str](), list[Tried](), 0.0
-    for day in range(DAYS):
+    halls = np.random.default_rng([seed, number, DAYS]).normal(0.0, HALL_SD, DAYS).tolist()
+    for day, hall in enumerate(halls):
+        plant.enter(hall)
         for part, half in enumerate(("morning", "afternoon")):
             seen = set[object]()
             for piece in range(2):
                 for e in watcher.take(plant.take(DAY_S / 4)):
                     if e.key not in seen:
-                        false.append(f"day {day}, {half}: {e.parameter} {e.direction} {e.stage}, {watcher.heat}")
+                        day_words = f"day {day}, hall {hall:+.2f}, {half}"
+                        false.append(f"{day_words}: {e.parameter} {e.direction} {e.stage}, {watcher.heat}")
                     seen.add(e.key)
                 hours += DAY_S / 4 / 3600
                 if day in (0, 3, DAYS - 1) and (part, piece) in ((0, 0), (1, 1)):

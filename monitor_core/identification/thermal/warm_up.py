@@ -47,6 +47,9 @@ from monitor_core.identification.thermal.warm_up_search import (
 
 LEAST_MOTION_S = 60.0
 """Records with less motion are not searched for a warm-up."""
+AMBIENT_SHARE = 0.25
+"""Standard deviation of the ambient heat, in largest heats of the records: a gearbox becomes 10 to 30 degrees warmer
+than the hall, which is 3 to 5 degrees colder or warmer from day to day."""
 _A_LITTLE = 0.01
 """Relative change of the friction, used to see whether all of it falls"""
 _STANDS = 0.05
@@ -61,6 +64,7 @@ class FoundWarmUp:
         model: time constant, friction for the power, largest heat.
         slopes: of the parameters that follow the heat, by name, with their standard deviations.
         starts: heat of each part at the first sample of each record [W].
+        ambients: ambient heat of each record [W], relative to that of the first; 0: the records do not show it.
         errors: standard deviation of the errors of friction that the heat does not explain, by name of each parameter
             that might follow it; for one that does not, its warm-up is part of the error.
         judged: whether the records are long enough to estimate these errors.  If not, an error is half of the change
@@ -70,6 +74,7 @@ class FoundWarmUp:
     model: ThermalModel
     slopes: dict[str, tuple[float, float]]
     starts: tuple[tuple[float, ...], ...]
+    ambients: tuple[float, ...]
     errors: dict[str, float] = field(default_factory=dict)
     judged: bool = True
 
@@ -109,19 +114,23 @@ def find_warm_up(
     fit = chosen(search, [found.values[names[i]] for i in index])
     if fit is None:
         return None
+    search = search.with_halls() if any(fit.ambients) else search
     slopes = {names[i]: (float(s), float(sd)) for i, s, sd in zip(fit.which, fit.slopes, fit.sd, strict=True)}
     if not _falls(found, slopes, records):
         return None
-    errors = model_errors(windows, fit.which, carried, start, fit.shape)
+    errors = model_errors(search, fit.which, fit.shape)
     judged = bool(np.isfinite(errors).all())
     starts, model = tuple(fit.starts), replace(fit.model, fm=fm, fc=fc, largest=search.highest)
     heats = [with_heat(record, model, parts) for record, parts in zip(records, starts, strict=True)]
     largest = max(float(record.signals[HEAT].max()) for record in heats)
+    others = fit.ambients[1:] or [0.0]
+    ambient = max(AMBIENT_SHARE * largest, math.sqrt(float(np.mean(np.square(others)))))
     if judged:
         off = {names[i]: float(errors[i]) for i in index}
     else:
         off = {name: abs(slope) * largest / 2 for name, (slope, _) in slopes.items()}
-    return FoundWarmUp(replace(model, largest=largest), slopes, starts, off, judged)
+    model = replace(model, largest=largest, ambient=ambient)
+    return FoundWarmUp(model, slopes, starts, tuple(fit.ambients), off, judged)
 
 
 def _falls(found: Estimate, slopes: Mapping[str, tuple[float, float]], records: Sequence[Record]) -> bool:
@@ -147,7 +156,8 @@ def following(
     Raises:
         ValueError: the fit cannot start.
     """
-    heated = [with_heat(record, warm_up.model, start) for record, start in zip(records, warm_up.starts, strict=True)]
+    begins = zip(records, warm_up.starts, warm_up.ambients, strict=True)
+    heated = [with_heat(record, warm_up.model, start, ambient) for record, start, ambient in begins]
     before, schedule = found.problem, dict.fromkeys(warm_up.slopes, (HEAT,))
     scheduled = scheduled_terms(schedule, heated)
     heated = [with_terms(record, scheduled) for record in heated]
@@ -160,37 +170,41 @@ def following(
 def heated_as(
     found: Estimate, warm_up: FoundWarmUp, scheduled: Sequence[ScheduledTerm], records: Sequence[Record]
 ) -> tuple[Record, ...]:
-    """Further records with their heat, from the one at the start with which friction explains them best."""
-    return tuple(
-        with_terms(with_heat(record, warm_up.model, _start_of(found, warm_up, scheduled, record)), scheduled)
-        for record in records
-    )
+    """Further records with their heat, from the heat at the start, and of the hall, that explain friction best."""
+    heated = [with_heat(record, warm_up.model, *_start_of(found, warm_up, scheduled, record)) for record in records]
+    return tuple(with_terms(record, scheduled) for record in heated)
 
 
 def _start_of(
     found: Estimate, warm_up: FoundWarmUp, scheduled: Sequence[ScheduledTerm], record: Record
-) -> tuple[float, ...]:
-    """Heat of each part at the first sample of a record [W], with the slopes of a fit; all parts are as warm."""
+) -> tuple[tuple[float, ...], float]:
+    """Heat of each part at the first sample of a record, and its ambient heat [W], with the slopes of a fit.
+
+    All parts are as warm.  The expectation of both is that of an unknown heat in the hall of the first record.
+    """
     varying = {name: terms for name, terms in found.problem.varying.items() if terms != (HEAT,)}
-    problem = replace(found.problem, varying=varying)
-    names, (w,) = windows_of(replace(found, problem=problem), [record], warm_up.model)
+    problem, model = replace(found.problem, varying=varying), warm_up.model
+    names, (w,) = windows_of(replace(found, problem=problem), [record], model)
     values = dict(zip(found.names, found.theta.tolist(), strict=True))
     index, s = [names.index(term.parameter) for term in scheduled], [values[term.slope] for term in scheduled]
-    I, b = w.information[:, index][:, :, index], w.score[:, index]
-    kept = kept_by(warm_up.model, w.middle_s)
-    parts = warm_up.model.parts
-    heat: Floats = np.sum([share * heat_course(w.power, 0.0, tau_s)[0] for tau_s, share in parts], axis=0)
-    slope = np.array(s)
+    I, b, slope = w.information[:, index][:, :, index], w.score[:, index], np.array(s)
+    expected = model.largest / 2
+    kept = kept_by(model, w.middle_s)
+    heat: Floats = expected * kept + np.sum(
+        [share * heat_course(w.power, 0.0, tau_s)[0] for tau_s, share in model.parts], axis=0
+    )
     off = b - np.einsum("wij,wj->wi", I, (heat - scheduled[0].reference)[:, np.newaxis] * slope)
-    weight = float(np.einsum("w,i,wij,j->", kept**2, slope, I, slope))
-    start = float(kept @ (off @ slope)) / weight if weight > 0 else 0.0
-    return (min(max(start, 0.0), warm_up.model.largest),) * len(warm_up.model.parts)
+    courses = np.array([kept, np.ones(kept.size)])
+    weights = np.einsum("aw,bw,i,wij,j->ab", courses, courses, slope, I, slope)
+    prior = np.diag(1 / np.array([expected, max(model.ambient, 1e-6 * model.largest)]) ** 2)
+    start, ambient = np.linalg.solve(weights + prior, courses @ off @ slope).tolist()
+    return (min(max(expected + start, 0.0), model.largest),) * len(model.parts), ambient
 
 
-def with_heat(record: Record, model: ThermalModel, start: tuple[float, ...]) -> Record:
-    """The record with its heat as a further signal, from that of each part at its first sample [W]."""
+def with_heat(record: Record, model: ThermalModel, start: tuple[float, ...], ambient: float = 0.0) -> Record:
+    """The record with its heat as a further signal, from that of each part at its first sample and its hall [W]."""
     state, t_us = ThermalState(replace(model, start="cold")), np.rint(record.t * 1e6).astype(np.int64)
-    state.parts = start
+    state.parts, state.ambient = start, ambient
     heat = state.take(t_us, MeasuredSpeed(record.quantity).take(t_us, record.y))
     return replace(record, signals={**record.signals, HEAT: heat})
 
@@ -218,25 +232,18 @@ def _carried(records: Sequence[Record], begins_s: Sequence[float | None], output
 # * the last third of each record, with the fit to the part before, as for an axis that becomes warmer than its records.
 
 
-def model_errors(
-    windows: Sequence[Windows],
-    index: list[int],
-    carried: Sequence[float | None],
-    start: ThermalStart,
-    shape: HeatProportions = ONE,
-) -> Floats:
+def model_errors(search: Search, index: list[int], shape: HeatProportions = ONE) -> Floats:
     """Standard deviation of the errors of the parameters (p,) that the heat does not explain, in their units.
 
     NaN where the records are too short for that.
 
     Args:
-        windows: of each record, with p parameters.
+        search: the search that has found the warm-up in the records.
         index: parameters that follow the heat.
-        carried: pause before each record that follows the one before it [s].
-        start: how the first record begins.
         shape: proportions of its time constants.
     """
-    search = Search(windows, index, carried, start)
+    windows = search.windows
+    search = Search(windows, index, search.carried, search.start, search.halls)
     days = [course for seen in _days(search) for course in _deviations(search, shape, seen)]
     but_last = [np.arange(w.power.size) < w.power.size * (PARTS - 1) / PARTS for w in windows]
     return worst_error(days, _deviations(search, shape, but_last), windows[0].score.shape[1])
@@ -261,17 +268,21 @@ def _deviations(search: Search, shape: HeatProportions, seen: Sequence[Bools]) -
     for k, (w, by, left) in enumerate(zip(windows, seen, left_of(windows, fit), strict=True)):
         if by.all():
             continue
-        if not by.any() and k in search.free:
-            left = _from_best_start(w, fit, left)
+        if not by.any():
+            left = _as_observed(w, fit, left, k in search.free)
         found.append(deviations_in_groups(w, left, int(np.argmin(by))))
     return found
 
 
-def _from_best_start(w: Windows, fit: WarmUpFit, left: Floats) -> Floats:
-    """Scores (W, p) that are left when the heat at the start, which the fit has not seen, is the likeliest one."""
-    kept, slopes = kept_by(fit.model, w.middle_s), np.zeros(left.shape[1])
+def _as_observed(w: Windows, fit: WarmUpFit, left: Floats, free: bool) -> Floats:
+    """Scores (W, p) that are left with the likeliest heat, as the daemon observes it, in a record that no fit has seen.
+
+    ``free``: whether the heat at its start is unknown; that of its hall always is.
+    """
+    slopes = np.zeros(left.shape[1])
     slopes[fit.which] = fit.slopes
-    course = np.einsum("wij,j,w->wi", w.information, slopes, kept)
-    weight = float(kept @ course @ slopes)
-    more = float(kept @ left @ slopes) / weight if weight > 0 else 0.0
-    return np.asarray(left - more * course)
+    courses = [np.ones(w.middle_s.size), *([kept_by(fit.model, w.middle_s)] if free else [])]
+    more = [np.einsum("wij,j,w->wi", w.information, slopes, course) for course in courses]
+    weights = np.array([[course @ other @ slopes for other in more] for course in courses])
+    found = np.linalg.lstsq(weights, np.array([course @ left @ slopes for course in courses]), rcond=1e-9)[0]
+    return np.asarray(left - np.tensordot(found, more, 1))

@@ -6,6 +6,9 @@ the present power, window by window, and the heat must explain more than that.
 
 A gearbox has more than one time constant.  A record that begins cold shows only roughly how they differ.  So a second
 one is tried in a few proportions to the first, and is used if it explains more than chance would.
+
+The hall may be colder or warmer in another record: each record after the first may have an ambient heat, if that
+explains more than chance would.
 """
 
 from __future__ import annotations
@@ -59,6 +62,8 @@ _SHAPES = tuple(HeatProportions(ratio, share) for ratio in (3.0, 6.0, 12.0) for 
 """Proportions of two time constants that are tried"""
 _SHOWS_TWO = 20.0
 """Two time constants must reduce the squared errors by so many variances; they take 3 more parameters."""
+_SHOWS_HALL = 20.0
+"""The ambient heat of each record must reduce them by as much on average."""
 _SHORTEST_FAST_S = 30.0
 _TERMS = 3
 """Terms fitted to the groups for each parameter: a constant, one proportional to the power, one following the heat"""
@@ -144,6 +149,8 @@ class WarmUpFit(NamedTuple):
     shape: HeatProportions
     starts: list[tuple[float, ...]]
     """Heat of each part at the first sample of each record"""
+    ambients: list[float]
+    """Ambient heat of each record, relative to that of the first; all are 0 if the records do not show it"""
     heats: list[Floats]  # of each record (W,)
     which: list[int]
     constants: Floats
@@ -171,7 +178,10 @@ class WarmUpFit(NamedTuple):
 
 
 class Search:
-    """Least squares over c and s for each time constant and each free heat at a start."""
+    """Least squares over c and s for each time constant, each free heat at a start, and each free ambient heat.
+
+    ``halls``: whether each record after the first has an ambient heat of its own.
+    """
 
     def __init__(
         self,
@@ -179,8 +189,10 @@ class Search:
         index: list[int],
         carried: Sequence[float | None],
         start: ThermalStart,
+        halls: bool = False,
     ) -> None:
         self.windows, self.index, self.carried, self.start = windows, index, carried, start
+        self.halls = halls and len(windows) > 1
         self.free = [k for k, pause in enumerate(carried) if pause is None and (k > 0 or start == "unknown")]
         self._information = np.concatenate([w.information for w in windows])
         self._score = np.concatenate([w.score for w in windows])
@@ -204,20 +216,32 @@ class Search:
             w._replace(information=w.information * by[:, np.newaxis, np.newaxis], score=w.score * by[:, np.newaxis])
             for w, by in zip(self.windows, seen, strict=True)
         ]
-        return Search(masked, self.index, self.carried, self.start)
+        return Search(masked, self.index, self.carried, self.start, self.halls)
+
+    def with_halls(self) -> Search:
+        """The search in which each record after the first has an ambient heat of its own."""
+        return Search(self.windows, self.index, self.carried, self.start, True)
+
+    def ambients(self, free: Floats) -> list[float]:
+        """Ambient heat of each record."""
+        found: list[float] = free[len(self.free) :].tolist()
+        return [0.0, *found] if self.halls else [0.0] * len(self.windows)
 
     def heats(self, model: ThermalModel, free: Floats) -> tuple[list[Floats], list[tuple[float, ...]]]:
-        """Heat in the windows of each record, and that of each part at its first sample."""
+        """Heat in the windows of each record, and that of each part at its first sample.
+
+        ``free``: the free heats at starts, then the free ambient heats.
+        """
         out, starts, now = list[Floats](), list[tuple[float, ...]](), (0.0,) * len(model.parts)
-        given = dict(zip(self.free, free.tolist(), strict=True))
-        for k, w in enumerate(self.windows):
+        given = dict(zip(self.free, free.tolist(), strict=False))
+        for k, (w, ambient) in enumerate(zip(self.windows, self.ambients(free), strict=True)):
             pause = self.carried[k]
             now = (given.get(k, 0.0),) * len(now) if pause is None else model.cooled(now, pause)
             starts.append(now)
             courses = [heat_course(w.power, start, tau_s) for start, (tau_s, _) in zip(now, model.parts, strict=True)]
             now = tuple(last for _, last in courses)
             parts = zip(courses, model.parts, strict=True)
-            out.append(np.asarray(sum(share * course for (course, _), (_, share) in parts)))
+            out.append(np.asarray(ambient + sum(share * course for (course, _), (_, share) in parts)))
         return out, starts
 
     def solve(self, heats: list[Floats], index: list[int]) -> tuple[Floats, Floats, float]:
@@ -245,20 +269,22 @@ class Search:
 
     def best(self, index: list[int], shape: HeatProportions = ONE) -> WarmUpFit:
         """The best time constant and starts for these followers."""
-        free = np.full(len(self.free), 0.5 * self.highest)
+        halls = len(self.windows) - 1 if self.halls else 0
+        free = np.concatenate([np.full(len(self.free), 0.5 * self.highest), np.zeros(halls)])
+        least = np.concatenate([np.zeros(len(self.free)), -np.ones(halls)])
 
         def cost(tau_s: float, starts: Floats) -> float:
             return self.solve(self.heats(_model(tau_s, shape), starts)[0], index)[2]
 
         def at(tau_s: float, starts: Floats) -> tuple[float, Floats]:
-            if not self.free:
+            if not starts.size:
                 return cost(tau_s, starts), starts
             scale = max(abs(cost(tau_s, starts)), 1e-300)
 
             def relative(x: Floats) -> float:
                 return cost(tau_s, x * self.highest) / scale
 
-            bounds = Bounds(np.zeros(starts.size), np.ones(starts.size))
+            bounds = Bounds(least, np.ones(starts.size))
             run = minimize(relative, starts / self.highest, method="L-BFGS-B", bounds=bounds)
             return float(run.fun) * scale, np.asarray(run.x * self.highest)
 
@@ -302,6 +328,7 @@ class Search:
             model,
             shape,
             starts,
+            self.ambients(free),
             heats,
             index,
             constants,
@@ -334,6 +361,18 @@ def left_of(windows: Sequence[Windows], fit: WarmUpFit) -> list[Floats]:
 
 
 def chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
+    """The fit with all followers and ambient heats that the records show; None: there are no followers.
+
+    ``values``: of the parameters that might follow.
+    """
+    found = _chosen(search, values)
+    if len(search.windows) == 1 or (other := _chosen(search.with_halls(), values)) is None:
+        return found
+    shown = _SHOWS_HALL * max(other.variance, 1.0) * (len(search.windows) - 1)
+    return other if found is None or found.cost - other.cost > shown else found
+
+
+def _chosen(search: Search, values: Sequence[float]) -> WarmUpFit | None:
     """The fit with all followers that the records show, and the time constants; None: there are no followers."""
     value = dict(zip(search.index, values, strict=True))
     found: WarmUpFit | None = None

@@ -110,6 +110,7 @@ class Heat(Body):
     heat_w: Number = Field(description="friction power that would keep the axis as warm as it is [W]")
     sd_w: Number = Field(description="its standard deviation [W]")
     known: bool = Field(description="whether it is known well enough to test the parameters that follow it")
+    ambient_w: Number = Field(description="the part of it due to a hall colder or warmer than in the records [W]")
 
 
 class AxisEpoch(Body):

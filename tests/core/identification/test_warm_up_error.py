@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.thermal.warm_up import model_errors
-from monitor_core.identification.thermal.warm_up_search import WINDOW_S, Windows, heat_course
+from monitor_core.identification.thermal.warm_up_search import WINDOW_S, Search, Windows, heat_course
 
 CHANCE = 0.03
 """Standard deviation of a parameter in one window."""
@@ -30,7 +30,7 @@ def record(rng: np.random.Generator, taus_s: tuple[float, ...], fall: float, min
 def errors(seed: int, taus_s: tuple[float, ...], fall: float, records: int = 2, minutes: int = 40) -> Floats:
     rng = np.random.default_rng(seed)
     windows = [record(rng, taus_s, fall, minutes) for _ in range(records)]
-    return model_errors(windows, INDEX, [None, *[NIGHT_S] * (records - 1)], "cold")
+    return model_errors(Search(windows, INDEX, [None, *[NIGHT_S] * (records - 1)], "cold"), INDEX)
 
 
 def test_what_one_time_constant_lacks_of_two_is_found(seed: int) -> None:
@@ -63,5 +63,17 @@ def test_records_too_short_to_judge_say_nothing(seed: int) -> None:
 def test_a_record_that_begins_warm_is_judged_from_its_likeliest_heat(seed: int, known: float | None) -> None:
     rng = np.random.default_rng(seed)
     windows = [record(rng, (500.0,), 0.5) for _ in range(2)]
-    found = model_errors(windows, INDEX, [None, known], "cold")
+    found = model_errors(Search(windows, INDEX, [None, known], "cold"), INDEX)
     assert found[0] < 0.018
+
+
+def test_another_hall_is_no_error_of_the_law(seed: int) -> None:
+    """The daemon observes it; so it does not count, neither in a record that is judged by the others."""
+    rng = np.random.default_rng(seed)
+    alike = [record(rng, (500.0,), 0.5) for _ in range(2)]
+    colder = alike[1]._replace(score=alike[1].score + np.array([0.1, 0.0]) / CHANCE**2)
+    found = [
+        model_errors(Search([alike[0], w], INDEX, [None, NIGHT_S], "cold", halls=True), INDEX)[0]
+        for w in (alike[1], colder)
+    ]
+    assert found[1] < 1.1 * found[0]

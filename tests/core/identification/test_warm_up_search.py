@@ -161,3 +161,33 @@ def test_a_few_groups_that_agree_by_chance_are_no_warm_up(seed: int, minutes: in
 
 def test_a_plain_warm_up_of_a_short_record_is_found(seed: int) -> None:
     assert followers(seed, (-0.3, -0.3), minutes=4, chance=0.005) == {0, 1}
+
+
+def in_halls(rng: np.random.Generator, halls: Sequence[float]) -> list[Windows]:
+    """Mornings in halls that add so much to the heat, whose largest is 1.5; fm falls by 0.3 and fc by 0.2 of it."""
+    windows = list[Windows]()
+    for hall in halls:
+        w = record(rng, (0.0, 0.0), (0.0, 0.0), minutes=30)
+        heat = hall + heat_course(w.power, 0.0, TAU_S)[0]
+        more = np.einsum("wij,wj->wi", w.information, np.outer(heat - 1.0, (-0.3, -0.2)))
+        windows.append(w._replace(score=w.score + more))
+    return windows
+
+
+def test_records_of_days_in_other_halls_show_what_these_add_to_the_heat(seed: int) -> None:
+    halls = (0.0, -0.5, 0.3)
+    search = Search(in_halls(np.random.default_rng(seed), halls), [0, 1], [None, None, 50_000.0], "cold")
+    fit = chosen(search, [1.0, 1.0])
+    assert fit is not None
+    assert fit.ambients == pytest.approx(halls, abs=0.1)
+    assert fit.model.tau_s == pytest.approx(TAU_S, rel=0.2)
+    assert dict(zip(fit.which, fit.slopes, strict=True)) == pytest.approx({0: -0.3, 1: -0.2}, abs=0.03)
+
+
+def test_days_in_the_same_hall_show_no_other_one(seed: int) -> None:
+    rng, found = np.random.default_rng(seed), 0
+    for _ in range(10):
+        fit = chosen(Search(in_halls(rng, (0.0, 0.0)), [0, 1], [None, 50_000.0], "cold"), [1.0, 1.0])
+        assert fit is not None
+        found += any(fit.ambients)
+    assert found <= 1

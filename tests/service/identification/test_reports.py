@@ -260,7 +260,7 @@ def test_what_would_help_to_watch_a_parameter(
 
 def test_friction_that_is_taken_as_constant_is_reported(found: IdentificationReport) -> None:
     """With a heat that something else follows, and without any."""
-    heat = FoundWarmUp(ThermalModel(300.0, 1e-3, 0.1, 10.0), {"fm": (-1e-5, 1e-6)}, ((0.0,),))
+    heat = FoundWarmUp(ThermalModel(300.0, 1e-3, 0.1, 10.0), {"fm": (-1e-5, 1e-6)}, ((0.0,),), (0.0,))
     none = replace(found.result, not_following=("fm", "fc"))
     assert any("friction falls as the axis warms up: fm and fc taken" in w for w in notes(found, none))
     some = replace(found.result, not_following=("fc",), warm_up=heat)
@@ -269,13 +269,18 @@ def test_friction_that_is_taken_as_constant_is_reported(found: IdentificationRep
 
 
 def test_what_a_temperature_or_the_heat_leaves_is_reported(found: IdentificationReport) -> None:
-    """The heat does not know the hall; a thermometer does."""
-    fm, hall = found.result.estimate.values["fm"], "how cold or warm the hall is"
+    """A hall of another temperature is observed, which has its price; a thermometer knows it."""
+    fm, hall = found.result.estimate.values["fm"], "A hall that is colder or warmer"
     measured = notes(found, replace(found.result, temperature_errors={"fm": 0.1 * fm}))
     assert any("Beside the temperature fm is off by 10 %" in w and "2 times that" in w for w in measured)
     assert not any(hall in w for w in measured)
-    heat = FoundWarmUp(ThermalModel(300.0, 1e-3, 0.1, 10.0), {"fm": (-1e-5, 1e-6)}, ((0.0,),), {"fm": 0.1 * fm})
-    assert any(hall in w for w in notes(found, replace(found.result, warm_up=heat)))
+    model = ThermalModel(300.0, 1e-3, 0.1, 10.0, ambient=2.5)
+    heat = FoundWarmUp(model, {"fm": (-0.02 * fm, 0.001 * fm)}, ((0.0,), (0.0,)), (0.0, -3.0), {"fm": 0.1 * fm})
+    remarks = notes(found, replace(found.result, warm_up=heat))
+    assert any(hall in w and "changes fm by up to 10 %." in w for w in remarks)
+    assert any("halls that are not as warm: -3 W of heat, beside up to 10 W by friction" in w for w in remarks)
+    alike = replace(heat, ambients=(0.0, 0.0))
+    assert not any("halls that are not as warm" in w for w in notes(found, replace(found.result, warm_up=alike)))
 
 
 def notes(found: IdentificationReport, result: IdentificationResult) -> tuple[str, ...]:

@@ -168,7 +168,7 @@ def test_the_remark_says_why_friction_follows_a_temperature_or_not(directory: Pa
         assert "if that thermometer is not on this axis, remove the signal temperature" in doubt
 
     by_heat = replace(found, options=replace(found.options, scheduled=()), temperature_errors={})
-    warm_up = FoundWarmUp(ThermalModel(600.0, 0.06, 0.0, 10.0), {"fm": (-0.001, 1e-5)}, ((0.0,),))
+    warm_up = FoundWarmUp(ThermalModel(600.0, 0.06, 0.0, 10.0), {"fm": (-0.001, 1e-5)}, ((0.0,),), (0.0,))
     for share, warmed, why in (
         (None, None, "it does not clearly fall while that rises, or not alike"),
         (None, warm_up, "it does not clearly fall while that rises, or not alike"),
