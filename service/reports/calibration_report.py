@@ -231,11 +231,10 @@ def one_sided(
     if max(starts) - min(starts) < _ONE_DAY_S and longest < _SHORT_S:
         brief = f"The records are of one day and last {duration(longest)} at most."
         if followed:
-            wider = ' (with outside_calibration = "widen", with a wider allowance)' if HEAT in followed else ""
+            wider = "only larger changes are found" if HEAT in followed else "the axis is not tested"
             yield (
                 f"{brief} Friction follows {listed(sorted(followed))}. Where that is more than a tenth of its range"
-                f" outside the range of the records, the axis is not tested{wider}; add records from the cold and from"
-                " the warm axis."
+                f" outside the range of the records, {wider}; add records from the cold and from the warm axis."
             )
         else:
             yield (

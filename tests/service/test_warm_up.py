@@ -13,13 +13,15 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from monitor_core.drive import MARGIN
 from monitor_core.drive.thermal_state import MOVED
 from monitor_core.monitoring import NotTested
 from monitor_core.monitoring.heat_observer import corrected
 from monitor_core.monitoring.lane_status import Deviations
 from monitor_core.settings import Threshold
 from service.commands.exit_codes import NOT_TESTED
-from service.config import conditions_of, load
+from service.config import NamedAxis, conditions_of, load
+from service.config.axis_detectors import alarm_source_of
 from service.config.conditions import thermal_of
 from service.ingest.loaded_records import begins_cold
 from service.pipeline.axis_pipeline import Heat
@@ -97,6 +99,27 @@ def test_days_in_colder_and_warmer_halls_are_quiet_and_faults_are_named(made: Ma
             assert (alarm.parameter, alarm.direction) == (name, "up"), alarm
         plant.rest(NIGHT_S)
         watchers = [watcher.restarted() for watcher in watchers]
+
+
+def test_the_cusum_tests_follow_the_hall_beyond_the_records_unless_the_axis_waits(made: Made) -> None:
+    """They raise the alarms by default, as their allowance can grow; the models wait."""
+    (hall,), (alone,) = (load(path, {}).axes for path in (made.config, in_one_hall(made)))
+
+    def with_detector(axis: NamedAxis, **keys: object) -> NamedAxis:
+        detector = axis.config.detector.model_copy(update={"alarm_source": None, **keys})
+        return axis._replace(config=axis.config.model_copy(update={"detector": detector}))
+
+    assert alarm_source_of(with_detector(hall).config, from_record=True) == "cusum"
+    assert alarm_source_of(with_detector(alone).config, from_record=True) == "multimodel"
+    for axis, keys, beyond in (
+        (hall, {}, True),
+        (hall, {"outside_calibration": "wait"}, False),
+        (hall, {"alarm_source": "multimodel"}, False),
+        (hall, {"alarm_source": "multimodel", "outside_calibration": "widen"}, True),
+        (alone, {}, False),
+    ):
+        margins = {schedule.margin for schedule in conditions_of(with_detector(axis, **keys)).schedules}
+        assert margins == ({math.inf} if beyond else {MARGIN})
 
 
 def test_identify_finds_that_friction_falls(made: Made) -> None:
