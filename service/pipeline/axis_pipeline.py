@@ -1,5 +1,6 @@
 """One axis: its monitor, and the steps that its samples pass before the monitor."""
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -67,6 +68,7 @@ class AxisPipeline:
         thermal = None if self.operating is None else self.operating.thermal
         self._warm_up = None if self.operating is None or thermal is None else WarmUp(self.operating, monitor)
         self._outside = axis.config.detector.outside_calibration
+        self._beyond_heat = any(math.isinf(schedule.margin) for schedule in conditions.schedules)
         friction = {name for names in friction_of(model.drive) for name in names}
         known = thermal is not None or any(schedule.name in friction for schedule in conditions.schedules)
         self.unrecorded_heat = None if known else UnrecordedHeat(monitor, self._outside == "wait")
@@ -131,7 +133,7 @@ class AxisPipeline:
     def outside_calibration(self) -> tuple[str, ...]:
         """Conditions of the last sample that are outside the range of the calibration, in words."""
         outside = () if self._calibrated is None else self._calibrated.outside
-        if self._outside != "wait" and self._warm_up is not None and self._warm_up.widened:
+        if self._beyond_heat and self._warm_up is not None and self._warm_up.widened:
             wider = sentence("wider", "{why}: tested with a wider allowance", why=self._warm_up.widened)
             return (*outside, wider)
         return outside

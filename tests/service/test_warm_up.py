@@ -372,6 +372,7 @@ def test_warmer_than_in_the_records_it_waits_or_allows_for_more(made: Made) -> N
     (why,) = waits.not_tested
     assert "operating conditions exclude the samples (heat = " in why
     assert '; or `outside_calibration = "widen"`' in why.split("Needed: ")[1]
+    assert waits.outside == ()
     assert {p.not_tested for p in widens.monitor.status().parameters} == {None}
     (words,) = widens.outside
     assert words.startswith("heat = ")
