@@ -127,6 +127,24 @@ def change_of(past: Past, i: int, alone: bool) -> Change | None:
     return change._replace(low=low, best=best)
 
 
+def return_of(past: Past, i: int, alone: bool, since_us: int) -> tuple[int, float]:
+    """Time [us] until which parameter i surely had its changed value, and the evidence that it is back since.
+
+    The evidence is a log-likelihood ratio: a constant change since ``since_us`` that has ended later, against one that
+    lasts; -inf: too little is known.  ``alone``: no other parameter has changed.
+    """
+    edges, value, sd = _stretches(past, i, alone)
+    ends_us = past.t_us[-1] + edges.astype(np.int64)
+    first = int(np.searchsorted(ends_us[1:], since_us))
+    w = (sd[first:] * scatter(past, i)) ** -2
+    if len(w) < 2:
+        return since_us, -np.inf
+    explained = np.cumsum(w * value[first:]) ** 2 / (2 * np.cumsum(w))
+    last = int(explained[:-1].argmax())
+    # In that stretch the parameter may have begun to come back.
+    return int(ends_us[first + max(last, 1)]), float(explained[last] - explained[-1])
+
+
 def scatter(past: Past, i: int) -> float:
     """Ratio of the scatter of the estimate of parameter i to that of P, from differences of stretches; at least 1.
 

@@ -38,7 +38,7 @@ from monitor_core.detection.alarm import (
 )
 from monitor_core.detection.cusum.cusum_evidence import INVALID, Crossing, CusumEvent, Evidence
 from monitor_core.detection.isolation import Causes, single_faults, sizes
-from monitor_core.detection.onset import SURE, change_of, scatters
+from monitor_core.detection.onset import SURE, change_of, return_of, scatters
 from monitor_core.drive.structure import LOAD
 
 MIN_NAME_PROBABILITY = 0.05
@@ -199,16 +199,24 @@ def _named(alarm: Alarm, e: Evidence, causes: Causes, alone: bool) -> Alarm:
 def _resized(e: Evidence, alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     """All named alarms with new sizes, given that their parameters have changed and no others.
 
-    All samples since the alarms have their names count with equal weights.  An alarm keeps its size while the parameter
-    seems to be back at its nominal value: the kept size decides whether the alarm ends.
+    All samples since the alarms have their names count with equal weights, up to the return of the parameter if the
+    estimates show one: the size is that while the cause lasted.  An alarm keeps its size while the parameter seems to
+    be back at its nominal value: the kept size decides whether the alarm ends.
     """
     if not alarms:
         return
-    means = _stated_sizes(e, max(map(_size_since_us, alarms)), alarms)
+    since_us = max(map(_size_since_us, alarms))
     latest = _sizes(e, e.time_us, alarms, e.allowed)
-    for alarm, size, (now, _) in zip(alarms, means, latest, strict=True):
+    for k, (alarm, (now, _)) in enumerate(zip(alarms, latest, strict=True)):
+        size = _stated_sizes(_while_lasting(e, alarm, since_us, len(alarms) == 1), since_us, alarms)[k]
         back = alarm.size is not None and now * alarm.size < alarm.size**2 / 2 and e.is_old(alarm.updated_us)
         yield alarm if back else replace(alarm.turned(e.time_us, direction_of(size[0])), **_stated(*size))
+
+
+def _while_lasting(e: Evidence, alarm: Alarm, since_us: int, alone: bool) -> Evidence:
+    """The evidence up to the return of the parameter of an alarm, if it shows one."""
+    until_us, odds = return_of(e.past, e.parameters.index(alarm.parameter), alone, since_us)
+    return e.until(until_us) if odds > SURELY_BACK else e
 
 
 def _size_since_us(alarm: Alarm) -> int:
@@ -246,7 +254,7 @@ def _sizes(e: Evidence, since_us: int, changed: Sequence[Alarm], allowed: Floats
     return [(float(size), float(sd)) for size, sd in zip(*estimates, strict=True)]
 
 
-def _stated_sizes(e: Evidence, since_us: int, changed: Sequence[Alarm]) -> Iterator[tuple[float, float]]:
+def _stated_sizes(e: Evidence, since_us: int, changed: Sequence[Alarm]) -> list[tuple[float, float]]:
     """Size and standard deviation of each alarm, as reported.
 
     P has the same scatter for all parameters, their mean; here each has the scatter of its own estimate.
@@ -255,9 +263,11 @@ def _stated_sizes(e: Evidence, since_us: int, changed: Sequence[Alarm]) -> Itera
     total = _sizes(e, since_us, changed, e.allowed)
     own = scatters(e.past)
     own /= np.sqrt(np.mean(own**2))
+    stated = []
     for alarm, (_, sd), (size, with_allowed) in zip(changed, random, total, strict=True):
         lasting = max(with_allowed**2 - sd**2, 0.0)
-        yield size, hypot(sd * own[e.parameters.index(alarm.parameter)], sqrt(lasting))
+        stated.append((size, hypot(sd * own[e.parameters.index(alarm.parameter)], sqrt(lasting))))
+    return stated
 
 
 def _stated(size: float, sd: float) -> dict[str, Any]:

@@ -81,9 +81,17 @@ class Evidence:
         stretches = max(self.stretches, later)
         return lately(self.past, stretches) or (self.deviation, self.covariance)
 
+    def until(self, t_us: int) -> "Evidence":
+        """The evidence with its past up to ``t_us``."""
+        return self._with_past(int(np.sum(self.past.t_us <= t_us)))
+
     def earlier(self) -> "Evidence":
         """The evidence with its past up to three memory lengths before."""
-        past, n = self.past, -self.stretches
+        return self._with_past(-self.stretches)
+
+    def _with_past(self, n: int) -> "Evidence":
+        """The evidence with the first n entries of its past."""
+        past = self.past
         return replace(self, past=past._replace(t_us=past.t_us[:n], d=past.d[:n], P=past.P[:n]))
 
     def is_old(self, t_us: int) -> bool:

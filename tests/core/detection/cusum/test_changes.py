@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.onset import SURE, Change, Past, change_of, find_change, scatter
+from monitor_core.detection.onset import SURE, Change, Past, change_of, find_change, return_of, scatter
 
 N, RUNS = 40, 300
 
@@ -64,6 +64,58 @@ def test_a_larger_scatter_than_stated_widens_the_interval(seed: int) -> None:
     believed = find_change(edges, values, sd, 0.5)
     mistaken = find_change(edges, values, 0.2 * sd, 0.5)
     assert mistaken.size_sd > 0.6 * believed.size_sd
+
+
+# --- The return of a parameter to its nominal value ---
+
+
+SINCE, SECOND_US, LAM = 20, 1_000_000, 0.8
+COVARIANCE = np.array(((1.0, 0.6), (0.6, 1.0)))
+
+
+def changed_past(rng: np.random.Generator, size: float, back: float, others: float = 0.0) -> Past:
+    """Of two parameters; the first one is off by ``size`` standard deviations of a stretch from 18 s to ``back``."""
+    present = np.clip(np.arange(1, STRETCHES + 1) - 18, 0, 1) * np.clip(back - np.arange(STRETCHES), 0, 1)
+    value = np.column_stack([size * present, np.full(STRETCHES, others)])
+    value += rng.multivariate_normal(np.zeros(2), COVARIANCE, STRETCHES)
+    d = np.zeros((STRETCHES, 2))
+    for k in range(1, STRETCHES):  # with a constant P, theta is this mean of the stretches
+        d[k] = LAM * d[k - 1] + (1 - LAM) * value[k - 1]
+    t_us = SECOND_US * np.arange(STRETCHES, dtype=np.int64)
+    return Past(t_us, d, np.tile((1 - LAM) * COVARIANCE, (STRETCHES, 1, 1)), LAM, 1.0, 0.0)
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_return_is_found_and_what_is_left_is_before_it(alone: bool, seed: int) -> None:
+    """A change that lasts seldom seems to end: the odds are those of the likeliest of forty moments."""
+    rng = np.random.default_rng(seed)
+    backs = rng.uniform(30, STRETCHES - 4, RUNS)
+    others = 0.0 if alone else 3.0
+    found = [return_of(changed_past(rng, 4.0, b, others), 0, alone, SINCE * SECOND_US) for b in backs]
+    sure = np.array([odds > np.log(100) for _, odds in found])
+    late = np.array([until_us / SECOND_US - b for (until_us, _), b in zip(found, backs, strict=True)])
+    lasting = [return_of(changed_past(rng, 4.0, 1e9, others), 0, alone, SINCE * SECOND_US)[1] for _ in backs]
+    print(f"found {sure.mean():.3f}, too late {np.mean(late[sure] > 0):.3f}, early by {-np.median(late[sure]):.2f} s")
+    assert sure.mean() > 0.95
+    assert np.mean(late[sure] > 0) < 0.1
+    assert np.median(late[sure]) > -2.5
+    assert np.mean(np.array(lasting) > np.log(100)) < 0.01
+
+
+def test_estimates_that_scatter_more_than_stated_do_not_seem_to_return(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    pasts = [changed_past(rng, 1.0, 1e9) for _ in range(RUNS)]
+    understated = [past._replace(P=past.P / 9) for past in pasts]
+    seems = np.mean([return_of(past, 0, True, SINCE * SECOND_US)[1] > np.log(100) for past in understated])
+    print(f"seems to return: {seems:.3f}")
+    assert seems < 0.1
+
+
+def test_a_return_needs_some_stretches_of_the_change(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    short = changed_past(rng, 4.0, 1e9)
+    assert return_of(short, 0, True, int(short.t_us[-1]))[1] == -np.inf
+    assert return_of(short._replace(t_us=short.t_us[:5], d=short.d[:5], P=short.P[:5]), 0, True, 0)[1] == -np.inf
 
 
 # --- A P that has become singular says nothing, and breaks nothing ---
