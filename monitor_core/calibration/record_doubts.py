@@ -22,9 +22,9 @@ LEAST_TESTED = 0.5
 """Least share of tested samples among those after P(0) was found."""
 MIN_STEP_SIGMAS = 5.0
 """Standard deviations of the estimate: a larger change inside a record, or a larger constant deviation, is a fault."""
-MIN_OFFSET = 0.1
-"""A constant deviation is a fault only beyond this share of the size: nu allows for a smaller one, as no nominal values
-are exact."""
+MIN_FAULT = 0.1
+"""A deviation, constant or from some time on, is a fault only beyond this share of the size: the allowance of the tests
+covers a smaller one.  No nominal values are exact, and another program shows another part of their errors."""
 _MIN_MEAN_SIGMAS = 6.0
 """Standard deviations of the difference of two means: a larger difference is not chance."""
 MIN_WITHIN_MEMORIES = 2.0
@@ -193,10 +193,12 @@ def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
     if n < 4 * edge:
         return
     changes = []
+    # What the nominal values are known to be off by, beside the heat, changes with it.
+    least = np.maximum(MIN_FAULT, settings.model_errors(d.shape[1]))
     for i in range(d.shape[1]):
         k, step, sd = _largest_step(d[:, i], edge)
         sure = abs(step) / (sd * math.sqrt(2 * SAMPLES_PER_MEMORY * (1 / k + 1 / (n - k))))
-        if abs(step) > MIN_STEP_SIGMAS * sd and sure > _MIN_MEAN_SIGMAS:
+        if abs(step) > max(MIN_STEP_SIGMAS * sd, least[i]) and sure > _MIN_MEAN_SIGMAS:
             changes.append((abs(step) / sd, i, k, step))
     if not changes:
         return
@@ -235,7 +237,7 @@ def _check_no_offset(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> 
     d = np.concatenate([binned(deviations, axis.settings.memory)[:, 0] for deviations in found])
     mean, sd = d.mean(axis=0), d.std(axis=0)
     for i in np.argsort(-abs(mean) / sd).tolist():
-        if abs(mean[i]) > max(MIN_STEP_SIGMAS * sd[i], MIN_OFFSET):
+        if abs(mean[i]) > max(MIN_STEP_SIGMAS * sd[i], MIN_FAULT):
             raise CalibrationError(
                 f"{axis.model.monitored[i]} differs from its nominal value throughout,"
                 f" by {100 * mean[i]:+.1f} % of its size,"

@@ -79,6 +79,18 @@ def test_a_small_change_is_no_fault(seed: int) -> None:
     check_healthy(AXIS, [changed(record(np.random.default_rng(seed)), 2500, 0, SD)])
 
 
+def test_a_change_that_the_tests_allow_for_is_no_fault(seed: int) -> None:
+    """Estimates scatter little, so that all of these changes are sure: by another program, or by the heat."""
+    healthy = record(np.random.default_rng(seed))
+    precise = replace(healthy, d=0.25 * healthy.d)
+    known = AXIS._replace(settings=replace(SETTINGS, model_error=(0.0, 0.1)))
+    check_healthy(AXIS, [changed(precise, 2500, 1, 0.08)])
+    check_healthy(known, [changed(precise, 2500, 1, 0.17)])
+    for axis, i, step in ((AXIS, 1, 0.17), (known, 0, 0.17), (known, 1, 0.25)):
+        with pytest.raises(CalibrationError, match="changes by"):
+            check_healthy(axis, [changed(precise, 2500, i, step)])
+
+
 def test_nominal_values_of_another_axis(seed: int) -> None:
     healthy = record(np.random.default_rng(seed))
     off = replace(healthy, d=healthy.d + np.array([0.0, 0.3]))
