@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from rich.console import Console
@@ -229,7 +230,7 @@ def one_sided(
     starts = [record.t_us[0] * 1e-6 for record in records]
     longest = max((record.t_us[-1] - record.t_us[0]) * 1e-6 for record in records)
     if max(starts) - min(starts) < _ONE_DAY_S and longest < _SHORT_S:
-        brief = f"The records are of one day and last {duration(longest)} at most."
+        brief = f"The records {'last' if _undated(records) else 'are of one day and last'} {duration(longest)} at most."
         if followed:
             wider = "only larger changes are found" if HEAT in followed else "the axis is not tested"
             yield (
@@ -245,6 +246,12 @@ def one_sided(
     for r in found:
         if r.condition != RMS_SPEED and r.high == r.low:
             yield f"{r.condition} is {r.low:.3g} in all records: at other values the promise does not hold."
+
+
+def _undated(records: Sequence[SampleBlock]) -> bool:
+    """Whether the times of the records do not tell their days: they overlap, as each record begins at zero."""
+    spans = sorted((int(record.t_us[0]), int(record.t_us[-1])) for record in records)
+    return any(later[0] < earlier[1] for earlier, later in pairwise(spans))
 
 
 def new_poses(poses: Sequence[PoseMap]) -> Iterator[str]:
@@ -283,15 +290,15 @@ def warnings(result: CalibrationResult) -> Iterator[str]:
     rows = zip(result.model.monitored, result.scatter.mean_d, beyond, strict=True)
     if off := [f"{name} by {100 * mean:+.2g} %" for name, mean, more in rows if more > 0]:
         yield (
-            f"Off the nominal value in all records, in parts of the size: {', '.join(off)}. nu allows for it. With"
-            " nominal values from these records, by `axiswatch identify` with `--start values --free"
+            f"Off the nominal value in all records, in parts of the size: {', '.join(off)}. The tests allow for it."
+            " With nominal values from these records, by `axiswatch identify` with `--start values --free"
             f" {','.join(result.model.monitored)}`, smaller faults can be found."
         )
     for name, allowed in zip(result.model.monitored, result.allowance - beyond, strict=True):
         if allowed > 0:
             yield (
-                f"{name} differs between parts of the records beyond chance: nu allows for {100 * allowed:.2g} % of"
-                " its size."
+                f"{name} differs between parts of the records beyond chance: the tests allow for {100 * allowed:.2g} %"
+                " of its size."
             )
     if not result.caught:
         yield "The records are too short to let faults begin in them: what would be found was not tried."

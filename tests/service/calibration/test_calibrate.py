@@ -90,6 +90,16 @@ def test_records_of_an_hour_say_what_to_expect_of_another_temperature(robot: Pat
     assert "outside the range of the records, only larger changes are found; add records" in heated
 
 
+@pytest.mark.parametrize(
+    ("starts_s", "words"), [((0,), "are of one day and"), ((0, 0), ""), ((0, 40), "are of one day and")]
+)
+def test_records_that_each_begin_at_zero_may_be_of_several_days(starts_s: tuple[int, ...], words: str) -> None:
+    minute = np.array([0, 30_000_000], np.int64)
+    records = [SampleBlock(minute + 1_000_000 * start, np.zeros(2), np.zeros(2)) for start in starts_s]
+    (caution,) = one_sided(records, [])
+    assert caution.startswith(f"The records {words} last 30 s at most.".replace("  ", " "))
+
+
 def test_the_same_again_is_the_same(robot: Path) -> None:
     """Also of the bank, whose copies run beside the others: neither takes the other's draws."""
     config = load(robot, {})
