@@ -306,7 +306,8 @@ def payload_change(alarm: Alarm) -> Direction | None:
 def same_payload(alarm: Alarm, others: Iterable[tuple[str, Alarm]]) -> tuple[str, ...]:
     """The other axes whose alarms the same change of the payload explains.
 
-    One change of the payload is likelier than a fault of each drive.
+    One change of the payload is likelier than a fault of each drive.  A payload that an axis no longer showed when the
+    change of another one began is not the same.
 
     Args:
         alarm: alarm of an axis.
@@ -317,4 +318,11 @@ def same_payload(alarm: Alarm, others: Iterable[tuple[str, Alarm]]) -> tuple[str
         return ()
     within_us = PAYLOAD_WITHIN_S * 1e6
     near = ((axis, other) for axis, other in others if abs(other.raised_us - alarm.raised_us) <= within_us)
-    return tuple(sorted({axis for axis, other in near if payload_change(other) == change}))
+    same = ((axis, other) for axis, other in near if payload_change(other) == change)
+    return tuple(sorted({axis for axis, a in same if not (_is_over_before(a, alarm) or _is_over_before(alarm, a))}))
+
+
+def _is_over_before(earlier: Alarm, later: Alarm) -> bool:
+    """Whether an alarm had ended before the change of another one can have begun."""
+    ended_us, begin_us = earlier.ended_us, later.onset_low_us
+    return ended_us is not None and begin_us is not None and ended_us < begin_us

@@ -186,3 +186,11 @@ def test_a_fault_of_a_drive_is_no_load(
     changes: dict[str, float], parameter: str, direction: str, healthy: tuple[Arm, ArmWatch]
 ) -> None:
     assert names(after(healthy, changes)) == [("named", parameter, direction)]
+
+
+@pytest.mark.parametrize(("begin_us", "same"), [(None, True), (290, True), (310, False)])
+def test_a_payload_that_was_over_before_another_change_began_is_not_the_same(begin_us: int | None, same: bool) -> None:
+    over = Alarm("load", "up", 100, 200, 200, 300, 0.2, 0.01, 1, "named")
+    later = Alarm("load", "up", 310, 320, 320, None, 0.2, 0.01, 1, "named", onset_low_us=begin_us)
+    assert same_payload(later, [("elbow", over)]) == (("elbow",) if same else ())
+    assert same_payload(over, [("shoulder", later)]) == (("shoulder",) if same else ())
