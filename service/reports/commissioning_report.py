@@ -144,10 +144,20 @@ def next_step(outcomes: Sequence[Outcome], config: Path, on_a_bus: bool, again: 
         return f"No axis could be commissioned: the report says why, and which record would help.{moved}"
     run = f"Next: `axiswatch replay RECORD --config {config}` with another record"
     run += f", or `axiswatch run --config {config}`." if on_a_bus else "; to run, add the bus to that file."
+    run += _not_calibrated([outcome.axis_id for outcome in outcomes if outcome.found and not outcome.thresholds_file])
     run += _cold_morning([outcome.axis_id for outcome in outcomes if outcome.found and outcome.no_warm_up])
     if not lost:
         return run + moved
     return f"Not complete: {', '.join(lost)}; the report says why, and which record would help. {run}{moved}"
+
+
+def _not_calibrated(names: Sequence[str]) -> str:
+    if not names:
+        return ""
+    return (
+        f" That file tests {listed(names)} with thresholds that are not from the records, so expect false alarms"
+        " there, more often than the budget."
+    )
 
 
 def _cold_morning(names: Sequence[str]) -> str:

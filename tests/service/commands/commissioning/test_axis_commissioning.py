@@ -575,3 +575,12 @@ def test_the_next_step_names_the_axes_whose_records_show_no_warm_up() -> None:
     steps = [next_step(axes, Path("a.toml"), False, "again") for axes in ([ready], [ready, cold, refused])]
     assert words.format("a2") in steps[1]
     assert [step.count("show no warm-up") for step in steps] == [0, 1]
+
+
+def test_the_next_step_warns_of_axes_that_are_tested_without_a_calibration() -> None:
+    ready = Outcome("a1", nominal_file="n", thresholds_file="t", watched=("kT",))
+    identified = Outcome("a2", refusal="not calibrated", nominal_file="n", watched=("kT",))
+    refused = Outcome("a3", refusal="not identified")
+    steps = [next_step(axes, Path("a.toml"), False, "again") for axes in ([ready, refused], [ready, identified])]
+    assert ["thresholds" in step for step in steps] == [False, True]
+    assert "That file tests a2 with thresholds that are not from the records" in steps[1]
