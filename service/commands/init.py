@@ -115,7 +115,7 @@ def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step:
 
 def _from_table(record: Path, output: Path) -> None:
     """Write a configuration for a table."""
-    from service.commands.proposed_configuration import table_lines
+    from service.commands.proposed_configuration import gears_wanted, table_lines
     from service.ingest.column_roles import roles
     from service.ingest.column_values import changes
     from service.ingest.records import is_table
@@ -148,7 +148,8 @@ def _from_table(record: Path, output: Path) -> None:
     not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
     further = [*loads, *_load_words(found.switches), *_temperature_words(found.temperatures)]
-    words = [*table.taken, _time_words(found), *summary(found.axes), *further, *unused, *alone, *not_read]
+    asked = gears_wanted(found.axes)
+    words = [*table.taken, _time_words(found), *summary(found.axes), *further, *unused, *alone, *not_read, *asked]
     lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")
 

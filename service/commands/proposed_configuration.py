@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from monitor_core.drive import TEMPERATURE
+from monitor_core.wording import listed
 from service.config.canopen_axis import CURRENT, VELOCITY
 from service.config.schema_buses import BusConfig
 from service.config.unit_names import UNITS, unit_in
@@ -229,9 +230,8 @@ def _axis_lines(axis: AxisRoles, time: Iterable[str]) -> Iterator[str]:
     yield from time
     yield _MODEL
     yield f"torque = {_source(axis, axis.torque)}"
-    factor, side = axis.motion.factor, ""
-    if factor is not None and axis.fastest is not None:
-        side = _side(factor * axis.fastest)
+    fastest = _fastest(axis)
+    side = "" if fastest is None else _side(fastest)
     yield f"{axis.motion.quantity} = {_source(axis, axis.motion)}{side}"
 
 
@@ -240,6 +240,23 @@ _ARM, _MOTOR = 20.0, 100.0
 
 
 _RATIO = "; if it turns an arm, add r to nominal, the angle of the arm over that of the motor"
+
+
+def _fastest(axis: AxisRoles) -> float | None:
+    """Largest speed [rad/s] of an axis, as its signal has it; None: not known."""
+    factor = axis.motion.factor
+    return None if factor is None or axis.fastest is None else factor * axis.fastest
+
+
+def gears_wanted(axes: Sequence[AxisRoles]) -> Iterator[str]:
+    """A request for the gear ratios of a robot whose angles are those of its motors."""
+    motors = [axis.name for axis in axes if (_fastest(axis) or 0.0) > _MOTOR]
+    if len(axes) > 1 and motors:
+        yield (
+            f"{listed(motors)}: likely the angles of motors. If they turn the arms of a robot, add r, the angle of the"
+            " arm over that of the motor (0.01 for a gear of 100:1), to nominal of each axis: the torque can then"
+            " follow the pose, and smaller changes are found"
+        )
 
 
 def _side(fastest: float) -> str:

@@ -466,6 +466,28 @@ def test_the_side_of_the_gear_is_told_by_the_speed_where_it_tells(record: Path) 
         assert (words in line) if words else "likely of the" not in line
 
 
+def test_the_gear_ratios_of_a_robot_are_asked_for_where_its_angles_are_those_of_motors(record: Path) -> None:
+    """A single axis has no pose that its load could follow."""
+    rows = read_rows(record)
+    fastest = np.quantile(np.abs(rows[10:, 2::2] - rows[:-10, 2::2]), 0.999, axis=0) / 0.05
+    for axes, rad_s, asked in (
+        (2, (250.0, 250.0), "axis1 and axis2: likely the angles of motors."),
+        (2, (50.0, 250.0), "axis2: likely the angles of motors."),
+        (2, (50.0, 50.0), ""),
+        (1, (250.0,), ""),
+    ):
+        columns = rows[:, : 1 + 2 * axes].copy()
+        columns[:, 0] -= rows[0, 0]
+        columns[:, 2::2] *= np.array(rad_s) / fastest[:axes]
+        write_rows(
+            record,
+            columns,
+            ",".join(["Time", "A1_Trq [Nm]", "A1_Pos [rad]", "A2_Trq [Nm]", "A2_Pos [rad]"][: 1 + 2 * axes]),
+        )
+        text = shown("init", record, "--force")
+        assert (asked in text) if asked else "angles of motors" not in text
+
+
 @pytest.mark.parametrize("name", ["Achse 1 Istposition (Grad)", "Pos_deg(:,1)", "Winkel [deg]"])
 def test_degrees(record: Path, name: str) -> None:
     rename_columns(record, f'Time,A1_Trq,"{name}",A2_Trq,A2_Pos')
