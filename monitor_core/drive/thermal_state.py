@@ -279,7 +279,8 @@ class ThermalState:
         if self.model.ambient > 0:
             # What no friction power explains is due to the surroundings.
             self.ambient += float(step[1]) + (before + float(step[0]) - heat)
-        self._P, self._P_us = covariance, self._now_us
+        self._P, self._P_us = covariance.copy(), self._now_us
+        np.fill_diagonal(self._P, np.maximum(covariance.diagonal(), 0.0))  # by rounding it may be below
         self.known, self.since_us = known, self._now_us
 
     def to_array(self) -> Floats:

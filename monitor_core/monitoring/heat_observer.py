@@ -191,6 +191,7 @@ class WarmUp:
             return
         if monitor.learned - self._learned < self._needed or (found := monitor.deviations()) is None:
             return
+        # These errors include what the tests allow for now, the uncertain heat, too: it is followed a little later.
         passed_s = (monitor.learned - self._learned) * monitor.settings.interval_s
         row = max(1.0, ERROR_LASTS * thermal.model.tau_s / passed_s)  # number of observations with the same errors
         warmed = (thermal.model.mean(thermal.parts) - self._by_friction) / thermal.model.largest
@@ -223,7 +224,7 @@ class WarmUp:
         slopes, tolerated = np.abs(self._slopes()), MAX_SHARE * found.tolerated
         if (slopes * math.sqrt(max(float(covariance.sum()), 0.0)) <= tolerated).all():
             return 0.0
-        moved = slopes * math.sqrt(float(covariance[0, 0]))
+        moved = slopes * math.sqrt(max(float(covariance[0, 0]), 0.0))
         if (moved <= tolerated).all():
             left = self._needed - (self._monitor.learned - self._learned)
             return 0.0 if self._tried else max(left, 1) * self._monitor.settings.interval_s

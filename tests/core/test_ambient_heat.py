@@ -83,6 +83,16 @@ def test_a_saved_state_goes_on_alike() -> None:
             b.restore(damaged)
 
 
+def test_a_variance_below_zero_by_rounding_is_none() -> None:
+    """A saved state with one would be refused."""
+    axis = Turning(MODEL)
+    axis.turn(1)
+    axis.state.observed(np.zeros(2), np.array([[-1e-18, 0.0], [0.0, 2.0]]), known=True)
+    other = ThermalState(MODEL)
+    other.restore(axis.state.to_array())
+    assert other.covariance.tolist() == [[0.0, 0.0], [0.0, 2.0]]
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 def test_a_correction_is_that_of_a_kalman_filter(seed: int) -> None:
     """Oracle: the update of a Kalman filter with two states, in matrices."""
