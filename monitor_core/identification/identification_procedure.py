@@ -15,7 +15,7 @@ from monitor_core.identification.assessment.bode import bode_of
 from monitor_core.identification.assessment.outlook import Outlook, Watched
 from monitor_core.identification.assessment.verdict import Effect, FitQuality, Verdict, verdict_of
 from monitor_core.identification.friction_scale import with_best_scale
-from monitor_core.identification.greybox import Estimate, colour_of, fit, traces_of
+from monitor_core.identification.greybox import Estimate, agreeing, colour_of, fit, traces_of
 from monitor_core.identification.holding import hold_offset, hold_undetermined
 from monitor_core.identification.identification_result import (
     IdentificationOptions,
@@ -206,6 +206,7 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
         validated = traces_of(estimate.problem, validation) if validation else ()
         report("validation", 0, 1)
         verdict = verdict_of(estimate, records, validation, own, validated)
+        estimate = agreeing(estimate, verdict.halves)
     except (ValueError, np.linalg.LinAlgError) as error:
         hint = "; give values to start from in [robot.axis.model.nominal], or a longer record with more motion"
         raise IdentificationError(f"no fit: {error}{hint if options.start == 'records' else ''}") from None

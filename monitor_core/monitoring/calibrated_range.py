@@ -1,9 +1,10 @@
 """Ranges of the speed and the signals of an axis during calibration, and whether the axis is within them now.
 
 Thresholds keep their false-alarm budget in the conditions of the records from which they were calibrated.  A condition
-is the value of an auxiliary signal, the root mean square of the speed over ten memories, or the share of new poses:
-the part of the travel of the axis over ten memories that it made while the robot was in poses that are not in the
-records.  The torque is not a condition, as a fault changes it.
+is the value of an auxiliary signal, the root mean square of the speed over ten memories, the top speed of that time, or
+the share of new poses: the part of the travel of the axis over ten memories that it made while the robot was in poses
+that are not in the records.  A program that runs faster, but with longer stops, shows by its top speed only.  The
+torque is not a condition, as a fault changes it.
 """
 
 import math
@@ -23,6 +24,8 @@ from monitor_core.wording import sentence
 
 RMS_SPEED = "rms speed"
 """Root mean square of the speed [rad/s]; no signal can have this name."""
+TOP_SPEED = "top speed"
+"""Largest speed over about ten memories [rad/s], without single outliers; no signal can have this name."""
 RMS_MEMORIES = 10
 NEW_POSES = "share of new poses"
 """Share of the way of the axis over ten memories, 0 to 1; no signal can have this name."""
@@ -58,16 +61,17 @@ class ConditionTracker:
     def __init__(
         self, output: Output, settings: Settings, signals: Sequence[str], poses: Sequence[PoseMap] = ()
     ) -> None:
-        self.names = (RMS_SPEED, *signals, *([NEW_POSES] if poses else ()))
+        self.names = (RMS_SPEED, TOP_SPEED, *signals, *([NEW_POSES] if poses else ()))
         self._signals, self._poses = len(signals), [(m, [signals.index(name) for name in m.angles]) for m in poses]
         self._angle, self._gap_us = output == "angle", 1e6 * settings.max_gap_s
         self._samples = RMS_MEMORIES * settings.memory
         self._speed = MeasuredSpeed(output)
         self._sums = [0.0] * 4  # of the squares of the speed, of their weights, of the way, and of that in new poses
+        self._top, self._recent = 0.0, np.zeros(0)  # the largest speed, forgotten slowly; the last two speeds
         self._last = np.full(len(self.names), math.nan)
 
     def take(self, block: SampleBlock) -> Floats:
-        """The conditions at each sample (N, 1 + S), with maps (N, 2 + S); NaN: unknown."""
+        """The conditions at each sample (N, 2 + S), with maps (N, 3 + S); NaN: unknown."""
         N = block.size
         if N == 0:
             return np.zeros((0, len(self.names)))
@@ -78,9 +82,10 @@ class ConditionTracker:
         conditions = np.full((N, len(self.names)), math.nan)
         enough = count > self._samples * (1 - math.exp(-1))
         conditions[known, 0] = np.where(enough, np.sqrt(total / count), math.nan)
+        conditions[known, 1] = self._top_speed(speed[known])
         if block.signals is not None:
-            conditions[:, 1 : 1 + self._signals] = block.signals
-        held = [0]
+            conditions[:, 2 : 2 + self._signals] = block.signals
+        held = [0, 1]
         if self._poses:
             way = np.abs(speed[known])
             gone, new = self._sum(2, way), self._sum(3, np.where(self._is_new(block)[known], way, 0.0))
@@ -108,6 +113,23 @@ class ConditionTracker:
         self._sums[row] = float(out[-1])
         return out
 
+    def _top_speed(self, speed: Floats) -> Floats:
+        """The largest speed so far (n,), with exponential forgetting; NaN until there are three.
+
+        Of three speeds in a row the middle one by value counts: an angle that is wrong in a single sample makes two
+        large speeds of opposite signs.
+        """
+        own = np.concatenate([self._recent, speed])
+        self._recent = own[-2:]
+        if own.size < 3:
+            return np.full(speed.size, math.nan)
+        middle = np.abs(np.median(np.lib.stride_tricks.sliding_window_view(own, 3), axis=1))
+        factor = 1 - 1 / self._samples
+        tops = accumulate(middle.tolist(), lambda top, value: max(factor * top, value), initial=self._top)
+        found = np.fromiter(tops, float)[1:]
+        self._top = float(found[-1])
+        return np.concatenate([np.full(speed.size - found.size, math.nan), found])
+
     def _speeds(self, block: SampleBlock) -> Floats:
         """Speed at each sample (N,); NaN: unknown, as after a gap of a measured angle."""
         steps = self._speed.take(block.t_us, block.y)
@@ -119,11 +141,14 @@ class ConditionTracker:
 def ranges(
     output: Output, settings: Settings, signals: Sequence[str], records: Sequence[SampleBlock]
 ) -> list[ConditionRange]:
-    """Ranges of the conditions in consecutive records; a condition that was never known has no range."""
+    """Ranges of the conditions in consecutive records; a condition that was never known has no range.
+
+    That of the top speed begins at zero: an axis that moves slowly does not leave the conditions by that.
+    """
     tracker = ConditionTracker(output, settings, signals)
     conditions = np.concatenate([tracker.take(record) for record in records])
     return [
-        ConditionRange(name, float(np.nanmin(values)), float(np.nanmax(values)))
+        ConditionRange(name, 0.0 if name == TOP_SPEED else float(np.nanmin(values)), float(np.nanmax(values)))
         for name, values in zip(tracker.names, conditions.T, strict=True)
         if np.isfinite(values).any()
     ]

@@ -92,7 +92,7 @@ class ThresholdsFile(FoundFile):
     naming: NamingTable | None = None
     """Of the multi-model detector; absent in files of earlier versions, in which all of the evidence counts"""
     range: tuple[RangeTable, ...] = ()
-    """Ranges of the rms speed and of the signals; empty in files of earlier versions"""
+    """Ranges of the rms and top speed and of the signals; empty in files of earlier versions"""
     poses: tuple[PosesTable, ...] = ()
     """Maps of the poses, if the load on the axis follows them; empty in files of earlier versions"""
 

@@ -59,7 +59,7 @@ def _tables(calibration: Calibration) -> Iterator[str]:
         counted = {"evidence_share": result.bank.evidence_share}
         yield toml_table("[naming]", counted, "Share of the evidence that counts for the probabilities of causes.")
     if calibration.ranges:
-        about = "# Conditions of the records (rms speed, signals): the promise holds within them.\n"
+        about = "# Conditions of the records (rms and top speed, signals): the promise holds within them.\n"
         yield about + "".join(toml_table("[[range]]", r._asdict()) for r in calibration.ranges)
     if calibration.poses:
         about = (

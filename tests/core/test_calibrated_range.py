@@ -8,7 +8,15 @@ import pytest
 from monitor_core.arrays import Floats
 from monitor_core.drive.structure import Output
 from monitor_core.modeling.standard_drives import reference_model
-from monitor_core.monitoring import RMS_SPEED, AxisMonitor, CalibratedRange, ConditionRange, ConditionTracker, ranges
+from monitor_core.monitoring import (
+    RMS_SPEED,
+    AxisMonitor,
+    CalibratedRange,
+    ConditionRange,
+    ConditionTracker,
+    ranges,
+)
+from monitor_core.monitoring.calibrated_range import TOP_SPEED
 from monitor_core.samples import SampleBlock, concatenate
 from monitor_core.settings import Settings
 
@@ -28,7 +36,7 @@ def tracker(output: Output = "speed") -> ConditionTracker:
 
 
 def test_the_rms_speed_is_known_after_ten_memories_and_near_the_truth(seed: int) -> None:
-    speed, temperature = tracker().take(block(seed, 4000, 3.0, 20.0)).T
+    speed, _, temperature = tracker().take(block(seed, 4000, 3.0, 20.0)).T
     assert np.isnan(speed[:199]).all()
     assert np.isfinite(speed[200:]).all()
     # The mean of 400 squares of noise: a scatter of 3.5 % of the root; six times that.
@@ -59,8 +67,9 @@ def test_the_speed_from_an_angle_is_that_of_the_speed() -> None:
 def test_outside_is_what_the_records_did_not_have_with_a_margin(seed: int) -> None:
     records = [block(seed, 2000, 3.0, 20.0), block(seed + 1, 2000, 3.0, 30.0, 2000)]
     known = ranges("speed", SETTINGS, ("temperature",), records)
-    assert [r.condition for r in known] == [RMS_SPEED, "temperature"]
-    assert known[1] == ConditionRange("temperature", 20.0, 30.0)
+    assert [r.condition for r in known] == [RMS_SPEED, TOP_SPEED, "temperature"]
+    assert known[1].low == 0.0
+    assert known[2] == ConditionRange("temperature", 20.0, 30.0)
     calibrated = CalibratedRange(known, tracker())
     assert calibrated.take(concatenate(records)).conditions.all()
     assert list(calibrated.outside) == []
@@ -69,9 +78,32 @@ def test_outside_is_what_the_records_did_not_have_with_a_margin(seed: int) -> No
     assert list(calibrated.outside) == ["temperature = 33.1, calibrated from 20 to 30"]
     assert calibrated.take(block(seed, 10, 3.0, np.nan, 4020)).conditions.all()  # unknown: a gate is for that
     faster = calibrated.take(block(seed, 2000, 6.0, 25.0, 4030)).conditions
-    assert faster[0]
     assert not faster[-1]
     assert calibrated.outside[0].startswith("rms speed = ")
+
+
+def test_a_faster_program_with_longer_stops_is_outside_at_once() -> None:
+    """Its root mean square of the speed is that of the records, and the first fast move is beyond their top speed."""
+    t_us = np.arange(8000) * round(H * 1e6)
+    t, zero = t_us * 1e-6, np.zeros(8000)
+
+    def moves(top: float, share: float) -> SampleBlock:
+        """Moves at this speed, each for ``share`` of a fifth of a second."""
+        return SampleBlock(t_us, zero, np.where(t % 0.2 < 0.2 * share, top, 0.0), signals=np.zeros((8000, 1)))
+
+    known = ranges("speed", SETTINGS, ("temperature",), [moves(1.0, 0.8)])
+    calibrated = CalibratedRange(known, tracker())
+    assert calibrated.take(moves(1.05, 0.8)).conditions.all()
+    slower = CalibratedRange(known, tracker())
+    assert slower.take(moves(0.98, 0.82)).conditions.all()
+    faster = CalibratedRange(known, tracker())
+    assert not faster.take(moves(1.4, 0.4)).conditions[2:].any()
+    assert any(words.startswith("top speed = ") for words in faster.outside)
+    wrong = moves(1.0, 0.8)
+    wrong.y[[400, 900, 2600]] = 50.0, -50.0, 50.0
+    tops = tracker().take(wrong)[:, 1]
+    assert np.isnan(tops[:2]).all()
+    assert tops[2:].max() == pytest.approx(1.0)
 
 
 def test_an_alarm_states_whether_it_was_raised_inside() -> None:

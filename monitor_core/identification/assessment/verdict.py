@@ -121,6 +121,8 @@ class Verdict(NamedTuple):
     repeats_s: float | None = None
     """Time after which the motion in all records repeats itself [s]: what was not fitted is the same motion; None: it
     does not repeat"""
+    halves: tuple[Estimate, ...] = ()
+    """The estimates from each half alone; empty: there are validation records, or the halves cannot be fitted"""
 
     @property
     def per_cent(self) -> float:
@@ -152,19 +154,19 @@ def verdict_of(
     If there are no validation records, the fitted ones are divided.
     """
     own: list[_Tried] = [(estimate.problem, records)]
-    basis, others = VerdictBasis.RECORDS, [(estimate.problem, validation)]
+    basis, others, halves = VerdictBasis.RECORDS, [(estimate.problem, validation)], tuple[Estimate, ...]()
     if not validation:
-        others = _cross_validated(estimate, records)
+        halves, others = _cross_validated(estimate, records)
         basis = VerdictBasis.HALVES if others else VerdictBasis.NONE
         validated = [trace for problem, half in others for trace in traces_of(problem, half)] or traces
     repeats_s = repeated_after([*records, *validation])
-    found = Verdict(explained(traces), explained(validated), basis, (), repeats_s=repeats_s)
+    found = Verdict(explained(traces), explained(validated), basis, (), repeats_s=repeats_s, halves=halves)
     ill_posed = found.quality is FitQuality.POOR and friction_dominates(estimate.problem, records)
     leaves_out = estimate.problem.min_speed > 0
     if ill_posed or (found.quality is not FitQuality.GOOD and (leaves_out or _weight_acts(estimate.problem, records))):
         fitted, other = (explained_torque(tried) for tried in (own, others or own))
         if min(fitted, other) > found.per_cent:
-            found = Verdict(fitted, other, basis, (), Measure.TORQUE, repeats_s=repeats_s)
+            found = found._replace(own=fitted, validation=other, measure=Measure.TORQUE)
     if found.quality is FitQuality.GOOD:
         return found
     missing = missing_effects(estimate.problem, records)
@@ -184,13 +186,13 @@ def _weight_acts(problem: Problem, records: Sequence[Record]) -> bool:
     return offset_exceeds_friction(problem) and not _PARTS & set(missing_effects(problem, records))
 
 
-def _cross_validated(estimate: Estimate, records: Sequence[Record]) -> list[_Tried]:
-    """Each half with the values from the other; empty if a half is too short or cannot be fitted.
+def _cross_validated(estimate: Estimate, records: Sequence[Record]) -> tuple[tuple[Estimate, ...], list[_Tried]]:
+    """Each half with the values from the other, and these fits; empty if a half is too short or cannot be fitted.
 
     Several records are divided into the first and the last ones.  If such a half does not determine all parameters that
     the records determine together (as one without the planned motion), each record is divided instead.
     """
-    found = list[_Tried]()
+    found, used = list[_Tried](), tuple[Estimate, ...]()
     for halves in _divisions(records):
         if any(sum(map(len, half)) < _MIN_HALF_SAMPLES for half in halves):
             continue
@@ -199,10 +201,10 @@ def _cross_validated(estimate: Estimate, records: Sequence[Record]) -> list[_Tri
         except (ValueError, np.linalg.LinAlgError):
             continue
         if not found or _determined(estimate, fits):
-            found = [(f.problem, other) for f, other in zip(fits, halves[::-1], strict=True)]
+            used, found = tuple(fits), [(f.problem, other) for f, other in zip(fits, halves[::-1], strict=True)]
         if _determined(estimate, fits):
             break
-    return found
+    return used, found
 
 
 def _determined(estimate: Estimate, fits: Sequence[Estimate]) -> bool:

@@ -7,6 +7,6 @@ from monitor_core.identification.greybox.comparison import (
     monitored_information,
     traces_of,
 )
-from monitor_core.identification.greybox.estimate import Estimate
+from monitor_core.identification.greybox.estimate import Estimate, agreeing
 from monitor_core.identification.greybox.fitting import fit
 from monitor_core.identification.greybox.residuals import LEVEL, Correlation

@@ -1,7 +1,7 @@
 """The result of a fit, and sentences on the doubts about it."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,11 @@ from monitor_core.identification.greybox.residuals import Correlation
 from monitor_core.identification.predictor.parameter_vector import LEVEL, Layout, whole_intervals
 from monitor_core.identification.problem import RELATIVE, Problem
 from monitor_core.wording import listed
+
+_CONTRADICTS = 2.0
+"""Two parts contradict each other if their estimates differ by more than this number of standard deviations."""
+_FAR_APART = 0.5
+"""A difference by this share of the value is reported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +109,34 @@ class Estimate:
             KeyError, ValueError: what AxisModel refuses.
         """
         return AxisModel(self.drive, self.values, monitored)
+
+
+def agreeing(found: Estimate, parts: Sequence[Estimate]) -> Estimate:
+    """The estimate with larger standard deviations where two parts of the records contradict each other.
+
+    What the drive lacks makes an estimate wrong in another way in each motion; noise alone makes the two differ by
+    little more than their standard deviations.  Where they differ by more, that of the estimate is multiplied by the
+    same ratio (Birge, 1932).  Estimates that are equally wrong in both parts are not seen.
+    """
+    if len(parts) != 2:
+        return found
+    factors, words = np.ones(len(found.names)), list[str]()
+    by_name = [dict(zip(part.names, zip(part.theta, part.sd, strict=True), strict=True)) for part in parts]
+    for k, name in enumerate(found.names):
+        if not all(name in values for values in by_name):
+            continue
+        (first, its), (last, others) = (values[name] for values in by_name)
+        sure = np.hypot(its, others)
+        if np.isfinite(sure) and abs(first - last) > _CONTRADICTS * sure > 0:
+            factors[k] = abs(first - last) / sure
+            if abs(first - last) > _FAR_APART * abs(found.theta[k]):
+                words.append(f"{name} is {first:.3g} in one half of the records and {last:.3g} in the other")
+    lacks = f"The halves of the records do not agree: {listed(words)}. What the drive lacks is part of these values."
+    return replace(
+        found,
+        covariance=found.covariance * np.outer(factors, factors),
+        words=(*found.words, lacks) if words else found.words,
+    )
 
 
 # --- Doubts -----------------------------------------------------------------------------------------------------------

@@ -99,14 +99,27 @@ class Energy(NamedTuple):
         )
         return Term((SignalProduct(accelerating), *turning))
 
-    def function_values(self, poses: Poses) -> tuple[Floats, Floats]:
-        """f and its derivative by s (N,)."""
+    @property
+    def of_same_sum(self) -> Energy:
+        """The same for the energies that are chosen together: those with cosine and with sine of a sum."""
+        return self._replace(function="")
+
+    @property
+    def exchangeable(self) -> tuple[str, ...]:
+        """The angles in the sum of a weight or of an inertia, which another sum may replace.
+
+        None of a coupling, which alone is in no arm, and none of a product, which has the same angles as the sums.
+        """
+        return () if self.factors or len(set(self.axes)) > 1 else tuple(angle for _, angle in self.angles)
+
+    def function_values(self, poses: Poses, own: str) -> tuple[Floats, Floats]:
+        """f and its derivative by the angle ``own`` (N,)."""
         turned = poses.turned(self.angles)
         f, slope = (turned.real, -turned.imag) if self.function == "cos" else (turned.imag, turned.real)
         for function, angles in self.factors:
             more = poses.turned(angles).real if function == "cos" else poses.turned(angles).imag
             f, slope = more * f, more * slope
-        return f, slope
+        return f, self.times(own) * slope
 
     @property
     def followed(self) -> tuple[str, ...]:
@@ -119,10 +132,14 @@ class Energy(NamedTuple):
 
 
 class Poses:
-    """Cosines and sines of sums of angles in a part, as products of exp(i angle), which take less time."""
+    """Cosines and sines of sums of angles in a part of ``count`` samples.
+
+    They are products of exp(i angle), which take less time.
+    """
 
     def __init__(self, part: GridPart) -> None:
-        self._part, self._none = part, np.ones(len(part.u), complex)
+        self._part, self.count = part, len(part.u)
+        self._none = np.ones(self.count, complex)
         self._turned: dict[tuple[int, str], NDArray[np.complex128]] = {}
 
     def turned(self, angles: AngleSum) -> NDArray[np.complex128]:

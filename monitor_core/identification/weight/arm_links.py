@@ -30,8 +30,10 @@ from monitor_core.drive.signal_terms import Factor, Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import GridPart, leaves_much_less
+from monitor_core.identification.weight.arm_chain import MOST_AXES, ChainBalance, arm_chain
 from monitor_core.identification.weight.arm_energies import AngleSum, MotionSignals, possible_energies
-from monitor_core.identification.weight.link_energies import EnergyBalance, link_energies
+from monitor_core.identification.weight.link_energies import AnyEnergy, EnergyBalance, LinkEnergies, link_energies
+from monitor_core.identification.weight.pose_polynomials import PoseEnergy
 from monitor_core.identification.weight.weight_balance import (
     MIN_INCREASE,
     MOST_OTHERS,
@@ -165,10 +167,19 @@ def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSi
     best, energies = terms, None
     if len(moving) > 1:
         energies = link_energies(balance(possible_energies(own, arm, beside), values))
+    chained = _energies_of_chain(records, signals, arm)
+    if chained is not None:
+        # The sums that were found without the chain stand for its weights, so the search begins anew.
+        linked = link_energies(balance((*chained(""), *possible_energies(own, arm, beside)), []))
+        if energies is None or _leaves_clearly_less(linked, energies):
+            best, energies = [], linked
     for load in signals.loads:
         # Terms that were found without the energies of the load stand for them, so the search begins anew.
-        carrying = link_energies(balance(possible_energies(own, arm, beside, load), []))
-        if energies is None or (1 - carrying.explained) ** 2 < _CLEARLY_LESS * (1 - energies.explained) ** 2:
+        possible: Sequence[AnyEnergy] = possible_energies(own, arm, beside, load)
+        if chained is not None:
+            possible = (*chained(""), *chained(load), *possible)
+        carrying = link_energies(balance(possible, []))
+        if energies is None or _leaves_clearly_less(carrying, energies):
             best, energies = [], carrying
     if energies is None or not energies.found:
         return found
@@ -181,6 +192,27 @@ def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSi
         min(found.before, energies.before),
         energies.undetermined,
     )
+
+
+def _leaves_clearly_less(found: LinkEnergies, other: LinkEnergies) -> bool:
+    return (1 - found.explained) ** 2 < _CLEARLY_LESS * (1 - other.explained) ** 2
+
+
+def _energies_of_chain(
+    records: Sequence[Record], signals: ArmSignals, arm: Sequence[str]
+) -> Callable[[str], Sequence[PoseEnergy]] | None:
+    """Energies of an arm with a wrist, also times a load, whose axes follow each other as its weight shows.
+
+    None: the arm has no wrist, or its weight shows nothing.
+    """
+    if signals.own not in arm or not MOST_OTHERS + 1 < len(arm) <= MOST_AXES:
+        return None
+    parts, window = slow_parts(records, (*arm, *signals.accelerations))
+    if not parts:
+        return None
+    balance = ChainBalance(parts, window, speed_scales(records)[1], signals.own, arm, signals.accelerations)
+    chain = arm_chain(balance)
+    return None if chain is None else partial(balance.energies, chain)
 
 
 def _with_loads(

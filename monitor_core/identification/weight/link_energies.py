@@ -14,6 +14,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.torque_balance.torque_windows import WINDOWS, GridPart
 from monitor_core.identification.weight.arm_energies import Energy, Poses
+from monitor_core.identification.weight.pose_polynomials import PoseEnergy
 from monitor_core.identification.weight.weight_balance import MIN_INCREASE, WeightBalance
 
 _MOST_SUMS = 16
@@ -30,10 +31,13 @@ _WELL_DETERMINED = 1e-6
 """Further energies are well determined if beside the others this share of their squares is left."""
 
 
+AnyEnergy = Energy | PoseEnergy
+
+
 class LinkEnergies(NamedTuple):
     """Energies whose torque acts on an axis, and how well all terms explain it."""
 
-    found: tuple[Energy, ...]
+    found: tuple[AnyEnergy, ...]
     explained: float
     """share of the torque that is explained in each half of the records, with values of the other half"""
     before: float
@@ -84,14 +88,13 @@ def link_energies(balance: EnergyBalance) -> LinkEnergies:
 def _undetermined(balance: EnergyBalance, sums: Sequence[int], left: float, used: Collection[str]) -> tuple[str, ...]:
     """The angles that are not used, but are in a sum that explains about as much as a chosen one.
 
-    ``left``: the error with the chosen ``sums``.  They are exchanged for weights and inertias only: a coupling alone is
-    in no arm.  Products have the same angles as the sums.
+    ``left``: the error with the chosen ``sums``.
     """
     found = dict[str, None]()
     for place, energies in enumerate(balance.same_sum):
         energy = balance.energies[energies[0]]
-        new = [angle for _, angle in energy.angles if angle not in used and angle not in found]
-        if not new or energy.factors or len(set(energy.axes)) > 1:
+        new = [angle for angle in energy.exchangeable if angle not in used and angle not in found]
+        if not new:
             continue
         exchanged = min(
             (balance.sums_error([place, *(s for s in sums if s != other)]) for other in sums), default=np.inf
@@ -121,7 +124,7 @@ class EnergyBalance(WeightBalance):
         window: int,
         scale: float,
         own: str,
-        energies: Sequence[Energy],
+        energies: Sequence[AnyEnergy],
         terms: Sequence[Floats],
     ) -> None:
         super().__init__(parts, window, scale)
@@ -138,9 +141,9 @@ class EnergyBalance(WeightBalance):
         self._usual = self.rows.shape[1] + self.given
         halves = ((rows[half], self.torque[half]) for half in self.halves)
         self._normal = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
-        by_sum = dict[Energy, list[int]]()
+        by_sum = dict[object, list[int]]()
         for index, energy in enumerate(self.energies):
-            by_sum.setdefault(energy._replace(function=""), []).append(index)
+            by_sum.setdefault(energy.of_same_sum, []).append(index)
         self.same_sum = list(by_sum.values())
         """Of each sum, the indices of its energies of the same joints: with cosine and with sine"""
         self._alike = [
@@ -208,22 +211,21 @@ class EnergyBalance(WeightBalance):
             missed += yy - float(2 * found @ b_[used] - found @ G_[square] @ found)
         return missed
 
-    def _energy_column(self, energy: Energy, own: str, poses: Sequence[Poses]) -> Floats:
+    def _energy_column(self, energy: AnyEnergy, own: str, poses: Sequence[Poses]) -> Floats:
         """The integrals (M,) of the torque of this energy."""
         carried = [part.signals[energy.load] if energy.load else np.ones(len(part.u)) for part in self._parts]
         if not energy.axes:
             return self.column(
-                mass * energy.function_values(pose)[0] for mass, pose in zip(carried, poses, strict=True)
+                mass * energy.function_values(pose, own)[0] for mass, pose in zip(carried, poses, strict=True)
             )
         j, k = energy.axes
-        n = energy.times(own)
         rates, torques = list[Floats](), list[Floats]()
         for mass, part, pose in zip(carried, self._parts, poses, strict=True):
             v = {angle: np.gradient(part.signals[angle], part.h) for angle in (j, k)}
-            f, slope = energy.function_values(pose)
+            f, slope = energy.function_values(pose, own)
             momentum = f * v[k if j == own else j] if own in energy.axes else np.zeros(len(part.u))
             rates.append(mass * momentum)
-            torques.append(-n * mass * slope * v[j] * v[k])
+            torques.append(-mass * slope * v[j] * v[k])
         return self.rate(rates) + self.column(torques)
 
 

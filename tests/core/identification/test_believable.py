@@ -34,7 +34,7 @@ from monitor_core.identification.assessment.verdict import (
     VerdictBasis,
     missing_effects,
 )
-from monitor_core.identification.greybox import Estimate, fit
+from monitor_core.identification.greybox import Estimate, agreeing, fit
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
@@ -468,3 +468,29 @@ def test_times_in_whole_milliseconds_have_frequency_responses(seed: int) -> None
     bode = bode_of(replace(estimate, interval_s=0.0106), None, [replace(rec, t=rounded)])
     assert bode.black_box is not None
     assert bode.measured is not None
+
+
+def test_estimates_that_the_halves_contradict_are_not_stated_as_sure(seed: int) -> None:
+    """A torque with the speed that the drive lacks, in one half only: friction is another one there."""
+    right = record(seed)
+    result = found([right])
+    speed = np.gradient(right.y, H)
+    off = replace(right, u=right.u + np.where(right.t > right.t[-1] / 2, 2.0 * speed, 0.0))
+    wrong = found([off])
+    k = wrong.estimate.names.index("fv")
+    first_half, other_half = (float(half.theta[half.names.index("fv")]) for half in wrong.verdict.halves)
+    assert other_half - first_half == pytest.approx(2.0, abs=0.5)
+    assert wrong.estimate.sd[k] > 0.2 * (other_half - first_half)
+    assert wrong.estimate.sd[k] > 3 * result.estimate.sd[k]
+    assert any("halves of the records do not agree" in words and "fv is" in words for words in wrong.estimate.words)
+    assert not any("halves of the records" in words for words in result.estimate.words)
+
+
+def test_halves_that_agree_leave_the_standard_deviations(seed: int) -> None:
+    estimate = usual(seed).estimate
+    assert agreeing(estimate, (estimate, estimate)).sd == pytest.approx(estimate.sd, rel=1e-12)
+    assert agreeing(estimate, ()) is estimate
+    moved = replace(estimate, theta=estimate.theta + 5 * np.sqrt(2) * estimate.sd)
+    assert agreeing(estimate, (estimate, moved)).sd == pytest.approx(5 * estimate.sd, rel=1e-9)
+    near = replace(estimate, theta=estimate.theta + np.sqrt(2) * estimate.sd)
+    assert agreeing(estimate, (estimate, near)).sd == pytest.approx(estimate.sd, rel=1e-12)

@@ -145,9 +145,9 @@ def test_outside_the_speed_of_the_records_the_axis_is_marked_or_waits(
 ) -> None:
     """The record itself, beside thresholds whose records were slower."""
     text = as_toml(found)
-    (condition,) = tomllib.loads(text)["range"]
-    assert condition["condition"] == "rms speed"
-    assert 0 < condition["low"] < condition["high"]
+    condition, top = tomllib.loads(text)["range"]
+    assert (condition["condition"], top["condition"]) == ("rms speed", "top speed")
+    assert 0 == top["low"] < condition["low"] < condition["high"] < top["high"]
     slower = re.sub(r'(condition = "rms speed"\nlow = ).*\nhigh = .*', r"\g<1>0.01\nhigh = 0.02", text)
     (tmp_path / "demo.dbc").symlink_to(robot.parent / "demo.dbc")
     for thresholds, outside in ((text, False), (slower, True)):
