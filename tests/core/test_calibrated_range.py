@@ -99,6 +99,10 @@ def test_a_faster_program_with_longer_stops_is_outside_at_once() -> None:
     faster = CalibratedRange(known, tracker())
     assert not faster.take(moves(1.4, 0.4)).conditions[2:].any()
     assert any(words.startswith("top speed = ") for words in faster.outside)
+    slow = moves(1.0, 0.8)
+    later = faster.take(slow._replace(t_us=slow.t_us + 8000 * round(H * 1e6))).conditions
+    assert not later[0]
+    assert later[-1]  # the fast moves are forgotten
     wrong = moves(1.0, 0.8)
     wrong.y[[400, 900, 2600]] = 50.0, -50.0, 50.0
     tops = tracker().take(wrong)[:, 1]

@@ -492,5 +492,7 @@ def test_halves_that_agree_leave_the_standard_deviations(seed: int) -> None:
     assert agreeing(estimate, ()) is estimate
     moved = replace(estimate, theta=estimate.theta + 5 * np.sqrt(2) * estimate.sd)
     assert agreeing(estimate, (estimate, moved)).sd == pytest.approx(5 * estimate.sd, rel=1e-9)
-    near = replace(estimate, theta=estimate.theta + np.sqrt(2) * estimate.sd)
+    far = np.abs(moved.theta - estimate.theta) > 0.5 * np.abs(estimate.theta)
+    assert (agreeing(estimate, (estimate, moved)).words != estimate.words) == far.any()
+    near = replace(estimate, theta=estimate.theta + 0.5 * np.sqrt(2) * estimate.sd)
     assert agreeing(estimate, (estimate, near)).sd == pytest.approx(estimate.sd, rel=1e-12)
