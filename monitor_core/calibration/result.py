@@ -15,6 +15,8 @@ from monitor_core.wording import duration
 
 FOUND_SHARE = 0.9
 """A change counts as found if the detector finds it from this share of the onsets."""
+_LONGEST_S, _LONGER = 3.15576e9, "more than 100 years"
+"""Longer times between false alarms come from the tail of a fitted distribution, which no record supports."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,7 @@ class DetectorResult:
     @property
     def promise(self) -> str:
         """The false-alarm rate as a sentence."""
-        most, low, high = (duration(v) for v in self.between_s)
+        most, low, high = (duration(v) if v <= _LONGEST_S else _LONGER for v in self.between_s)
         return f"one false alarm in {most}, with 90 % certainty between one in {low} and one in {high}"
 
     def smallest(self, name: str) -> tuple[float | None, float | None]:
