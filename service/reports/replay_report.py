@@ -28,8 +28,9 @@ def print_text(replayed: Replayed, console: Console) -> None:
         for words in not_tested(axis):
             console.print(labelled("Not tested", words, "bold red"), soft_wrap=True)
     for axis in axes:
-        gated = axis.status.counters["gated"]
-        console.print(f"{axis.id}: {axis.status.samples} samples{f', {gated} of them gated' if gated else ''}")
+        samples, gated = axis.status.samples, axis.status.counters["gated"]
+        left_out = f", {percent(gated / samples)} of them excluded by operating conditions (gated)" if gated else ""
+        console.print(f"{axis.id}: {samples} samples{left_out}")
         if axis.snapshot.heat is not None:
             console.print(f"{axis.id}: {heat_words(axis.snapshot.heat)}")
     console.print(for_terminal(estimates(axes), "Estimates at the end"))

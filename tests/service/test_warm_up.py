@@ -435,8 +435,9 @@ def test_the_thermal_start_is_an_option_of_the_command_line(made: Made, tmp_path
     assert "no axis follows its heat" in refused("replay", record, "--config", shipped, "--thermal", "cold")
 
 
-def test_replay_reports_the_heat(made: Made) -> None:
+def test_replay_reports_the_heat_and_what_standing_excludes(made: Made) -> None:
     output = shown("replay", made.records[0], "--config", on_a_bus(made.config))
+    assert re.search(r"samples, \d\d % of them excluded by operating conditions \(gated\)", output)
     assert "cell1.axis1: its heat is " in output
     assert "No alarms." in output
 
