@@ -193,7 +193,7 @@ class IdentificationReport:
         if others:
             shown = listed([f"{w:+.2g}" for w in found.ambients[1:]])
             yield (
-                f"The records are of halls that are not as warm: {shown} W of heat, beside up to"
+                f"The halls of the records differ from that of the first, by {shown} W of heat, beside up to"
                 f" {found.model.largest:.2g} W by friction."
             )
 
