@@ -57,8 +57,11 @@ class Morning:
             self.monitor.batch.state.counts[USED, 0] += round(0.1 * taken.size / INTERVAL_S)
         self._t_us = int(t_us[-1]) + 100_000
 
-    def night(self) -> None:
+    def after_night(self, off: float) -> None:
+        """An evening of motion, and a night after which fm is off by so much."""
+        self.turn(2 * LOOK_S)
         self._t_us += round(14 * 3600e6)
+        self.off = off
 
     @property
     def thermal(self) -> ThermalState:
@@ -68,9 +71,7 @@ class Morning:
 
 def test_after_a_night_the_hall_is_observed_before_anything_is_tested(monkeypatch: pytest.MonkeyPatch) -> None:
     axis = Morning(monkeypatch)
-    axis.turn(2 * LOOK_S)
-    axis.night()
-    axis.off = 0.06 * FM  # of a hall that is colder by 6 W
+    axis.after_night(0.06 * FM)  # of a hall that is colder by 6 W
     axis.turn(0.5 * LOOK_S)
     known = [axis.thermal.known, bool(axis.monitor.batch.judged[0])]
     axis.turn(1.5 * LOOK_S)
@@ -83,9 +84,7 @@ def test_after_a_night_the_hall_is_observed_before_anything_is_tested(monkeypatc
 def test_a_fault_that_came_overnight_is_tested(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond what any hall explains, by three standard deviations: 24 W are 24 % of fm."""
     axis = Morning(monkeypatch)
-    axis.turn(2 * LOOK_S)
-    axis.night()
-    axis.off = 0.5 * FM
+    axis.after_night(0.5 * FM)
     axis.turn(2 * LOOK_S)
     assert axis.thermal.known
     assert abs(axis.thermal.ambient) < 1e-9
@@ -127,9 +126,7 @@ def test_an_observed_hall_is_less_certain_while_the_axis_warms_up(monkeypatch: p
     sds = list[float]()
     for off in (0.0, -0.12 * FM):
         axis = Morning(monkeypatch, replace(THERMAL, tau_s=60.0))
-        axis.turn(2 * LOOK_S)
-        axis.night()
-        axis.off = off
+        axis.after_night(off)
         axis.turn(1.6 * LOOK_S, 0.01)
         assert axis.thermal.known
         assert (axis.thermal.ambient > 8.0) == (off < 0)
@@ -153,9 +150,7 @@ def test_a_restart_in_a_motion_needs_no_new_observation(monkeypatch: pytest.Monk
 
 def test_beyond_the_heat_of_the_records_it_is_never_certain(monkeypatch: pytest.MonkeyPatch) -> None:
     axis = Morning(monkeypatch)
-    axis.turn(2 * LOOK_S)
-    axis.night()
-    axis.off = 0.15 * FM
+    axis.after_night(0.15 * FM)
     axis.turn(1.6 * LOOK_S, 0.01)
     assert axis.thermal.known
     beyond = -axis.thermal.heat
@@ -166,9 +161,7 @@ def test_beyond_the_heat_of_the_records_it_is_never_certain(monkeypatch: pytest.
 def test_the_trend_sees_what_is_taken_for_a_hall(monkeypatch: pytest.MonkeyPatch) -> None:
     """Worn friction is 6 % higher, one morning after months: the tests take that for a hall, the trend does not."""
     axis = Morning(monkeypatch)
-    axis.turn(2 * LOOK_S)
-    axis.night()
-    axis.off = 0.06 * FM
+    axis.after_night(0.06 * FM)
     axis.turn(2 * LOOK_S)
     left = (1.0, FM + axis.off)
     reading = EstimateReading(0, left, (0.0, 0.0), (True, True), 1.0, 0.0)

@@ -41,7 +41,7 @@ from monitor_core.identification.weight.pose_polynomials import (
     total,
     without_sign,
 )
-from monitor_core.identification.weight.weight_balance import WeightBalance
+from monitor_core.identification.weight.weight_balance import HalfEquations, WeightBalance
 
 MOST_AXES = 7
 """An arm of more axes is not looked for: the number of arms grows fivefold with each."""
@@ -51,8 +51,6 @@ _LEFT = 0.97
 """The weight of a further link must reduce the squared errors to this share."""
 _MOST_PRODUCTS = 5
 """Most products in a coupling, whose torque has several times as many; each is computed for each sample."""
-_DETERMINED = 1e-10
-"""Singular values of the normal equations below this share of the largest are left out."""
 
 
 class ArmJoint(NamedTuple):
@@ -148,11 +146,7 @@ class ChainBalance(WeightBalance):
         rows = np.column_stack([self.rows, *beside, *known.values()])
         self._usual = np.arange(self.rows.shape[1] + len(beside))
         self._at = {monomial: len(self._usual) + k for k, monomial in enumerate(known)}
-        size = np.sqrt((rows**2).sum(axis=0))
-        self._size = np.where(size > 0, size, 1.0)
-        rows = rows / self._size
-        halves = ((rows[half], self.torque[half]) for half in self.halves)
-        self._normal = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
+        self._normal, self._size = self.normal_equations(rows)
 
     def _products(
         self, begun: TurningProduct, values: Sequence[Floats], turned: Sequence[Sequence[tuple[Floats, Floats]]]
@@ -182,8 +176,8 @@ class ChainBalance(WeightBalance):
                 C[place[column], len(self._usual) + k] = c * self._size[column]
         C /= np.sqrt((C**2).sum(axis=0))
         square = np.ix_(used, used)
-        (G, b, yy), (G_, b_, yy_) = ((C.T @ G[square] @ C, b[used] @ C, yy) for G, b, yy in self._normal)
-        return _missed(G, b, G_, b_, yy_) + _missed(G_, b_, G, b, yy)
+        first, last = (HalfEquations(C.T @ G[square] @ C, b[used] @ C, yy) for G, b, yy in self._normal)
+        return last.missed_with(first) + first.missed_with(last)
 
     def loaded(self, chain: ArmChain) -> ArmChain:
         """The chain with the weight of its last link, if that reduces the error."""
@@ -211,12 +205,6 @@ class ChainBalance(WeightBalance):
                 energy = PoseEnergy((self._own, name), f"coupling {number}", products, self.arm, load)
                 if len(products) <= _MOST_PRODUCTS:
                     yield energy
-
-
-def _missed(G: Floats, b: Floats, G_: Floats, b_: Floats, yy_: float) -> float:
-    """The error of the second normal equations with values of the first."""
-    found = np.linalg.lstsq(G, b, rcond=_DETERMINED)[0]
-    return yy_ - float(2 * found @ b_ - found @ G_ @ found)
 
 
 def couplings(joints: Sequence[ArmJoint], first: int, last: int) -> Iterator[Polynomial]:

@@ -15,7 +15,7 @@ from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.torque_balance.torque_windows import WINDOWS, GridPart
 from monitor_core.identification.weight.arm_energies import Energy, Poses
 from monitor_core.identification.weight.pose_polynomials import PoseEnergy
-from monitor_core.identification.weight.weight_balance import MIN_INCREASE, WeightBalance
+from monitor_core.identification.weight.weight_balance import DETERMINED, MIN_INCREASE, WeightBalance
 
 _MOST_SUMS = 16
 _MAX_REMAINING = 0.95
@@ -25,8 +25,6 @@ _BY_CHANCE = 6.0
 are alike for some windows."""
 _CLEARLY_LESS = 0.95
 """A sum that was chosen before a later one is exchanged if another one leaves at most this share of the errors."""
-_DETERMINED = 1e-10
-"""Singular values of the normal equations below this share of the largest are left out."""
 _WELL_DETERMINED = 1e-6
 """Further energies are well determined if beside the others this share of their squares is left."""
 
@@ -134,13 +132,10 @@ class EnergyBalance(WeightBalance):
         poses = [Poses(part) for part in parts]
         columns = [self._energy_column(energy, own, poses) for energy in self.energies]
         rows = np.column_stack([self.rows, *further, *columns])
-        size = np.sqrt((rows**2).sum(axis=0))
-        rows = rows / np.where(size > 0, size, 1.0)
+        self._normal, _ = self.normal_equations(rows)
         self.given = len(further)
         """Number of further terms"""
         self._usual = self.rows.shape[1] + self.given
-        halves = ((rows[half], self.torque[half]) for half in self.halves)
-        self._normal = [(X.T @ X, X.T @ y, float(y @ y)) for X, y in halves]
         by_sum = dict[object, list[int]]()
         for index, energy in enumerate(self.energies):
             by_sum.setdefault(energy.of_same_sum, []).append(index)
@@ -176,7 +171,7 @@ class EnergyBalance(WeightBalance):
         used = np.concatenate([np.arange(self._usual), self._usual + np.array(chosen, np.int64)])
         missed = np.zeros(len(self.same_sum))
         for (G, b, _), (G_, b_, yy) in (self._normal, self._normal[::-1]):
-            base = np.linalg.lstsq(G[np.ix_(used, used)], np.column_stack([b, G])[used], rcond=_DETERMINED)[0]
+            base = np.linalg.lstsq(G[np.ix_(used, used)], np.column_stack([b, G])[used], rcond=DETERMINED)[0]
             for places, columns in self._alike:
                 X = base[:, 1 + columns].transpose(1, 0, 2)  # (places, used, energies of a place)
                 own = columns[:, :, np.newaxis], columns[:, np.newaxis]
@@ -204,12 +199,8 @@ class EnergyBalance(WeightBalance):
         """
         usual = np.delete(np.arange(self._usual), self.rows.shape[1] + np.array(without, np.int64))
         used: Ints = np.concatenate([usual, self._usual + np.array(chosen, np.int64)])
-        square = np.ix_(used, used)
-        missed = 0.0
-        for (G, b, _), (G_, b_, yy) in (self._normal, self._normal[::-1]):
-            found = np.linalg.lstsq(G[square], b[used], rcond=_DETERMINED)[0]
-            missed += yy - float(2 * found @ b_[used] - found @ G_[square] @ found)
-        return missed
+        first, last = (half.of_columns(used) for half in self._normal)
+        return last.missed_with(first) + first.missed_with(last)
 
     def _energy_column(self, energy: AnyEnergy, own: str, poses: Sequence[Poses]) -> Floats:
         """The integrals (M,) of the torque of this energy."""

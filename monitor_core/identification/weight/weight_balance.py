@@ -6,12 +6,15 @@ in windows (torque_windows.py).  ``arm_links`` chooses the sums of angles s_i, `
 ``turning_weight`` the unit of the angle.
 """
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Bools, Floats
+from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import (
@@ -41,8 +44,30 @@ MOST_OTHERS = 2
 """Other angles in the sum of a weight: shoulder, elbow and a wrist that bends in the same plane."""
 MIN_INCREASE = 1.02
 """A single cosine or sine is kept if the squared errors grow by at least this factor without it."""
+DETERMINED = 1e-10
+"""Singular values of the normal equations below this share of the largest are left out."""
 _LEAST_WINDOWS = 20
 """Least number of windows in all records; fewer do not distinguish the terms of a weight."""
+
+
+class HalfEquations(NamedTuple):
+    """The normal equations of one half of the windows, from which trials of few columns are solved fast."""
+
+    G: Floats
+    """X'X (n, n)"""
+    b: Floats
+    """X'y (n,)"""
+    yy: float
+    """y'y"""
+
+    def of_columns(self, used: Ints) -> HalfEquations:
+        """Those of some columns."""
+        return HalfEquations(self.G[np.ix_(used, used)], self.b[used], self.yy)
+
+    def missed_with(self, fitted: HalfEquations) -> float:
+        """Sum of the squared errors of these equations with the values that solve the fitted ones."""
+        theta = np.linalg.lstsq(fitted.G, fitted.b, rcond=DETERMINED)[0]
+        return self.yy - float(2 * theta @ self.b - theta @ self.G @ theta)
 
 
 class WeightBalance:
@@ -69,6 +94,13 @@ class WeightBalance:
     def share_explained(self, missed: float) -> float:
         """Share of the torque about its mean that is explained where ``missed`` is the sum of the squared errors."""
         return 1 - float(np.sqrt(missed / self.spread)) if self.spread > 0 else 0.0
+
+    def normal_equations(self, rows: Floats) -> tuple[tuple[HalfEquations, HalfEquations], Floats]:
+        """Those of each half for columns (M, n) that are divided by their sizes, and these sizes (n,)."""
+        size = column_sizes(rows)
+        scaled = rows / size
+        first, last = (_half_equations(scaled[half], self.torque[half]) for half in self.halves)
+        return (first, last), size
 
     def column(self, values: Iterable[Floats]) -> Floats:
         """A further column (M,): the integrals of values (N,) of each part."""
@@ -107,14 +139,23 @@ class WeightBalance:
     def _solved(self, columns: Sequence[Floats], part: slice) -> Floats:
         """Values of the usual terms and of further columns, by this part of the equations."""
         rows = np.column_stack([self.rows, *columns])
-        size = np.sqrt((rows**2).sum(axis=0))
-        scale = np.where(size > 0, size, 1.0)
+        scale = column_sizes(rows)
         return np.asarray(np.linalg.lstsq(rows[part] / scale, self.torque[part])[0] / scale)
 
     def missed(self, columns: Sequence[Floats], fitted: slice = slice(None), judged: slice = slice(None)) -> float:
         """Sum of squares that further columns leave of the torque, in the judged windows with values of the fitted."""
         missed = residual_torque(np.column_stack([self.rows, *columns]), self.torque, fitted, judged)
         return float(missed @ missed)
+
+
+def column_sizes(rows: Floats) -> Floats:
+    """Root of the sum of squares of each column (n,); 1 for a column of zeros."""
+    size = np.sqrt((rows**2).sum(axis=0))
+    return np.where(size > 0, size, 1.0)
+
+
+def _half_equations(X: Floats, y: Floats) -> HalfEquations:
+    return HalfEquations(X.T @ X, X.T @ y, float(y @ y))
 
 
 def with_torque_of_links(records: Sequence[Record], terms: Sequence[str]) -> list[Record]:
