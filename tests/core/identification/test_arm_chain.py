@@ -145,6 +145,28 @@ def test_no_chain_of_two_or_more_than_seven_axes(rng: Generator) -> None:
         assert weights <= {"cos(q2 + q3)", "sin(q2 + q3)"}
 
 
+def test_a_chain_has_the_weights_that_were_found_and_couplings_to_each_other_axis(rng: Generator) -> None:
+    axes, own = 5, 3
+    arm = Arm(rng, axes)
+    q = motion(rng, axes, 300.0)
+    while np.ptp(arm.weight(own, q)) < 2.0:
+        arm = Arm(rng, axes)
+    balance = balance_of([record(rng, own, arm.weight(own, q), q)], own, axes)
+    chain = arm_chain(balance)
+    assert chain is not None
+    energies = balance.energies(chain, "load")
+    assert {energy.load for energy in energies} == {"load"}
+    assert [e.products for e in energies if not e.axes] == [products for link in chain.weights for products in link]
+    coupled = [energy for energy in energies if energy.axes]
+    others = {name for k, name in enumerate(names(axes)[: len(chain.joints)]) if k != own}
+    assert {energy.axes for energy in coupled} == {("q4", name) for name in others}
+    assert len({(energy.axes, energy.products) for energy in coupled}) == len(coupled)
+    for k, name in enumerate(names(axes)):
+        if name in others:
+            known = set(map(without_sign, couplings(chain.joints, *sorted((k, own)))))
+            assert {energy.products for energy in coupled if energy.axes[1] == name} <= known
+
+
 @pytest.mark.parametrize("joint", [ArmJoint(d, opposite) for d in range(3) for opposite in (False, True)])
 def test_a_joint_turns_about_its_direction(joint: ArmJoint, rng: Generator) -> None:
     """Lengths and angles stay, and so does the component along the axis; the reverse is the transposed matrix."""
