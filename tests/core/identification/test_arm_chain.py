@@ -181,10 +181,16 @@ def test_a_joint_turns_about_its_direction(joint: ArmJoint, rng: Generator) -> N
 
 @pytest.mark.parametrize(("first", "last"), [(0, 1), (1, 2), (1, 4), (0, 4)])
 def test_the_couplings_contain_the_inertia_matrix(first: int, last: int, rng: Generator) -> None:
+    """Of many arms, as in most of them some terms are zero."""
+    for _ in range(40):
+        contain_the_inertia_matrix(first, last, rng)
+
+
+def contain_the_inertia_matrix(first: int, last: int, rng: Generator) -> None:
     """That of a mass in the link after joint ``last``, or beyond it, by the derivatives of its place."""
     joints = [ArmJoint(2, False), *(ArmJoint(int(rng.integers(3)), bool(rng.integers(2))) for _ in range(4))]
     lengths, end = rng.uniform(-0.5, 0.5, (5, 3)), rng.uniform(-0.3, 0.3, 3)
-    q = rng.uniform(-np.pi, np.pi, (5, 3000))
+    q = rng.uniform(-np.pi, np.pi, (5, 1000))
 
     def place(q: Floats, lengths: Floats, link: int) -> Floats:
         found = np.tile(end, (q.shape[1], 1))
@@ -206,7 +212,7 @@ def test_the_couplings_contain_the_inertia_matrix(first: int, last: int, rng: Ge
         [_values(p, q) for p in dict.fromkeys(map(without_sign, couplings(joints, first, last))) if p]
     )
     rest = true - columns @ np.linalg.lstsq(columns, true)[0]
-    assert np.std(rest) < 1e-5 * np.std(true)
+    assert np.std(rest) < 1e-5 * max(float(np.std(true)), 1e-3)
 
 
 @pytest.mark.parametrize("axes", [(), ("q2", "q1"), ("q2", "q3"), ("q1", "q1"), ("q1", "q3")])
