@@ -143,6 +143,12 @@ def _from_table(record: Path, output: Path) -> None:
             f"no torque and motion of an axis in {record}; its columns are {', '.join(columns)}{still}"
             f"{apart and '; '}{apart}{fault}"
         )
+    if all(axis.apart for axis in found.axes):
+        torque, motion = found.axes[0].torque.name, found.axes[0].motion.name
+        raise RecordError(
+            f"{record}: {torque} and {motion} are hardly ever in the same row, but a sample needs both; export all"
+            " columns with a common interval"
+        )
     unused = [f"not used: {', '.join(filter(None, found.unused))}"] if any(found.unused) else []
     alone = (f"{name} is a torque without its motion: add its axis to {output}" for name in found.alone)
     not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))

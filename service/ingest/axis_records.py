@@ -193,6 +193,8 @@ def no_samples_words(path: Path, config: Config, axis: NamedAxis, dropped: Mappi
     if not is_table(path) and (words := absence_words(path, config, axis)):
         return words
     lost = ", ".join(f"{count} {reason}" for reason, count in dropped.items() if count)
+    if is_table(path) and dropped.get("not_finite"):
+        lost += f", as no two rows have both torque and {axis.config.output}: export them with a common interval"
     return f"dropped: {lost or 'nothing'}"
 
 

@@ -169,6 +169,7 @@ def _axis(pair: SignalPair, kinds: Mapping[str, str], units: Mapping[str, str]) 
         fastest=pair.fastest,
         better=pair.better,
         exchanged=pair.exchanged,
+        apart=pair.apart,
     )
 
 

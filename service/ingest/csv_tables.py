@@ -1,4 +1,4 @@
-"""CSV tables, with one row for each time, or with one row for each time and each signal or axis.
+"""CSV tables.
 
 A date with a time of day is read as seconds since 1970, in UTC if it names no time zone.
 """
@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
-from itertools import product
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
@@ -20,15 +18,11 @@ from monitor_core.arrays import Floats
 from service.can.user_errors import RecordError, too_many
 from service.ingest.roles_by_name import role_of
 from service.ingest.table_cells import is_number, plain, seconds_of
-from service.ingest.table_head import read_head
+from service.ingest.table_head import UNIT_NAMES, read_head
 
 ROWS = 8192
 """Rows of a block"""
 _BLOCK_BYTES = 1 << 20
-_MOST_SIGNALS = 1000
-_MAX_LONE_SHARE = 0.5
-"""If more than this share of the times has one signal only, each signal has its own times"""
-_UNIT_NAMES = ("unit", "units", "einheit")
 _EMPTY = ["", "NA", "N/A", "#N/A", "null", "NULL", "NaN", "nan"]
 
 
@@ -80,11 +74,11 @@ class CsvTable:
         """The columns of dates or times of day"""
         self._flags = self._head.flags(self.names)
         self.keys = self._head.keys({*self.dates, *(name for name in self.names if role_of(name) == "time")})
-        """If a time has several rows: the columns with the time and with the name of the signal or axis; otherwise
+        """If a time has several rows: the columns with the time, and with the names of signals and axes; otherwise
         None"""
         self.texts = [name for name in self.names if self.keys and self._head.is_text(name)]
         """If a time has several rows: the columns of texts"""
-        self.unit = next((name for name in self.texts if name.lower() in _UNIT_NAMES), None)
+        self.unit = next((name for name in self.texts if name.lower() in UNIT_NAMES), None)
         """If a time has several rows: the column of units"""
         self.labels: dict[str, float] = {}
         """The numbers that ``rows`` returns for texts in the columns of names and units"""
@@ -162,13 +156,18 @@ class CsvTable:
             reader = csv.reader(lines, delimiter=self._head.delimiter, skipinitialspace=spaced)
             before: tuple[int, list[str]] | None = None
             for row in reader:
-                if not row or reader.line_num <= self._head.lines:
+                if not row or reader.line_num <= self._head.lines or self._is_head(row):
                     continue
                 if before is not None:
                     yield *before, False
                 before = reader.line_num, row
             if before is not None:
                 yield *before, cut
+
+    def _is_head(self, row: Sequence[str]) -> bool:
+        """Whether a line is a remark, or has the names of the columns again, above a further series of a database."""
+        again = self.keys is not None and row[-1] == self.names[-1] and row[1:] == list(self.names[1:])
+        return row[0].startswith("#") or again
 
     def _reader(self, file: BinaryIO, names: Sequence[str]) -> pc.CSVStreamingReader:
         return pc.open_csv(
@@ -209,7 +208,7 @@ class CsvTable:
         return name in self.dates or name in self._flags or self._is_key(name)
 
     def _is_key(self, name: str) -> bool:
-        return self.keys is not None and name in (self.keys[1], self.unit)
+        return self.keys is not None and name in (*self.keys.names, self.unit)
 
     def _number(self, name: str, cell: str) -> float:
         if cell in _EMPTY:
@@ -250,67 +249,3 @@ def numbers(column: pa.Array[Any]) -> Floats:
         column, scale = column.cast(pa.timestamp("ns", column.type.tz)).cast(pa.int64()), 1e-9
     found = column.cast(pa.float64(), safe=False)
     return scale * np.asarray(found.to_numpy(zero_copy_only=False), np.float64)
-
-
-class LongTable:
-    """A CSV file with a row for each time and each signal or axis, read as if it had one row for each time.
-
-    The columns are the signals.  If a row holds several numbers of an axis, they are called torque_A1, angle_A1.
-    """
-
-    has_names = True
-
-    def __init__(self, path: Path, table: CsvTable, time: str, key: str) -> None:
-        self._path, self._table, self._time, self._key = path, table, time, key
-        self._units: dict[str, str] = {}
-        self.taken = (*table.taken, f'a "{time}" has a row for each "{key}"')
-
-    @property
-    def left_out(self) -> Sequence[str]:
-        """See CsvTable."""
-        return self._table.left_out
-
-    @property
-    def names(self) -> Sequence[str]:
-        """The time, and the columns made from the rows of each time."""
-        return tuple(self._columns)
-
-    @property
-    def units(self) -> Mapping[str, str]:
-        """Units of the columns by name, if the rows have them."""
-        return self._units if self._columns else {}
-
-    def rows(self, names: Sequence[str]) -> Iterator[CsvRows]:
-        """See CsvTable."""
-        return in_blocks({name: self._columns[name] for name in names})
-
-    @cached_property
-    def _columns(self) -> Mapping[str, Floats]:
-        left = {self._time, self._key, *self._table.texts, *self._table.dates}
-        values = [name for name in self._table.names if name not in left]
-        wanted = [self._time, self._key, *values, *filter(None, [self._table.unit])]
-        blocks = [rows.columns for rows in self._table.rows(wanted)]
-        read = {name: np.concatenate([np.zeros(0), *(block[name] for block in blocks)]) for name in wanted}
-        texts = {code: text for text, code in self._table.labels.items()}
-        signals = [code for code in texts if (read[self._key] == code).any()]
-        if len(signals) > _MOST_SIGNALS:
-            raise RecordError(f'{self._path}: {len(signals)} signals, by their names in column "{self._key}"')
-        # Keep the order of the file, as times of day restart at midnight.
-        _, first, number, counts = np.unique(
-            read[self._time], return_index=True, return_inverse=True, return_counts=True
-        )
-        if len(values) == 1 and len(signals) > 1 and np.mean(counts == 1) > _MAX_LONE_SHARE:
-            raise RecordError(
-                f'{self._path}: each "{self._key}" has times of its own, so that torque and motion are not of one'
-                " time; export them with a common interval"
-            )
-        row = np.argsort(np.argsort(first))[number]
-        columns = {self._time: read[self._time][np.sort(first)]}
-        for value, code in product(values, signals):
-            mine, column = read[self._key] == code, np.full(len(first), np.nan)
-            column[row[mine]] = read[value][mine]
-            name = texts[code] if len(values) == 1 else f"{value}_{texts[code]}"
-            columns[name] = column
-            if self._table.unit is not None and len(values) == 1:
-                self._units[name] = texts.get(read[self._table.unit][mine][0], "")
-        return columns

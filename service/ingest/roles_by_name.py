@@ -45,11 +45,19 @@ MEASURED = {
     *("act", "actual", "measured", "meas", "fb", "feedback"),
     *("ist", "istwert", "estimate", "estimated", "value"),
 }
+_AXIS = {"axis", "joint", "motor", "drive", "achse", "node", "robot"}
 _ANY = {
-    *("axis", "joint", "motor", "drive", "achse", "node", "robot", "data", "message", "msg", "signal"),
+    *_AXIS,
+    *("data", "message", "msg", "signal"),
     *("pdo", "tpdo", "rpdo", "get", "set", "status", "state", "mode", "feed", "back", "filtered", "raw"),
 }
 """Words that do not distinguish axes"""
+
+
+def is_axis(name: str) -> bool:
+    """Whether a column has the number of an axis, by its name."""
+    words = {*words_in(name)} - {"id", "nr", "no", "number"}
+    return bool(words) and words <= _AXIS
 
 
 def words_in(name: str) -> list[str]:

@@ -31,6 +31,8 @@ _MIN_SIGN_GAIN = 0.2
 """A torque of the wrong sign is preferred only if it is explained better by this share."""
 SURE, LIKELY = 0.6, 0.2
 """A pair of torque and motion is sure, or likely, if a rigid mass explains at least this share of the torque."""
+_TOGETHER = 0.1
+"""Torque and motion have times of their own if a smaller share of the rows with one of them has both"""
 _EXCHANGED = 0.4
 """Share of a torque by which the motion of another axis explains more of it than that of its own, if columns have been
 exchanged: axes that move at the same time explain some of each other's torques."""
@@ -59,6 +61,8 @@ class SignalPair(NamedTuple):
     """The two columns; None: they have hardly a row in common"""
     exchanged: float | None = None
     """Share of the torque that a rigid mass explains if torque and motion change places; None: they need not"""
+    apart: bool = False
+    """Whether the two columns hardly ever have values in the same row"""
 
 
 def axes_by_values(values: Mapping[str, Floats], t: Floats | None, named: Mapping[str, Named]) -> list[SignalPair]:
@@ -209,9 +213,9 @@ def _pair(columns: NamedColumns, torque: str, motion: str, output: Literal["angl
     """Two columns as torque and motion of an axis; rows whose time is not after those above are left out."""
     values, t, named = columns
     u, y = values[torque], values[motion]
-    good = np.isfinite(u) & np.isfinite(y)
+    both = np.isfinite(u) & np.isfinite(y)
     times = np.asarray(np.arange(u.size) * 1e-3 if t is None else t - t[0], np.float64)
-    good &= np.isfinite(times)
+    good = both & np.isfinite(times)
     good[1:] &= times[1:] > np.maximum.accumulate(np.where(np.isfinite(times), times, -np.inf))[:-1]
     explained, turned, fastest = 0.0, False, None
     period, record = None, None
@@ -224,8 +228,18 @@ def _pair(columns: NamedColumns, torque: str, motion: str, output: Literal["angl
         turned = (named[torque].role != "" or explained > LIKELY - _ABOUT) and has_wrong_sign(record)
         fastest = None if t is None else _fastest(record)
     number = named[torque].number or named[motion].number
+    apart = bool(np.sum(both) < _TOGETHER * np.sum(np.isfinite(u) | np.isfinite(y)))
     return SignalPair(
-        axis_name(number), torque, motion, output, explained, turned, period, fastest=fastest, record=record
+        axis_name(number),
+        torque,
+        motion,
+        output,
+        explained,
+        turned,
+        period,
+        fastest=fastest,
+        record=record,
+        apart=apart,
     )
 
 

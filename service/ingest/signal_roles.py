@@ -76,7 +76,7 @@ class AxisRoles(NamedTuple):
     bunched: bool = False
     """Whether its frames are received in bunches"""
     apart: bool = False
-    """Whether torque and motion come at different rates"""
+    """Whether torque and motion come at different rates or times"""
     explained: float | None = None
     """Share of the torque that a rigid mass with this motion explains; None: no values were compared"""
     rivals: tuple[str, ...] = ()
@@ -311,5 +311,6 @@ def summary(axes: Sequence[AxisRoles]) -> Iterator[str]:
         elif axis.better is not None:
             words += f"; {axis.better[0]} explains {100 * axis.better[1]:.0f} % of it: are two columns exchanged?"
         if axis.apart:
-            words += "; torque and motion come at different rates, but a sample needs both: send them at one rate"
+            words += "; torque and motion come at different rates or times, but a sample needs both: "
+            words += "send them at one rate" if axis.torque.message else "export them with a common interval"
         yield words

@@ -17,7 +17,8 @@ from scipy.io.matlab import MatReadError
 from monitor_core.arrays import Floats
 from monitor_core.wording import did_you_mean
 from service.can.user_errors import RecordError
-from service.ingest.csv_tables import ROWS, CsvRows, CsvTable, LongTable, in_blocks, numbers
+from service.ingest.csv_tables import ROWS, CsvRows, CsvTable, in_blocks, numbers
+from service.ingest.long_tables import LongTable
 
 _TEXTS = (".csv", ".txt", ".tsv", ".dat", ".lvm")
 TABLE_SUFFIXES = (*_TEXTS, ".parquet", ".mat")
@@ -33,7 +34,7 @@ def open_table(path: Path) -> TableFile:
     """
     if path.suffix.lower() in _TEXTS:
         table = CsvTable(path)
-        return table if table.keys is None else LongTable(path, table, *table.keys)
+        return table if table.keys is None else LongTable(path, table, table.keys)
     return ParquetTable(path) if path.suffix.lower() == ".parquet" else MatTable(path)
 
 

@@ -7,11 +7,12 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import islice, takewhile
+from itertools import combinations, islice, takewhile
 from pathlib import Path
 from typing import NamedTuple
 
 from service.can.user_errors import RecordError
+from service.ingest.roles_by_name import is_axis
 from service.ingest.table_cells import DAY, FLAGS, GROUPED, HALF_DAY, OTHER_MARK, is_date, is_number_or_date
 
 _SAMPLE_LINES = 300
@@ -25,6 +26,20 @@ _FEWEST_TIMES = 3
 _MONTHS = 12
 _CONTROL = re.compile(r"[\x00-\x08\x0e-\x1f\ufffd]")
 _REMARK = ("#", "%")
+_INFLUX_OTHERS = {"_time", "_value", "_start", "_stop", "result", "table"}
+"""Columns of InfluxDB that name no signal"""
+UNIT_NAMES = ("unit", "units", "einheit")
+"""Names of a column of units"""
+
+
+class LongKeys(NamedTuple):
+    """The columns of a table with a row for each time and each signal or axis."""
+
+    time: str
+    names: tuple[str, ...]
+    """Those that name the signal or axis, and perhaps others of texts"""
+    value: str | None = None
+    """That of the numbers; None: all others"""
 
 
 class Head(NamedTuple):
@@ -95,26 +110,47 @@ class Head(NamedTuple):
         """The columns that hold TRUE and FALSE in the first rows."""
         return {name for row in self.sample for name, cell in zip(names, row, strict=False) if cell.lower() in FLAGS}
 
-    def keys(self, times: Collection[str]) -> tuple[str, str] | None:
-        """If a time has a row for each signal or axis: the columns with the time and with their names; otherwise None.
+    def keys(self, times: Collection[str]) -> LongKeys | None:
+        """The columns with the time and the names if a time has a row for each signal or axis; otherwise None.
 
         ``times``: columns that may be the time.  The rows are sorted by time, or by signal: then only one column
-        besides the time has numbers, and at least one has texts.
+        besides the time and the number of the axis has numbers, and at least one has texts.
         """
         cells_of = zip(*(row for row in self.sample if len(row) == self.width), strict=True)
         columns = dict(zip(self.names or (), cells_of, strict=False))
+        if columns.keys() >= {"_time", "_field", "_value"}:
+            tags = (name for name in columns if name and not name[:1].isdigit() and name not in _INFLUX_OTHERS)
+            return LongKeys("_time", tuple(tags), "_value")
         for time in (name for name in columns if name in times):
             cells = columns[time]
             ends = [k for k in range(1, len(cells)) if cells[k] != cells[k - 1]]
             size = ends[0] if len(ends) >= _FEWEST_TIMES else 1
             if size > 1 and ends == list(range(size, len(cells), size)):
-                for key, names in columns.items():
-                    each = {tuple(sorted(names[end - size : end])) for end in ends}
-                    if len(each) == 1 and len(set(*each)) == size:
-                        return time, key
+                groups = {name: [cells[end - size : end] for end in ends] for name, cells in columns.items()}
+                if (names := self._distinct_in_each(groups, size)) is not None:
+                    return LongKeys(time, names)
             texts = [name for name in columns if name != time and self.is_text(name)]
-            if texts and len(columns) - len(texts) == 2:
-                return time, max(texts, key=lambda name: len(set(columns[name])))
+            numbers = [name for name in columns if name != time and len(set(columns[name])) == 1 and is_axis(name)]
+            if texts and len({*columns} - {*texts, *numbers}) == 2:
+                return LongKeys(
+                    time, tuple(n for n in columns if n in {*texts, *numbers} and n.lower() not in UNIT_NAMES)
+                )
+        return None
+
+    def _distinct_in_each(self, groups: Mapping[str, Sequence[Sequence[str]]], size: int) -> tuple[str, ...] | None:
+        """A column, or two of which one has texts, with the same cells in all groups of ``size`` rows, no cell twice.
+
+        ``groups``: cells of the rows of each group, by column.
+        """
+        same = [name for name, cells in groups.items() if len({tuple(sorted(group)) for group in cells}) == 1]
+        alone = ((name,) for name in same)
+        two = (pair for pair in combinations(same, 2) if any(map(self.is_text, pair)))
+        for names in (*alone, *two):
+            each = {
+                frozenset(zip(*group, strict=True)) for group in zip(*(groups[name] for name in names), strict=True)
+            }
+            if len(each) == 1 and len(next(iter(each))) == size:
+                return names
         return None
 
     def is_text(self, name: str) -> bool:

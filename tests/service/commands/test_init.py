@@ -13,7 +13,7 @@ import pytest
 from service.config import AxisConfig, load
 from service.ingest.roles_by_name import axis_number, role_of
 from tests import golden
-from tests.service.command_line import axiswatch, session, shown
+from tests.service.command_line import axiswatch, refused, session, shown
 from tests.service.commands.commissioning.two_mass_tables import read_rows, table, write_rows
 
 
@@ -388,6 +388,32 @@ def test_times_that_are_no_seconds(record: Path, times: str, words: str) -> None
     assert words in shown("init", record)
     first, _ = proposed()
     assert first.time.column is None or (first.time.factor, first.sample_interval_s) == (1e-9, 0.005)
+
+
+def test_torque_and_motion_in_rows_of_their_own(record: Path) -> None:
+    """As two subscriptions of OPC UA are joined: the proposal, and a record of what was proposed before."""
+    shown("init", record)
+    head, *rows = record.read_text(encoding="utf-8").splitlines()
+    cells = (row.split(",") for row in rows)
+    apart = [row for t, u, y, *_ in cells for row in (f"{float(t)},{u},,,", f"{float(t) + 0.002},,{y},,")]
+    record.write_text("\n".join([head, *apart]) + "\n", encoding="utf-8")
+    text = refused("init", record, "--force")
+    assert "A1_Trq and A1_Pos are hardly ever in the same row" in text
+    assert "export all columns with a common interval" in text
+    text = refused("identify", record, "--config", "axis.toml", "--axis", "axis1")
+    assert "0 samples of axis robot1.axis1 in it; dropped: " in text
+    assert "as no two rows have both torque and angle: export them with a common interval" in text
+
+
+def test_rows_in_which_a_few_values_lack_are_no_rows_of_their_own(record: Path) -> None:
+    """As values that are written only when they change: one of five rows has both."""
+    head, *rows = record.read_text(encoding="utf-8").splitlines()
+    cells = [row.split(",") for row in rows]
+    gaps = [[t, u, y if k % 5 == 0 else "", *rest] for k, (t, u, y, *rest) in enumerate(cells)]
+    record.write_text("\n".join([head, *map(",".join, gaps)]) + "\n", encoding="utf-8")
+    text = shown("init", record)
+    assert "axis1: torque A1_Trq, angle A1_Pos" in text
+    assert "common interval" not in text
 
 
 # --- Units, wraps and sides of the gear -------------------------------------------------------------------------------

@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from service.can.user_errors import RecordError
-from service.ingest.csv_tables import CsvTable, LongTable
+from service.ingest.csv_tables import CsvTable
 from service.ingest.table_cells import seconds_of
-from service.ingest.table_files import MatTable, open_table
+from service.ingest.table_files import MatTable
 from service.ingest.table_head import head_of
 
 ROWS = ["0.000,1.5,2.5", "0.005,1.6,2.6", "0.010,1.7,2.7"]
@@ -172,66 +171,6 @@ def test_separators_of_thousands(tmp_path: Path, cells: list[str], numbers: list
     assert [v for rows in read.rows(["u"]) for v in rows.columns["u"].tolist()] == numbers
     assert read.left_out == []
     assert [words.partition(";")[0] for words in read.taken] == taken
-
-
-ROWS_OF_TIMES = [f"{3 * k + n},{k},{name},{k * n % 7}" for k in range(5) for n, name in enumerate("ABC")]
-
-
-@pytest.mark.parametrize(
-    ("head", "rows", "names"),
-    [
-        ("nr,t,axis,u", ROWS_OF_TIMES, ("t", "nr_A", "nr_B", "nr_C", "u_A", "u_B", "u_C")),
-        ("t,name,u", [row.partition(",")[2] for row in ROWS_OF_TIMES], ("t", "A", "B", "C")),
-        ("t,name,unit,u", [row.partition(",")[2].replace("A", "A,s") for row in ROWS_OF_TIMES[::3]], ("t", "A")),
-        ("x,axis,y,u", ROWS_OF_TIMES, None),
-        ("t,u,y", ROWS, None),
-    ],
-)  # fmt: skip
-@pytest.mark.parametrize("by_name", [False, True])
-def test_rows_for_each_time_and_signal(
-    tmp_path: Path, head: str, rows: list[str], names: tuple[str, ...] | None, by_name: bool
-) -> None:
-    """By the times; a single number of each row also by the names, as a melted table has it."""
-    if by_name and head.count(",") == 2:
-        rows = sorted(rows, key=lambda row: row.split(",")[1])
-    (tmp_path / "a.csv").write_text("\n".join([head, *rows]) + "\n", encoding="utf-8")
-    read = open_table(tmp_path / "a.csv")
-    assert isinstance(read, LongTable) == (names is not None)
-    assert tuple(read.names) == (names or tuple(head.split(",")))
-    if names is not None and "C" in names[-1]:
-        (columns,) = read.rows(names)
-        assert columns.columns["t"].tolist() == [0, 1, 2, 3, 4]
-        assert columns.columns[names[-1]].tolist() == [0, 2, 4, 6, 1]
-
-
-def test_dates_beside_the_times_of_signals_are_no_signals(tmp_path: Path) -> None:
-    """As WinCC writes them, by the second."""
-    lines = [f"{name};2.3.2026 08:00:0{k // 3};{k};{100 * k}" for k in range(6) for name in ("M1", "q1")]
-    (tmp_path / "a.csv").write_text("\n".join(["name;date;value;ms", *lines]) + "\n", encoding="utf-8")
-    assert tuple(open_table(tmp_path / "a.csv").names) == ("ms", "M1", "q1")
-
-
-def test_units_of_signals_in_a_column(tmp_path: Path) -> None:
-    lines = [f"{k},{name},{unit},{k}" for k in range(5) for name, unit in (("M1", "Nm"), ("n1", "rpm"), ("s", ""))]
-    (tmp_path / "a.csv").write_text("\n".join(["t,name,unit,value", *lines]) + "\n", encoding="utf-8")
-    assert dict(open_table(tmp_path / "a.csv").units) == {"M1": "Nm", "n1": "rpm", "s": ""}
-
-
-def test_signals_with_times_of_their_own_are_refused(tmp_path: Path) -> None:
-    lines = [f"{k + shift},{name},{k}" for k in range(9) for name, shift in (("M1", 0.0), ("n1", 0.5))]
-    (tmp_path / "a.csv").write_text("\n".join(["t,name,value", *lines]) + "\n", encoding="utf-8")
-    with pytest.raises(RecordError, match='each "name" has times of its own'):
-        _ = open_table(tmp_path / "a.csv").names
-
-
-def test_a_value_that_lacks_at_a_time(tmp_path: Path) -> None:
-    """Times of day go on past midnight, in the order of the file."""
-    lines = ["23:59:59,A,1", "23:59:59,B,2", "00:00:00,A,3", "00:00:01,A,5", "00:00:01,B,6"]
-    (tmp_path / "a.csv").write_text("\n".join(["Time,name,value", *lines]) + "\n", encoding="utf-8")
-    (rows,) = open_table(tmp_path / "a.csv").rows(["Time", "A", "B"])
-    assert rows.columns["Time"].tolist() == [86399, 0, 1]
-    assert rows.columns["A"].tolist() == [1, 3, 5]
-    np.testing.assert_array_equal(rows.columns["B"], [2, np.nan, 6])
 
 
 def test_columns_of_a_matrix(tmp_path: Path) -> None:
