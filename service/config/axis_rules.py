@@ -156,6 +156,14 @@ def off_delay(axis: AxisConfig) -> Iterator[CheckFinding]:
         yield CheckFinding(("alarms", "off_delay_s"), message)
 
 
+def allowance_of_models(axis: AxisConfig) -> Iterator[CheckFinding]:
+    """The multi-model detector waits beyond the heat of the records, so the axis would not be tested there."""
+    detector = axis.detector
+    if detector.alarm_source == "multimodel" and detector.outside_calibration == "widen":
+        message = 'is not for alarm_source = "multimodel", whose allowance is fixed: remove one of the two'
+        yield CheckFinding(("detector", "outside_calibration"), message)
+
+
 # --- A CANopen drive: the values that determine its units are given, not guessed --------------------------------------
 
 
@@ -221,6 +229,7 @@ AXIS_RULES = (
     initial_p,
     alarm_names,
     off_delay,
+    allowance_of_models,
     torque_of_drive,
     motion_of_drive,
 )

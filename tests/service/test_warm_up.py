@@ -115,7 +115,7 @@ def test_the_cusum_tests_follow_the_hall_beyond_the_records_unless_the_axis_wait
         (hall, {}, True),
         (hall, {"outside_calibration": "wait"}, False),
         (hall, {"alarm_source": "multimodel"}, False),
-        (hall, {"alarm_source": "multimodel", "outside_calibration": "widen"}, True),
+        (alone, {"outside_calibration": "widen"}, True),
         (alone, {}, False),
     ):
         margins = {schedule.margin for schedule in conditions_of(with_detector(axis, **keys)).schedules}
