@@ -21,7 +21,7 @@ from service.config.axis_settings import (
     unidentifiable_pairs,
 )
 from service.config.bus_messages import messages_of
-from service.config.conditions import load_torques, schedules_of
+from service.config.conditions import has_ambient_heat, load_torques, schedules_of
 from service.config.drives import axis_model
 from service.config.schema import AxisConfig, Config, NamedAxis
 from service.config.unit_names import UNITS, MeasuredQuantity, unit_passed_over
@@ -60,6 +60,7 @@ def remarks(config: Config) -> Iterator[str]:
         model = axis_model(axis.config)
         settings = axis_settings(axis, model)
         yield from _unwatched_load(axis.config, axis.id)
+        yield from _fixed_allowance(axis)
         yield from _short_memory(axis, model, settings)
         for words in unidentifiable_words(unidentifiable_pairs(axis.config)):
             yield f"{axis.id}: {words}"
@@ -107,6 +108,16 @@ def _unwatched_load(axis: AxisConfig, axis_id: str) -> Iterator[str]:
         yield (
             f'{axis_id}: the torque follows what the axis carries, but "{LOAD}" is not in monitor: another payload will'
             " be reported as a fault of the drive, most likely of kT"
+        )
+
+
+def _fixed_allowance(axis: NamedAxis) -> Iterator[str]:
+    """The multi-model detector raises the alarms of an axis whose friction follows the hall."""
+    if has_ambient_heat(axis.config) and axis.config.detector.alarm_source == "multimodel":
+        yield (
+            f'{axis.id}: with alarm_source = "multimodel" a colder or warmer hall may raise alarms, as the allowance of'
+            " this detector is fixed, and nothing is tested beyond the heat of the records; without alarm_source the"
+            " CUSUM tests raise the alarms, with an allowance for the hall"
         )
 
 

@@ -23,6 +23,7 @@ from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, conditions_of, load
 from service.config.axis_detectors import alarm_source_of
 from service.config.conditions import thermal_of
+from service.config.remarks import remarks
 from service.ingest.loaded_records import begins_cold
 from service.pipeline.axis_pipeline import Heat
 from service.reports.replay_report import heat_words
@@ -120,6 +121,14 @@ def test_the_cusum_tests_follow_the_hall_beyond_the_records_unless_the_axis_wait
     ):
         margins = {schedule.margin for schedule in conditions_of(with_detector(axis, **keys)).schedules}
         assert margins == ({math.inf} if beyond else {MARGIN})
+
+
+@pytest.mark.parametrize(("source", "one_hall"), [("multimodel", False), ("multimodel", True), ("cusum", False)])
+def test_a_fixed_allowance_for_other_halls_is_remarked(made: Made, source: str, one_hall: bool) -> None:
+    config, path = in_one_hall(made) if one_hall else made.config, made.config.with_name("source.toml")
+    path.write_text(config.read_text(encoding="utf-8").replace('"cusum"', f'"{source}"'), encoding="utf-8")
+    found = [remark for remark in remarks(load(path)) if "a colder or warmer hall may raise alarms" in remark]
+    assert len(found) == (source == "multimodel" and not one_hall)
 
 
 def test_identify_finds_that_friction_falls(made: Made) -> None:
