@@ -137,7 +137,8 @@ def _jobs(
 ) -> tuple[list[AxisJob], list[Outcome]]:
     """A job for each axis that has records, and the outcomes of axes that have none."""
     from service.commands.commissioning.axis.axis_job import AxisJob
-    from service.ingest.axis_records import silent_in, wanted
+    from service.ingest.axis_records import silent_in
+    from service.ingest.record_parts import wanted
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}
     jobs, refused = list[AxisJob](), list[Outcome]()

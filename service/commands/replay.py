@@ -31,6 +31,7 @@ from service.commands.progress import progress_bar
 from service.config import Config
 from service.config.axis_settings import AxisError
 from service.config.epoch_values import EpochValuesError, with_epoch
+from service.ingest.record_parts import RecordPart
 from service.ingest.records import read_record
 from service.pipeline.replay_reports import ReplayOrder, give_way
 
@@ -39,8 +40,11 @@ if TYPE_CHECKING:
 
 
 Records = Annotated[
-    list[Path],
-    typer.Argument(metavar="RECORD", help=f"Tables (.csv .parquet .mat) or CAN logs ({LOG_KINDS})."),
+    list[str],
+    typer.Argument(
+        metavar="RECORD",
+        help=f"Tables (.csv .parquet .mat) or CAN logs ({LOG_KINDS}); FILE@10:60 are the seconds 10 to 60 of a file.",
+    ),
 ]
 Page = Annotated[
     Path | None,
@@ -76,7 +80,7 @@ def replay(
         from service.reports.replay_html import as_html
 
         if not _can_be_drawn(found):
-            names = ", ".join(map(str, records))
+            names = ", ".join(records)
             print(f"axiswatch: no sample of any axis in {names}: there is nothing to draw", file=sys.stderr)
             raise typer.Exit(MISTAKE)
         write_all([(report, as_html(found))])
@@ -88,18 +92,18 @@ def replay(
         raise typer.Exit(NOT_TESTED)
 
 
-def _replay(config: Config, path: Path, records: list[Path], drawn: bool) -> Replayed:
+def _replay(config: Config, path: Path, records: list[str], drawn: bool) -> Replayed:
     from service.pipeline.axis_monitors import AxisMonitors
     from service.reports.replay_result import Replay
 
     run = Replay(AxisMonitors(config.axes), config, drawn)
     # All files are opened before the first one is processed, so that a missing file is reported at once.
-    for record in [read_record(name, config) for name in records]:
-        with progress_bar(record.path.name) as progress:
+    for record in [RecordPart(text, config) for text in records]:
+        with progress_bar(record.name) as progress:
             run.add(record, progress)
         if record.left_out:
             print(f"axiswatch: {left_out_words(record.path, record.left_out)}", file=sys.stderr)
-    return run.result([record.name for record in records], str(path))
+    return run.result([Path(text).name for text in records], str(path))
 
 
 def _can_be_drawn(found: Replayed) -> bool:

@@ -1,7 +1,6 @@
 """Reads all samples of one axis from a file, as the daemon would get them; for identification and calibration."""
 
 import hashlib
-import re
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -25,37 +24,8 @@ from service.ingest.table_files import check_columns, open_table
 from service.ingest.torn_rows import ahead, torn
 from service.ingest.unwrap import AMBIGUOUS, turns_of
 
-_RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
 _NO_NUMBER = 1e30
 """A larger value is no measurement in any column, not even a time in nanoseconds."""
-
-
-class Wanted(NamedTuple):
-    """A file and a range in it, in seconds after the first sample; None: from the start, or to the end."""
-
-    path: Path
-    start_s: float | None = None
-    end_s: float | None = None
-
-
-def wanted(text: str) -> Wanted:
-    """Parse ``FILE``, ``FILE@10:60``, ``FILE@10:`` or ``FILE@:60``: seconds after the first sample of the axis.
-
-    A file whose name is the whole text takes precedence.
-
-    Raises:
-        RecordError: the range is invalid.
-    """
-    found = _RANGE.fullmatch(text)
-    if found is None or Path(text).exists():
-        return Wanted(Path(text))
-    try:
-        start, end = (float(part) if part else None for part in (found["start"], found["end"]))
-    except ValueError:
-        raise RecordError(f"{text}: a range is @START:END in seconds, such as @10:60, @10: or @:60") from None
-    if start is not None and end is not None and start >= end:
-        raise RecordError(f"{text}: the range ends before its start")
-    return Wanted(Path(found["path"]), start, end)
 
 
 def sha256_of(path: Path) -> str:

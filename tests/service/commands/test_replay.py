@@ -8,8 +8,11 @@ from typing import Any
 
 import pytest
 
+from service.config.loading import load
+from service.ingest.csv_tables import ROWS
+from service.ingest.record_parts import RecordPart
 from service.simulation.robot import SimulatedFault
-from tests.service.command_line import axiswatch, shown
+from tests.service.command_line import axiswatch, refused, shown
 from tests.service.robot_tables import configured, write_table
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
@@ -54,6 +57,29 @@ def test_estimates_and_the_alarm_as_json_and_the_same_again_and_tables_for_peopl
     assert as_json(folder, "a.csv") == as_json(folder, "a.csv")
     shown = replay(folder, str(folder / "a.csv"))
     assert all(words in shown for words in ("demo.axis1", "Alarms", "fm"))
+
+
+def test_parts_of_a_record_give_the_same_as_all_of_it(folder: Path) -> None:
+    """The friction grows after six seconds, so the first part has no alarm."""
+    config, record = folder / "robot.toml", folder / "a.csv"
+    (first,) = json.loads(shown("replay", "--config", config, f"{record}@:5.995", "--json", "-", code=5))["axes"]
+    assert (first["samples"], first["alarms"]) == (1200, [])
+    both, full = as_json(folder, "a.csv@:5.995", "a.csv@6:"), as_json(folder, "a.csv")
+    assert both["axes"] == full["axes"]
+    text = refused("replay", "--config", config, f"{record}@20:")
+    assert "a.csv: no sample after 20 s; the record is 12 s long" in text
+
+
+def test_a_part_is_read_no_further_than_its_end(folder: Path, tmp_path: Path) -> None:
+    """A large record goes on for hours."""
+    head, *rows = (folder / "a.csv").read_text(encoding="utf-8").splitlines()
+    time, _, rest = rows[0].partition(",")
+    later = [f"{float(time) + 0.005 * k},{rest}" for k in range(3 * ROWS)]
+    (tmp_path / "b.csv").write_text("\n".join([head, *later]) + "\n", encoding="utf-8")
+    config = load(folder / "robot.toml", {})
+    part, full = ([*RecordPart(f"{tmp_path / 'b.csv'}{at}", config).steps()] for at in ("@2:3", ""))
+    assert sum(step.samples["demo.axis1"].size for step in part) == 201
+    assert len(part) < len(full)
 
 
 # --- what was not tested --------------------------------------------------------------------------------------------

@@ -1,0 +1,93 @@
+"""Parts of records: FILE@10:60 are the seconds 10 to 60 of a file, after the first sample of each axis."""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from service.can.user_errors import RecordError
+from service.config.schema import Config
+from service.ingest.records import FileRecord, RecordQuality, RecordStep, read_record
+
+_RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
+
+
+class Wanted(NamedTuple):
+    """A file and a range in it, in seconds after the first sample; None: from the start, or to the end."""
+
+    path: Path
+    start_s: float | None = None
+    end_s: float | None = None
+
+
+def wanted(text: str) -> Wanted:
+    """Parse ``FILE``, ``FILE@10:60``, ``FILE@10:`` or ``FILE@:60``: seconds after the first sample of the axis.
+
+    A file whose name is the whole text takes precedence.
+
+    Raises:
+        RecordError: the range is invalid.
+    """
+    found = _RANGE.fullmatch(text)
+    if found is None or Path(text).exists():
+        return Wanted(Path(text))
+    try:
+        start, end = (float(part) if part else None for part in (found["start"], found["end"]))
+    except ValueError:
+        raise RecordError(f"{text}: a range is @START:END in seconds, such as @10:60, @10: or @:60") from None
+    if start is not None and end is not None and start >= end:
+        raise RecordError(f"{text}: the range ends before its start")
+    return Wanted(Path(found["path"]), start, end)
+
+
+class RecordPart:
+    """A file, or a range in it: the samples of all axes.
+
+    Args:
+        text: see ``wanted``.
+        config: the configuration.
+
+    Raises:
+        RecordError, DescriptionError: as of ``read_record``; the range is invalid.
+    """
+
+    def __init__(self, text: str, config: Config) -> None:
+        want = wanted(text)
+        self._start_s = -math.inf if want.start_s is None else want.start_s
+        self._end_s = math.inf if want.end_s is None else want.end_s
+        self._record: FileRecord = read_record(want.path, config)
+        self.path, self.name = want.path, Path(text).name
+
+    @property
+    def quality(self) -> RecordQuality:
+        """The quality of what has been read so far, also before the range."""
+        return self._record.quality
+
+    @property
+    def left_out(self) -> Sequence[str]:
+        """Places that could not be read, with their faults; complete when the record has been read."""
+        return self._record.left_out
+
+    def steps(self) -> Iterator[RecordStep]:
+        """Read the samples in order; possible once.
+
+        Raises:
+            RecordError: the file is damaged, or has no sample in the range.
+        """
+        first_us, last_s, found = dict[str, int](), dict[str, float](), False
+        for step in self._record.steps():
+            samples = {}
+            for axis_id, block in step.samples.items():
+                since_s = (block.t_us - first_us.setdefault(axis_id, int(block.t_us[0]))) * 1e-6
+                last_s[axis_id] = float(since_s[-1])
+                part = block.select((since_s >= self._start_s) & (since_s <= self._end_s))
+                if part.size:
+                    samples[axis_id], found = part, True
+            yield RecordStep(samples, step.done)
+            if last_s and min(last_s.values()) > self._end_s:
+                break
+        if last_s and not found:
+            raise RecordError(
+                f"{self.path}: no sample after {self._start_s:g} s; the record is {max(last_s.values()):g} s long"
+            )
