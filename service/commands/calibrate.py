@@ -131,7 +131,7 @@ def calibrate_axis(
     from service.config.axis_detectors import alarm_source_of
     from service.config.axis_settings import axis_settings, monitored_model
     from service.ingest.loaded_records import load_samples
-    from service.ingest.record_parts import wanted
+    from service.ingest.record_ranges import wanted
     from service.ingest.recorded_units import units_as_recorded
     from service.reports.calibration_report import Calibration, new_poses, one_sided, warnings
 

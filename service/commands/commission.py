@@ -138,7 +138,7 @@ def _jobs(
     """A job for each axis that has records, and the outcomes of axes that have none."""
     from service.commands.commissioning.axis.axis_job import AxisJob
     from service.ingest.axis_records import silent_in
-    from service.ingest.record_parts import wanted
+    from service.ingest.record_ranges import wanted
 
     silent = {record: silent_in(wanted(record).path, config) for record in records}
     jobs, refused = list[AxisJob](), list[Outcome]()

@@ -31,7 +31,7 @@ from service.commands.progress import progress_bar
 from service.config import Config
 from service.config.axis_settings import AxisError
 from service.config.epoch_values import EpochValuesError, with_epoch
-from service.ingest.record_parts import RecordPart
+from service.ingest.record_ranges import RecordRange
 from service.ingest.records import read_record
 from service.pipeline.replay_reports import ReplayOrder, give_way
 
@@ -98,7 +98,7 @@ def _replay(config: Config, path: Path, records: list[str], drawn: bool) -> Repl
 
     run = Replay(AxisMonitors(config.axes), config, drawn)
     # All files are opened before the first one is processed, so that a missing file is reported at once.
-    for record in [RecordPart(text, config) for text in records]:
+    for record in [RecordRange(text, config) for text in records]:
         with progress_bar(record.name) as progress:
             run.add(record, progress)
         if record.left_out:

@@ -2,7 +2,7 @@
 
 * On the bus: ``bus_samples`` (blocks of frames to samples) uses ``axis_input`` for each axis, with ``quantities``,
   ``unwrap``, ``late_values``, ``motion_derivatives``; ``encode`` and ``arm_motions`` are the inverse.
-* From files: ``records`` (tables and CAN logs behind one interface), ``record_parts`` (FILE@10:60),
+* From files: ``records`` (tables and CAN logs behind one interface), ``record_ranges`` (FILE@10:60),
   ``axis_records`` and ``loaded_records`` (the samples of one axis), ``table_files``, ``csv_tables``, ``long_tables``,
   ``table_head``, ``table_cells``, ``row_times``, ``torn_rows``, ``axis_columns`` (tables).
 * The roles of columns and signals, for ``init`` and ``discover``: ``roles_by_name``, ``roles_by_values`` (with

@@ -16,7 +16,7 @@ from service.config.axis_settings import axis_settings
 from service.config.conditions import gates_of, needed
 from service.config.schema_signals import FurtherSignalConfig
 from service.ingest.axis_records import ReadProgress, axis_record, no_samples_words, sha256_of
-from service.ingest.record_parts import wanted
+from service.ingest.record_ranges import wanted
 from service.ingest.records import is_table
 
 _NAMED = 3

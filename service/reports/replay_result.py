@@ -12,7 +12,7 @@ from monitor_core.detection import Alarm, AlarmKey, same_payload
 from monitor_core.monitoring import AxisStatus, AxisTrace, NotTested
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
-from service.ingest.record_parts import RecordPart
+from service.ingest.record_ranges import RecordRange
 from service.ingest.records import FileRecord
 from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
 from service.pipeline.alarm_recording import as_recorded
@@ -111,7 +111,7 @@ class Replay:
         self._stamps: dict[str, Stamps] = {}
         self._quantities = quantities(monitors.by_id)
 
-    def add(self, record: FileRecord | RecordPart, progress: Callable[[float], None]) -> None:
+    def add(self, record: FileRecord | RecordRange, progress: Callable[[float], None]) -> None:
         """Run a record; the records before it have been run.
 
         Raises:

@@ -10,7 +10,7 @@ import pytest
 
 from service.config.loading import load
 from service.ingest.csv_tables import ROWS
-from service.ingest.record_parts import RecordPart
+from service.ingest.record_ranges import RecordRange
 from service.simulation.robot import SimulatedFault
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.robot_tables import configured, write_table
@@ -77,7 +77,7 @@ def test_a_part_is_read_no_further_than_its_end(folder: Path, tmp_path: Path) ->
     later = [f"{float(time) + 0.005 * k},{rest}" for k in range(3 * ROWS)]
     (tmp_path / "b.csv").write_text("\n".join([head, *later]) + "\n", encoding="utf-8")
     config = load(folder / "robot.toml", {})
-    part, full = ([*RecordPart(f"{tmp_path / 'b.csv'}{at}", config).steps()] for at in ("@2:3", ""))
+    part, full = ([*RecordRange(f"{tmp_path / 'b.csv'}{at}", config).steps()] for at in ("@2:3", ""))
     assert sum(step.samples["demo.axis1"].size for step in part) == 201
     assert len(part) < len(full)
 

@@ -16,7 +16,7 @@ from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.loaded_records import Loaded, load, load_samples
-from service.ingest.record_parts import Wanted, wanted
+from service.ingest.record_ranges import Wanted, wanted
 from service.ingest.records import read_record, samples_of
 from tests.service.ingest.plant import (
     START_US,

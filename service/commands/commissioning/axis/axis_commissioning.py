@@ -23,7 +23,7 @@ from service.config import AxisConfig
 from service.config.commissioning_files import motion_file
 from service.config.corrections import Correction
 from service.ingest.axis_records import sha256_of
-from service.ingest.record_parts import wanted
+from service.ingest.record_ranges import wanted
 from service.reports.commissioning_report import Outcome
 
 

@@ -17,7 +17,7 @@ from service.config import Config, NamedAxis
 from service.config.commissioned import configured, corrected
 from service.config.corrections import Correction
 from service.ingest.loaded_records import load as load_record
-from service.ingest.record_parts import wanted
+from service.ingest.record_ranges import wanted
 from service.ingest.records import is_table
 
 _MAX_ROUNDS = 8

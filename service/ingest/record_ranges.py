@@ -1,4 +1,4 @@
-"""Parts of records: FILE@10:60 are the seconds 10 to 60 of a file, after the first sample of each axis."""
+"""Ranges of records: FILE@10:60 are the seconds 10 to 60 of a file, after the first sample of each axis."""
 
 import math
 import re
@@ -41,7 +41,7 @@ def wanted(text: str) -> Wanted:
     return Wanted(Path(found["path"]), start, end)
 
 
-class RecordPart:
+class RecordRange:
     """A file, or a range in it: the samples of all axes.
 
     Args:
