@@ -249,7 +249,7 @@ def _carried_out(jobs: Sequence[AxisJob], reviews: Mapping[str, Review], console
         for number, outcome in enumerate(outcomes(jobs, reviews, lambda step: bars.show(*step)), 1):
             found[outcome.axis_id] = outcome
             bars.end(outcome.axis_id)
-            words = outcome.refusal or f"{outcome.finding} {outcome.outlook} {outcome.verdict}".strip()
+            words = outcome.refusal or f"{outcome.answer} {outcome.verdict}".strip()
             console.print(f"[{number}/{len(jobs)}] {outcome.axis_id}: {words}", markup=False)
     return [found[job.axis_id] for job in jobs]
 

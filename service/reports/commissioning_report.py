@@ -22,6 +22,8 @@ class Outcome:
     verdict: str = ""
     outlook: str = ""
     """What can be monitored, and what is needed for the rest"""
+    obstacles: str = ""
+    """The second part of it: what cannot, and what is needed"""
     watched: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     corrections: tuple[Correction, ...] = ()
@@ -71,6 +73,14 @@ class Outcome:
         rest = [name for name, *_ in self.smallest if name not in finds]
         words = f"Found within {self.within_s:.3g} s, either way: {sizes}"
         return f"{words}; as far as was tried, not {', '.join(rest)}." if rest else f"{words}."
+
+    @property
+    def answer(self) -> str:
+        """The first sentences: what is found in time (without thresholds: what the records show), and what cannot be.
+
+        Not both: the records show smaller changes, but later, and two sizes of a parameter beside each other confuse.
+        """
+        return f"{self.finding} {self.obstacles}".strip() if self.finding else self.outlook
 
     @property
     def is_blind(self) -> bool:

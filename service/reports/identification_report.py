@@ -24,7 +24,7 @@ from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration, listed, percent
 from service.ingest.loaded_records import RecordOrigin
 from service.reports.formats import Provenance, TextTable, for_terminal, labelled, plain
-from service.reports.outlook_words import missing_words, outlook_words, verdict_words
+from service.reports.outlook_words import missing_words, obstacle_words, outlook_words, verdict_words
 
 _LONGEST_LABEL = 40
 """Longest name of a slope in a table [characters]"""
@@ -88,6 +88,11 @@ class IdentificationReport:
     def outlook(self) -> str:
         """The first line of every report: what can be monitored with this result, and what cannot and why."""
         return outlook_words(self.result, self.rejection)
+
+    @property
+    def obstacles(self) -> str:
+        """What of it cannot be monitored, why, and what would help; empty: nothing."""
+        return obstacle_words(self.result)
 
     @property
     def is_poor(self) -> bool:

@@ -99,14 +99,18 @@ def outlook_words(result: IdentificationResult, rejection: str) -> str:
     if rejection and result.rejection is not Rejection.POOR:
         return f"Nothing can be watched with this: {rejection}."
     watched = [w for w in result.watched if w.obstacle is None]
-    lost = [w for w in result.watched if w.obstacle is not None]
     named = ", ".join(f"{w.name} (changes from {_change(w, result)})" for w in watched)
     poor = " Alarms would come from what the drive lacks." if result.rejection is Rejection.POOR else ""
     within = f"within a memory of {result.memory_s:g} s; smaller ones take longer"
     words = f"Can be watched: {named}, {within}." if watched else "Nothing can be watched with this."
     if poor and not watched:
         return words + poor  # another motion for a parameter would not help: the drive comes first
-    return " ".join([words + poor, *(_obstacle(w, result) for w in lost)])
+    return f"{words}{poor} {obstacle_words(result)}".strip()
+
+
+def obstacle_words(result: IdentificationResult) -> str:
+    """What cannot be monitored with this result, why, and what would help; empty: nothing."""
+    return " ".join(_obstacle(w, result) for w in result.watched if w.obstacle is not None)
 
 
 def watched_table(result: IdentificationResult) -> TextTable:

@@ -128,7 +128,7 @@ def test_the_whole_way_ends_in_a_monitor_that_names_the_fault(
         "1. Record",
         "2. Describe it",
         "3. Commission it",
-        f"[1/1] demo.axis1: Found within {finds}. Can be watched",
+        f"[1/1] demo.axis1: Found within {finds}.",
         "4. Add",
     ):
         assert step in result.stdout

@@ -234,6 +234,7 @@ def _with_values(fit: _Fit, outcome: Outcome) -> Outcome:
         outcome,
         verdict=verdict_line(report).removeprefix(f"{axis.id}: ").capitalize(),
         outlook=report.outlook,
+        obstacles=report.obstacles,
         notes=(*outcome.notes, *report.warnings, *better),
         pages=(page,),
         no_warm_up=bool(report.result.not_following) and report.result.warm_up is None,

@@ -88,7 +88,9 @@ def report(
         warm_up=None,
         rejection=Rejection.POOR if rejection else None,
     )
-    return SimpleNamespace(rejection=rejection, result=result, outlook="", warnings=(), is_poor=bool(missing))
+    return SimpleNamespace(
+        rejection=rejection, result=result, outlook="", obstacles="", warnings=(), is_poor=bool(missing)
+    )
 
 
 KT, FM = Watched("kT", 0.1, None), Watched("fm", 0.2, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,9 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: p
     assert axis.config.model.monitor == ("kT", "fm")
     page = (folder / "made" / "report.html").read_text(encoding="utf-8")
     assert "1 of 2 axes ready." in page
+    for shown_text in (result.output, page):
+        assert "Found within " in shown_text
+        assert "Can be watched" not in shown_text
     assert 'href="cell.a1-identification.html"' in page
 
     before = {path: path.stat().st_mtime_ns for path in (folder / "made").glob("cell.a1*")}
@@ -150,6 +154,14 @@ def test_a_fault_of_the_program_or_of_the_disk_is_shown_and_reported(
     monkeypatch.setattr(output_files, "replace_text", fails)
     if error is FULL:
         assert "cannot write made/report.html: No space left on device" in axiswatch(*command).stderr
+
+
+def test_a_calibrated_axis_has_one_size_of_each_parameter() -> None:
+    """The sizes of the identification are others, as they are found later; what cannot be watched is named anyway."""
+    found = Outcome("a", outlook="Can be watched: kT. Cannot: fc.", obstacles="Cannot: fc.", watched=("kT",))
+    assert found.answer == "Can be watched: kT. Cannot: fc."
+    found = replace(found, within_s=30.0, smallest=(("kT", 0.1, -0.1),))
+    assert found.answer == "Found within 30 s, either way: kT from 10 %. Cannot: fc."
 
 
 def test_records_that_show_no_warm_up_are_not_all_that_a_robot_needs(folder: Path, seed: int) -> None:
