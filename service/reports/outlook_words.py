@@ -69,7 +69,7 @@ def verdict_words(verdict: Verdict) -> str:
     own = f"{verdict.own:.0f} %" if verdict.own > 0 else "nothing"
     words = f"{what} explains {figure} of the {of_what} {BASIS[verdict.basis]}"
     if verdict.basis is not VerdictBasis.NONE:
-        words = f"{words}, and {own} of that of the fitted ones"
+        words = f"{words}, and {own} of the {of_what} to which the values were fitted"
     return f"{words}{_repeated(verdict)}"
 
 
