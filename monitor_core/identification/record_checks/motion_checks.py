@@ -12,6 +12,7 @@ from monitor_core.identification.record_checks.findings import RecordFinding
 from monitor_core.identification.record_checks.known_axis import KnownAxis
 from monitor_core.identification.record_checks.sample_checks import implausible_values, times
 from monitor_core.identification.record_checks.stuck_signals import signals
+from monitor_core.identification.record_checks.unsigned_torque import unsigned
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fit, rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import POSE, USUAL
@@ -63,7 +64,12 @@ def check_record(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> tuple[Rec
     found = [*implausible_values(record), *times(record, known), *signals(record)]
     if not any(finding.severity == "refuse" for finding in found):
         if np.count_nonzero(record.measured) > 1:
-            found += list(_exchanged(record)) or list(_wrong_sign(record, known)) or _units(record, known)
+            found += (
+                list(_exchanged(record))
+                or list(unsigned(record))
+                or list(_wrong_sign(record, known))
+                or _units(record, known)
+            )
         else:
             found += _units(record, known)
     return tuple(sorted(found, key=lambda finding: finding.severity != "refuse"))

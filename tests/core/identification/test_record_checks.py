@@ -256,6 +256,35 @@ def test_the_sign_of_an_axis_that_repeats_its_motion(inertia: float, weight: flo
         assert mass.inertia == pytest.approx(inertia, rel=0.15)
 
 
+@pytest.mark.parametrize("quantity", OUTPUTS)
+@pytest.mark.parametrize("samples", [1, 4])
+def test_a_torque_without_its_sign(samples: int, quantity: Output, seed: int) -> None:
+    """As the rms of a current, over one sample or some."""
+    for k in range(4):
+        record = picks(np.random.default_rng([seed, k]), 0.026 if k % 2 else 0.3, 0.0)
+        if quantity == "speed":
+            record = replace(record, y=np.gradient(record.y, record.t), quantity=quantity)
+        rms = np.sqrt(np.convolve(record.u**2, np.full(samples, 1 / samples), "same"))
+        (finding,) = check_record(with_u(record, rms))
+        assert (finding.kind, finding.severity) == ("unsigned", "refuse")
+        assert "record torque or current with the sign" in finding.sentence
+        assert finding.number > 0.7
+        assert check_record(record) == ()
+
+
+@pytest.mark.parametrize("weight", [0.0, 2.0])
+def test_a_torque_that_is_never_negative_may_have_its_sign(weight: float, seed: int) -> None:
+    """With an offset, or a weight that always pulls one way, which leaves no torque at one pose; or one-way motion."""
+    for k in range(4):
+        record = picks(np.random.default_rng([seed, k]), 0.026, weight)
+        lifted = with_u(record, record.u - record.u.min())
+        assert "unsigned" not in [finding.kind for finding in check_record(lifted)]
+        turned = np.cumsum(abs(np.diff(record.y, prepend=record.y[0])))
+        speed = np.gradient(turned, record.t)
+        driven = 0.4 * np.tanh(speed / 0.01) + 0.1 * speed + 0.01 * np.random.default_rng(k).random(speed.size)
+        assert "unsigned" not in [finding.kind for finding in check_record(replace(record, u=driven, y=turned))]
+
+
 def test_the_sign_of_an_axis_that_others_push(seed: int) -> None:
     """Of an arm with little friction, whose other axes turn the load: the work tells nothing, so nothing is turned."""
     t = np.asarray(0.004 * np.arange(10_000), np.float64)
