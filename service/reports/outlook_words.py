@@ -136,9 +136,15 @@ def _change(w: Watched, result: IdentificationResult) -> str:
 
 def _obstacle(w: Watched, result: IdentificationResult) -> str:
     if w.obstacle is Obstacle.NO_SIZE:
+        sensor = (
+            " A torque sensor behind the gearbox does not measure its friction: is there a column with the current or"
+            " torque of the motor?"
+            if COULOMB in _acts_by(result.estimate.drive, split_name(w.name)[0])
+            else ""
+        )
         return (
             f"Cannot: {w.name}, since these records do not distinguish it from zero: take it out of monitor, or give"
-            f" the size of a change in [robot.axis.model.scales]."
+            f" the size of a change in [robot.axis.model.scales].{sensor}"
         )
     if w.obstacle is Obstacle.TOGETHER:
         return (

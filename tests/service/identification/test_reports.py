@@ -244,6 +244,7 @@ def test_what_can_be_watched_is_first_and_the_verdict_second(found: Identificati
     ("name", "obstacle", "words"),
     [
         ("fm", Obstacle.NO_SIZE, "in [robot.axis.model.scales]"),
+        ("fc", Obstacle.NO_SIZE, "in [robot.axis.model.scales]. A torque sensor behind the gearbox"),
         ("fm", Obstacle.TOGETHER, "motion at several speeds"),
         ("kT", Obstacle.NOT_SHOWN, "faster motion"),
         ("1/Ja", Obstacle.NOT_SHOWN, "`axiswatch excite --find 1/Ja` plans"),
