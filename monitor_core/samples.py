@@ -63,6 +63,20 @@ def concatenate(blocks: Sequence[SampleBlock]) -> SampleBlock:
     return blocks[0]._replace(**joined)  # type: ignore[arg-type]
 
 
+def joined_where_continued(blocks: Sequence[SampleBlock], longest_us: float) -> list[SampleBlock]:
+    """Join each block to the one before if it begins at most ``longest_us`` after its end [us].
+
+    A recorder may begin another file each minute.  What is joined has the name of its first block.
+    """
+    groups = list[list[SampleBlock]]()
+    for block in blocks:
+        if groups and 0 < int(block.t_us[0]) - int(groups[-1][-1].t_us[-1]) <= longest_us:
+            groups[-1].append(block)
+        else:
+            groups.append([block])
+    return [concatenate(group) for group in groups]
+
+
 def forward_fill(values: Floats, before: Floats) -> Floats:
     """Last finite value at or before each sample, of values (N, p); ``before`` (p,) until the first finite value."""
     out = np.vstack([before, values])

@@ -26,6 +26,7 @@ from monitor_core.calibration.multimodel_healthy import COPY_SAMPLES
 from monitor_core.calibration.multimodel_thresholds import BankThresholds, bank_thresholds
 from monitor_core.calibration.record_doubts import (
     check_healthy,
+    check_longest,
     check_promise,
     check_records,
     check_settings,
@@ -112,6 +113,7 @@ def calibrate(
     healthy = deviations(axis, records, step("healthy records"))
     within_s = options.within_s or time_with_standstill(tests_s, healthy, settings.interval_s)
     check_records(axis, healthy)
+    check_longest(axis, records)
     check_healthy(axis, healthy)
     rng, rng_multimodel = np.random.default_rng(options.seed).spawn(2)
     k = nu_over_sigma(len(model.monitored), settings.memory, samples, tests_s / memory_s)

@@ -7,12 +7,14 @@ import numpy as np
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.calibration.budget import Rates
-from monitor_core.calibration.healthy_records import RecordDeviations
+from monitor_core.calibration.healthy_records import RecordDeviations, first_tested
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.scatter import SAMPLES_PER_MEMORY, Scatter, binned, looked_at
+from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.monitoring.not_tested import SEEDING_MEMORIES, fitting_memory
 from monitor_core.monitoring.recommended_settings import time_constant
+from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from monitor_core.wording import duration, listed, rounded_up
 
@@ -34,6 +36,10 @@ MAX_RATE_RATIO = 1000.0
 """Largest ratio of the upper bound of the rate to the most likely rate with which a calibration is accepted.  For a
 long budget it is the square root of the budget in memories, if that is larger: a record of minutes cannot support a
 year better."""
+
+
+_COPIED_MEMORIES = 4
+"""Fewest memories of a record, after its tests begin, that can be copied: copies must forget their start"""
 
 
 class CalibrationError(Exception):
@@ -104,6 +110,26 @@ def check_records(axis: MonitoredAxis, found: Sequence[RecordDeviations]) -> Non
         _check_tests_begin(axis, found, len(tested), after)
     _check_observed(axis, found, tested, after)
     _check_length(axis, found, tested)
+
+
+def check_longest(axis: MonitoredAxis, records: Sequence[SampleBlock]) -> None:
+    """Check that one record is long enough for copies of it: each begins with an unknown P(0).
+
+    Raises:
+        CalibrationError: all are too short.
+    """
+    h, memory = axis.settings.interval_s, axis.settings.memory
+    for record in records:
+        start = first_tested(AxisMonitor(*axis.without_tests), record)
+        left = record.size - start if record.gate is None else np.count_nonzero(record.gate[start:])
+        if left >= _COPIED_MEMORIES * memory:
+            return
+    needed_s = axis.settings.settle_s + (SEEDING_MEMORIES + _COPIED_MEMORIES) * memory * h
+    raise CalibrationError(
+        f"the longest record holds {max(record.size for record in records) * h:.3g} s, and one of at least"
+        f" {rounded_up(needed_s):g} s that move the axis is needed: join the files of one recording, or set a shorter"
+        " memory_s"
+    )
 
 
 def _check_tests_begin(axis: MonitoredAxis, found: Sequence[RecordDeviations], count: int, after: int) -> None:

@@ -9,7 +9,7 @@ from monitor_core.arrays import Bools
 from monitor_core.drive import AxisModel, OpenGates, Operating
 from monitor_core.identification import Record, RecordPart
 from monitor_core.monitoring import conditioned_records
-from monitor_core.samples import SampleBlock
+from monitor_core.samples import SampleBlock, joined_where_continued
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
@@ -21,6 +21,8 @@ from service.ingest.records import is_table
 
 _NAMED = 3
 """Number of unreadable places that a message names."""
+_CONTINUED = 10
+"""A record continues another one if at most so many intervals lie between them."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +112,8 @@ def load_samples(
 ) -> tuple[list[SampleBlock], list[RecordOrigin]]:
     """Load records of an axis as blocks of samples, with the operating conditions that its monitoring needs.
 
+    Files that continue one another, as of a recorder that begins another file each minute, are one block.
+
     Raises:
         RecordError: a file cannot be read, or has no samples of the axis.
         DescriptionError: the configuration cannot be used.
@@ -123,6 +127,7 @@ def load_samples(
         block, source = samples_in(text, config, axis, needed(axis), part)
         samples.append(block._replace(name=source.path.name))
         sources.append(source)
+    samples = joined_where_continued(samples, _CONTINUED * 1e6 * axis.config.sample_interval_s)
     conditions = conditions_of(axis)
     if Operating(model, conditions).needed:
         samples = conditioned_records(model, axis_settings(axis, model), conditions, samples)

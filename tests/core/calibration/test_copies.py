@@ -5,7 +5,9 @@ import pytest
 
 from monitor_core.calibration.copy_excursions import simulate_excursions
 from monitor_core.calibration.healthy_records import deviations
+from monitor_core.calibration.record_doubts import CalibrationError, check_longest
 from monitor_core.calibration.surrogate_records import copy_source
+from monitor_core.samples import SampleBlock
 from tests.core.calibration.healthy_axes import plant_with, record
 from tests.shares import soaked
 
@@ -30,6 +32,30 @@ def test_records_too_short_for_copies_are_refused() -> None:
     plant = plant_with(0.0)
     with pytest.raises(ValueError, match=r"innovations|learned|memories"):
         simulate_excursions(plant.axis, [record(plant, 1, 1500)], 1.0, np.random.default_rng(1), 1000)
+
+
+@pytest.mark.parametrize("gated", [False, True])
+def test_the_shortest_record_that_is_taken_can_be_copied(gated: bool, seed: int) -> None:
+    """Several shorter ones do not help: each begins with an unknown P(0)."""
+    plant = plant_with(0.0, memory=100)
+    full = record(plant, seed, 6000)
+    gate = np.arange(full.size) % 10 < 7 if gated else None
+
+    def parts(samples: int) -> list[SampleBlock]:
+        return [full._replace(gate=gate).select(slice(k * samples, (k + 1) * samples)) for k in range(2)]
+
+    def taken(samples: int) -> bool:
+        try:
+            check_longest(plant.axis, parts(samples))
+        except CalibrationError:
+            return False
+        return True
+
+    shortest = next(samples for samples in range(500, 3000, 10) if taken(samples))
+    with pytest.raises(CalibrationError, match=r"the longest record holds .* join the files of one recording"):
+        check_longest(plant.axis, parts(shortest - 10))
+    copied = full._replace(gate=gate).select(slice(shortest))
+    simulate_excursions(plant.axis, [copied], 1.0, np.random.default_rng(seed), 1000)
 
 
 def test_what_a_gate_leaves_out_is_counted_and_not_copied(seed: int) -> None:

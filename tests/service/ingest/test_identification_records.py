@@ -3,6 +3,7 @@
 import hashlib
 import math
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -143,6 +144,24 @@ def test_a_time_that_runs_ahead_costs_its_own_row_only(tmp_path: Path, seed: int
     config = timed(tmp_path)
     (block,), _ = load_samples([str(tmp_path / "a.csv")], config, config.axes[0], reference_model("angle"))
     assert np.array_equal(block.u, found.record.u), "calibration has the same samples"
+
+
+def test_files_that_continue_one_another_are_one_record(tmp_path: Path, seed: int) -> None:
+    """As a recorder begins another file each minute; up to ten intervals may lie between them."""
+    columns, config = table(seed, 4000), timed(tmp_path)
+    ends = [0, 1000, 1500, 2600, 3000, 4000]
+    for k, (begin, end) in enumerate(pairwise(ends)):
+        first = begin + {2: 9, 3: 10}.get(k, 0)  # ten intervals from the sample before, and eleven
+        write_table(tmp_path / f"{k}.csv", {name: values[first:end] for name, values in columns.items()})
+    texts = [str(tmp_path / f"{k}.csv") for k in range(5)]
+    blocks, sources = load_samples(texts, config, config.axes[0], reference_model("angle"))
+    assert [block.name for block in blocks] == ["0.csv", "3.csv"]
+    assert [source.text for source in sources] == texts
+    left = [*range(1500), *range(1509, 2600)], [*range(2610, 4000)]
+    for block, rows in zip(blocks, left, strict=True):
+        assert np.array_equal(block.u, columns["torque_one"][rows])
+    again, _ = load_samples([texts[1], texts[0]], config, config.axes[0], reference_model("angle"))
+    assert len(again) == 2
 
 
 def test_a_record_of_one_sample(tmp_path: Path) -> None:
