@@ -16,6 +16,7 @@ from monitor_core.identification.greybox.residuals import Information, independe
 from monitor_core.identification.predictor.prediction_errors import Errors, RecordPredictor
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.motion_cells import PredictedMotion, motion_cells
 from monitor_core.kernel.tables import OF_MOTION
 
 _SLACK = 20.0
@@ -148,4 +149,10 @@ def _information(
         inside = np.mean(np.concatenate([np.abs(e) < limit for e in eps]))
         eps = [e / inside for e in eps]
         variance = lam0 * _CLIPPED_VARIANCE / inside**2
-    return information(names, sizes, gradients, starts, eps, variance)
+    cells = motion_cells(
+        [
+            PredictedMotion(s.record.t, s.record.y - e.eps, s.record.quantity, s.counts > 0)
+            for s, e in zip(predictor.series, errors, strict=True)
+        ]
+    )
+    return information(names, sizes, gradients, starts, eps, variance, cells)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.fft import next_fast_len, rfft
 from scipy.signal import fftconvolve
-from scipy.special import chdtrc, ndtri  # not scipy.stats: to import that takes seconds
+from scipy.special import chdtrc, chdtri, ndtri  # not scipy.stats: to import that takes seconds
 
-from monitor_core.arrays import Floats
+from monitor_core.arrays import Floats, Ints
 from monitor_core.excitation.accuracy import Accuracy
 
 _LAGS = 25
@@ -141,6 +141,10 @@ def autoregression(eps: Sequence[Floats]) -> tuple[Floats, float]:
 
 
 _EXPLAINED = 1e-12
+_FEWEST_CELLS = 4
+"""With fewer cells that matter, nothing can be said of their differences."""
+_BY_CHANCE = 1e-3
+"""Probability that a standard deviation is increased although the errors do not depend on the cell"""
 
 
 class Information(NamedTuple):
@@ -159,12 +163,15 @@ def information(
     starts: Sequence[Floats],
     eps: Sequence[Floats],
     variance: float,
+    cells: Sequence[Ints] = (),
 ) -> Information:
     """Covariance of estimates by prediction errors.
 
         cov = (J'J)^-1 S (J'J)^-1,     S = sum_ts psi(t) R(t - s) psi(s)'
 
-    which for white errors is lambda_0 (J'J)^-1, J being what the initial states cannot explain of the gradients.
+    which for white errors is lambda_0 (J'J)^-1, J being what the initial states cannot explain of the gradients.  R has
+    the errors of neighbouring samples alone.  With ``cells`` the variance of a parameter is larger where errors of
+    samples far apart are alike (``_excess``).
 
     Args:
         names: of the p parameters.
@@ -173,6 +180,7 @@ def information(
         starts: (N, n) gradient by the record's initial state; n may be 0.
         eps: (N,) errors, of each record, zero where missing.
         variance: of the errors, lambda_0.
+        cells: (N,) of each record, the cell of the motion of each sample (``motion_cells``).
     """
     own = [_unexplained(psi, start) for psi, start in zip(gradients, starts, strict=True)]
     scaled = [psi * sizes for psi in own]
@@ -180,14 +188,50 @@ def information(
     accuracy = Accuracy(tuple(names), R, np.sqrt(variance) if variance > 0 else 1e-300)
     S, order = scores_covariance(eps, scaled)
     white = accuracy.covariance * np.outer(sizes, sizes)
-    if order == 0:
-        return Information(accuracy, white, white, 0)
     with np.errstate(invalid="ignore"):
         inverse = accuracy.inverse_information(1.0)
         known = np.isfinite(np.diag(accuracy.covariance))
         covariance = accuracy.covariance.copy()
-        covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
+        if order:
+            covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
+        factors = np.ones(len(names))
+        if cells and known.any():
+            changes = [psi @ inverse[:, known] for psi in scaled]
+            factors[known] = _excess(changes, eps, cells, np.diag(covariance)[known])
+        if not order and (factors == 1).all():
+            return Information(accuracy, white, white, 0)
+        covariance *= np.outer(factors, factors)
         return Information(_consistent(accuracy, covariance), covariance * np.outer(sizes, sizes), white, order)
+
+
+def _excess(changes: Sequence[Floats], eps: Sequence[Floats], cells: Sequence[Ints], variances: Floats) -> Floats:
+    """Ratios (k,) of standard deviations to those expected, where errors depend on the cell; 1: no such excess shows.
+
+        variance = sum_c s_c^2 K / (K - 1),     s_c = sum_(t in c) change(t) eps(t),     K = (sum_c w_c)^2 / sum_c w_c^2
+
+    K being the number of cells that matter, w_c their sums of change^2.  Errors that do not depend on the cell give the
+    expected variance, with K - 1 degrees of freedom (Satterthwaite's): an excess must be beyond chance.
+
+    Args:
+        changes: (N, k) change of each estimate per unit of the error, of each record.
+        eps: (N,) errors of each record.
+        cells: (N,) cell of each sample.
+        variances: (k,) of the estimates, expected.
+    """
+    cell = np.concatenate(cells)
+    change = np.concatenate(changes)
+    scores = _sums(change * np.concatenate(eps)[:, np.newaxis], cell)
+    weights = _sums(change**2, cell)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        freedom = weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0) - 1
+        ratio = (scores**2).sum(axis=0) * (freedom + 1) / freedom / variances
+        beyond = (freedom > _FEWEST_CELLS - 1) & (ratio * freedom > chdtri(freedom, _BY_CHANCE))
+    return np.sqrt(np.where(beyond, ratio, 1.0))
+
+
+def _sums(values: Floats, cell: Ints) -> Floats:
+    """Sums (cells, k) of values (N, k) in each cell."""
+    return np.stack([np.bincount(cell, weights=column) for column in values.T], axis=1)
 
 
 def _consistent(accuracy: Accuracy, covariance: Floats) -> Accuracy:

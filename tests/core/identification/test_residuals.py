@@ -1,6 +1,7 @@
 """Tests of prediction errors, their spectrum, and the covariance that reckons with it."""
 
-from itertools import product
+from collections.abc import Sequence
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from scipy.linalg import toeplitz
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
+from monitor_core.arrays import Floats, Ints
 from monitor_core.identification.greybox.residuals import (
     autoregression,
     independence,
@@ -15,9 +17,11 @@ from monitor_core.identification.greybox.residuals import (
     scores_covariance,
     whiteness,
 )
+from monitor_core.identification.records.motion_cells import PredictedMotion, motion_cells
 from tests.shares import soaked
 
 N = 3000
+TIMES = np.asarray(0.01 * np.arange(6000), np.float64)
 
 
 def test_white_errors_pass_at_the_stated_rate(seed: int) -> None:
@@ -98,6 +102,63 @@ def test_deviations_with_coloured_errors_are_those_that_occur(seed: int) -> None
     ratio = np.std(ends, axis=0) / np.mean(reported, axis=0)
     assert ratio == pytest.approx(1, abs=0.3)
     assert (np.std(ends, axis=0) / np.mean(naive, axis=0) > 2).all()
+
+
+def a_motion(rng: np.random.Generator, samples: int = 6000) -> tuple[Floats, Floats]:
+    """Angle and speed of an axis that goes on and on between six places; 100 Hz."""
+    places, s = np.linspace(-1, 1, 6) + 0.1 * rng.standard_normal(6), np.linspace(0, 1, 80, endpoint=False)
+    stops = rng.choice(places, samples // 80 + 2)
+    angle = np.concatenate([a + (b - a) * (3 * s**2 - 2 * s**3) for a, b in pairwise(stops)])[:samples]
+    return np.asarray(angle), np.gradient(angle, 0.01)
+
+
+def deviations(psi: Floats, v: Floats, cells: Sequence[Ints]) -> tuple[Floats, Floats]:
+    """Estimates by least squares, and their reported standard deviations."""
+    theta = np.linalg.lstsq(psi, v, rcond=None)[0]
+    eps = v - psi @ theta
+    names = [f"p{k}" for k in range(psi.shape[1])]
+    none = [np.zeros((len(v), 0))]
+    found = information(names, np.ones(psi.shape[1]), [psi], none, [eps], float(eps.var()), cells)
+    return np.asarray(theta, np.float64), np.asarray(np.sqrt(np.diag(found.covariance)), np.float64)
+
+
+def test_deviations_cover_errors_that_come_back_with_the_motion(seed: int) -> None:
+    """Friction of an axis that also needs a torque which depends on its place, another one each way, unknown."""
+    rng = np.random.default_rng(seed)
+    pulls, without = list[Floats](), list[Floats]()
+    for _ in range(40):
+        angle, speed = a_motion(rng)
+        cells = motion_cells([PredictedMotion(TIMES[: len(angle)], angle, "angle", abs(speed) > 0.05)])
+        psi = np.stack([speed, np.sign(speed), np.ones(len(angle))], axis=1) * (abs(speed) > 0.05)[:, np.newaxis]
+        lacks = sum(
+            rng.standard_normal() * np.cos(k * angle + rng.uniform(0, 2 * np.pi) + way * np.sign(speed))
+            for k in range(4, 9)
+            for way in (0.0, 1.0)
+        )
+        v = 0.2 * (lacks + 0.2 * rng.standard_normal(len(angle))) * (abs(speed) > 0.05)
+        for kept, given in ((pulls, cells), (without, [])):
+            theta, sd = deviations(psi, v, given)
+            kept.append(theta / sd)
+    found, usual = (np.sqrt(np.mean(np.square(values), axis=0)) for values in (pulls, without))
+    assert (found < 1.8).all()
+    assert (usual > 1.5 * found).all()
+    assert np.mean(usual) > 1.5
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.8])
+def test_errors_that_do_not_depend_on_the_motion_keep_their_deviations(colour: float, seed: int) -> None:
+    """One in a thousand is increased by chance; the limit is five of 450, with a probability of 1e-4 beyond it."""
+    rng = np.random.default_rng(seed)
+    increased = 0
+    for _ in range(150):
+        angle, speed = a_motion(rng, 1600)
+        cells = motion_cells([PredictedMotion(TIMES[: len(angle)], angle, "angle", np.ones(len(angle), np.bool_))])
+        psi = np.stack([speed, np.sign(speed), np.ones(len(angle))], axis=1)
+        v = lfilter([1], [1, -colour], rng.standard_normal(len(angle)))
+        (_, sd), (_, usual) = (deviations(psi, v, given) for given in (cells, ()))
+        assert (sd >= usual * (1 - 1e-12)).all()
+        increased += int(np.count_nonzero(sd > 1.001 * usual))
+    assert increased <= 5
 
 
 def test_initial_states_are_left_out_of_what_is_told(seed: int) -> None:
