@@ -3,7 +3,7 @@
 Many controllers close the brakes after some seconds without a motion, and switch the motors off.  The measured torque
 is zero then, and a predictor expects the axis to fall.  An axis is held from the sample on at which, for HOLD_S,
 
-* its weight would accelerate it more than Coulomb friction can prevent,
+* what the torque leaves of its weight would accelerate it more than Coulomb friction can prevent,
 * the torque balances less than half of the weight,
 * it has moved less than a tenth of what the weight would move it in that time,
 
@@ -89,7 +89,8 @@ class HoldingBrake:
         """
         falls = self._falls(y, weight)
         with np.errstate(invalid="ignore"):
-            idle = (abs(falls) > self._of_friction) & (abs(self._of_torque * u) < _BORNE * abs(falls))
+            borne = self._of_torque * u
+            idle = (abs(falls + borne) > self._of_friction) & (abs(borne) < _BORNE * abs(falls))
         idle &= np.isfinite(y)
         held, stand = np.zeros(len(t_us), np.bool_), self._stand
         fallen = abs(falls) * (HOLD_S**2 / 2 if self._angle else HOLD_S)

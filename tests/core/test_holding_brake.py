@@ -68,7 +68,16 @@ def test_an_axis_whose_brake_fails_is_no_longer_held() -> None:
 
 @pytest.mark.parametrize(
     "what",
-    ["controlled", "stuck sensor", "falls", "turns back", "friction bears it", "not measured", "clock"],
+    [
+        "controlled",
+        "stuck sensor",
+        "falls",
+        "turns back",
+        "friction bears it",
+        "friction bears the rest",
+        "not measured",
+        "clock",
+    ],
 )
 def test_no_other_axis_is_held(what: str) -> None:
     u, y = stopped()
@@ -84,6 +93,8 @@ def test_no_other_axis_is_held(what: str) -> None:
         u, y = np.zeros(N), np.asarray(50 * t - 50.0 * t**2)
     elif what == "friction bears it":
         model = AxisModel(one_mass("angle"), {**MASS.nominal, "fc": 1.2}, ("kT", "fm"))
+    elif what == "friction bears the rest":
+        model, u = AxisModel(one_mass("angle"), {**MASS.nominal, "fc": 0.7}, ("kT", "fm")), np.where(u > 0.5, u, 0.4)
     elif what == "not measured":
         y = np.full(N, np.nan)
     else:  # it is set back every fifty milliseconds

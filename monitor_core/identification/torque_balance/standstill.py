@@ -154,9 +154,10 @@ def _rest(record: Record, slowest: float, one_way: bool) -> _Rest | None:
 def _braked(part: GridPart, resting: Floats, friction: float, slowest: float) -> Ints:
     """Samples at which a brake holds the axis: it stands, and the motor bears less than half of the weight.
 
-    ``resting`` (N,): torque that bears the weight.  ``friction``: Coulomb friction, which alone may hold less.
+    ``resting`` (N,): torque that bears the weight.  ``friction``: Coulomb friction, which may hold what the motor does
+    not bear.
     """
-    idle = (np.abs(resting) > friction) & (np.abs(part.u) < _BORNE * np.abs(resting))
+    idle = (np.abs(resting - part.u) > friction) & (np.abs(part.u) < _BORNE * np.abs(resting))
     idle &= np.abs(speed_of(part, AROUND)) < slowest
     samples = np.flatnonzero(idle)
     runs = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)

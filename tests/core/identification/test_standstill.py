@@ -103,14 +103,17 @@ def test_an_axis_that_seldom_stands_keeps_its_torque(seed: int) -> None:
     assert find_standstill([healthy(np.random.default_rng(seed), "angle", closed=True)]) is None
 
 
-def braked(seed: int, at_s: float, seconds: float) -> Record:
-    """A vertical axis that seldom stands; once its brake closes and its motor is switched off for so long."""
+def braked(seed: int, at_s: float, seconds: float, friction: float = TRUE["fc"], left: float = 0.0) -> Record:
+    """A vertical axis that seldom stands; once its brake closes and its motor is switched off for so long.
+
+    ``friction``: Coulomb friction [N m]; ``left``: torque that the motor keeps meanwhile, of 1.5 N m.
+    """
     rng, n, rest = np.random.default_rng(seed), 12_000, round(seconds / H)
     w = 12.0 * multisine(rng, n, H, (0.3, 4.0), 2.0)
-    u = TRUE["J"] * np.gradient(w, H) + TRUE["fm"] * w + TRUE["fc"] * np.tanh(w / 0.5) + 1.5
+    u = TRUE["J"] * np.gradient(w, H) + TRUE["fm"] * w + friction * np.tanh(w / 0.5) + 1.5
     y, k = np.cumsum(w) * H, round(at_s / H)
     k += int(np.argmin(np.abs(w[k : k + 400])))
-    u, y, t = np.insert(u, k, np.zeros(rest)), np.insert(y, k, np.full(rest, y[k])), np.arange(n + rest) * H
+    u, y, t = np.insert(u, k, np.full(rest, left)), np.insert(y, k, np.full(rest, y[k])), np.arange(n + rest) * H
     noisy_u, noisy_y = u + rng.normal(0, 0.02, t.size), y + rng.normal(0, 1e-4, t.size)
     return Record(np.asarray(t, np.float64), noisy_u, noisy_y, "angle")
 
@@ -135,6 +138,11 @@ def test_a_brake_that_holds_the_axis_for_seconds_does_not_spoil_the_fit(seed: in
     assert without.standstill is None
     for name in NAMES:
         assert fitted.estimate.values[name] == pytest.approx(without.estimate.values[name], rel=0.02), name
+
+
+def test_where_friction_holds_what_the_motor_does_not_bear_no_brake_is_seen(seed: int) -> None:
+    for left, seen in ((0.0, True), (0.6, False)):
+        assert (find_standstill([braked(seed, 20.0, 3.0, friction=1.2, left=left)]) is not None) == seen
 
 
 def test_without_a_weight_no_brake_is_looked_for(seed: int) -> None:
