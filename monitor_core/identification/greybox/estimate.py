@@ -46,6 +46,8 @@ class Estimate:
         independence: their correlation with past torque.
         accuracy: how well the records determine the parameters, in relative units and words.
         coloured: order of the autoregressive model of the errors in the covariance; 0: the errors are white.
+        excess: (p,) ratios to the standard deviations, at least 1, where errors come back with the motion; see
+            ``agreeing``.
         fit: NRMSE in per cent of each record, one step ahead: 100 (1 - |y - yhat| / |y - mean y|).
         simulate: gives ``fit_simulation``; None: the prediction is a simulation.
         iterations: evaluations of the predictor and its gradient.
@@ -74,6 +76,7 @@ class Estimate:
     independence: Correlation
     accuracy: Accuracy
     coloured: int
+    excess: Floats
     fit: tuple[float, ...]
     simulate: Callable[[], tuple[float, ...]] | None
     iterations: int
@@ -112,29 +115,30 @@ class Estimate:
 
 
 def agreeing(found: Estimate, parts: Sequence[Estimate]) -> Estimate:
-    """The estimate with larger standard deviations where two parts of the records contradict each other.
+    """The estimate with larger standard deviations where the records show that it is wrong by more than noise.
 
-    What the drive lacks makes an estimate wrong in another way in each motion; noise alone makes the two differ by
-    little more than their standard deviations.  Where they differ by more, that of the estimate is multiplied by the
-    same ratio (Birge, 1932).  Estimates that are equally wrong in both parts are not seen.
+    What the drive lacks makes an estimate wrong in another way in each motion; noise alone makes two parts of the
+    records differ by little more than their standard deviations.  Where they differ by more, that of the estimate is
+    multiplied by the same ratio (Birge, 1932).  What it lacks also comes back with the motion, and with it the errors:
+    the standard deviation is multiplied by the larger ratio of both.  An estimate that is equally wrong in all motions
+    is not seen.
     """
-    if len(parts) != 2:
-        return found
-    factors, words = np.ones(len(found.names)), list[str]()
+    factors, words = found.excess.copy(), list[str]()
     by_name = [dict(zip(part.names, zip(part.theta, part.sd, strict=True), strict=True)) for part in parts]
     for k, name in enumerate(found.names):
-        if not all(name in values for values in by_name):
+        if len(parts) != 2 or not all(name in values for values in by_name):
             continue
         (first, its), (last, others) = (values[name] for values in by_name)
         sure = np.hypot(its, others)
         if np.isfinite(sure) and abs(first - last) > _CONTRADICTS * sure > 0:
-            factors[k] = abs(first - last) / sure
+            factors[k] = max(factors[k], abs(first - last) / sure)
             if abs(first - last) > _FAR_APART * abs(found.theta[k]):
                 words.append(f"{name} is {first:.3g} in one half of the records and {last:.3g} in the other")
     lacks = f"The halves of the records do not agree: {listed(words)}. What the drive lacks is part of these values."
     return replace(
         found,
         covariance=found.covariance * np.outer(factors, factors),
+        excess=np.ones(len(found.names)),
         words=(*found.words, lacks) if words else found.words,
     )
 

@@ -85,6 +85,7 @@ def _estimate(fitted: Fitted) -> Estimate:
         independence=independence([s.u for s in predictor.series], eps),
         accuracy=information.accuracy,
         coloured=information.order,
+        excess=information.excess[:p],
         fit=fits(predictor, errors),
         simulate=None
         if _simulates(predictor, point.values)

@@ -154,6 +154,7 @@ class Information(NamedTuple):
     covariance: Floats  # (p, p) of the estimates; infinite variance and NaN where they cannot be determined
     white: Floats  # (p, p) covariance for white errors of the same variance
     order: int  # of the errors' autoregressive model; 0: white
+    excess: Floats  # (p,) ratios to these standard deviations, with errors that come back with the motion; at least 1
 
 
 def information(
@@ -170,8 +171,8 @@ def information(
         cov = (J'J)^-1 S (J'J)^-1,     S = sum_ts psi(t) R(t - s) psi(s)'
 
     which for white errors is lambda_0 (J'J)^-1, J being what the initial states cannot explain of the gradients.  R has
-    the errors of neighbouring samples alone.  With ``cells`` the variance of a parameter is larger where errors of
-    samples far apart are alike (``_excess``).
+    the errors of neighbouring samples alone.  With ``cells`` it is found, too, how much larger the standard deviations
+    are because errors of samples far apart are alike.
 
     Args:
         names: of the p parameters.
@@ -188,20 +189,19 @@ def information(
     accuracy = Accuracy(tuple(names), R, np.sqrt(variance) if variance > 0 else 1e-300)
     S, order = scores_covariance(eps, scaled)
     white = accuracy.covariance * np.outer(sizes, sizes)
+    inverse = accuracy.inverse_information(1.0)
+    known = np.isfinite(np.diag(accuracy.covariance))
+    covariance, excess = accuracy.covariance.copy(), np.ones(len(names))
+    if order:
+        covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
+    if cells and known.any():
+        changes = [psi @ inverse[:, known] for psi in scaled]
+        excess[known] = _excess(changes, eps, cells, np.diag(covariance)[known])
+    if not order:
+        return Information(accuracy, white, white, 0, excess)
     with np.errstate(invalid="ignore"):
-        inverse = accuracy.inverse_information(1.0)
-        known = np.isfinite(np.diag(accuracy.covariance))
-        covariance = accuracy.covariance.copy()
-        if order:
-            covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
-        factors = np.ones(len(names))
-        if cells and known.any():
-            changes = [psi @ inverse[:, known] for psi in scaled]
-            factors[known] = _excess(changes, eps, cells, np.diag(covariance)[known])
-        if not order and (factors == 1).all():
-            return Information(accuracy, white, white, 0)
-        covariance *= np.outer(factors, factors)
-        return Information(_consistent(accuracy, covariance), covariance * np.outer(sizes, sizes), white, order)
+        coloured = covariance * np.outer(sizes, sizes)
+        return Information(_consistent(accuracy, covariance), coloured, white, order, excess)
 
 
 def _excess(changes: Sequence[Floats], eps: Sequence[Floats], cells: Sequence[Ints], variances: Floats) -> Floats:

@@ -486,13 +486,37 @@ def test_estimates_that_the_halves_contradict_are_not_stated_as_sure(seed: int) 
     assert not any("halves of the records" in words for words in result.estimate.words)
 
 
+def test_deviations_cover_a_ripple_that_comes_back_with_the_motion(seed: int) -> None:
+    """An axis goes to and fro at one speed; its gear takes a torque at each place, another one each way."""
+    plain, reported = [], []
+    for k in range(4):
+        rng, own = np.random.default_rng(seed + k), record(seed + k, one_speed=True, seconds=80.0)
+        way = np.sign(np.gradient(own.y))
+        ripple = sum(
+            0.3 * rng.standard_normal() * np.cos(waves * own.y + rng.uniform(0, 2 * np.pi) + turn * way)
+            for waves in (6, 9, 13)
+            for turn in (0.0, 1.0)
+        )
+        problem = Problem(one_mass(), VALUES, ("J", "fc", "tau0"), speed_scale=SCALE)
+        estimate = fit(problem, [replace(own, u=own.u + ripple)])
+        off = estimate.theta - np.array([VALUES[name] for name in estimate.names])
+        plain.append(off / estimate.sd)
+        reported.append(off / agreeing(estimate, ()).sd)
+    assert np.abs(plain)[:, 0].max() > 4  # of the inertia
+    assert np.sqrt(np.mean(np.square(reported), axis=0)).max() < 2.5
+
+
 def test_halves_that_agree_leave_the_standard_deviations(seed: int) -> None:
     estimate = usual(seed).estimate
     assert agreeing(estimate, (estimate, estimate)).sd == pytest.approx(estimate.sd, rel=1e-12)
-    assert agreeing(estimate, ()) is estimate
+    assert agreeing(estimate, ()).sd == pytest.approx(estimate.sd, rel=1e-12)
     moved = replace(estimate, theta=estimate.theta + 5 * np.sqrt(2) * estimate.sd)
     assert agreeing(estimate, (estimate, moved)).sd == pytest.approx(5 * estimate.sd, rel=1e-9)
     far = np.abs(moved.theta - estimate.theta) > 0.5 * np.abs(estimate.theta)
     assert (agreeing(estimate, (estimate, moved)).words != estimate.words) == far.any()
+    back = replace(estimate, excess=np.full(estimate.sd.size, 3.0))  # with the motion
+    assert agreeing(back, ()).sd == pytest.approx(3 * estimate.sd, rel=1e-12)
+    assert agreeing(back, (estimate, moved)).sd == pytest.approx(5 * estimate.sd, rel=1e-9)
+    assert agreeing(agreeing(back, ()), ()).sd == pytest.approx(3 * estimate.sd, rel=1e-12)
     near = replace(estimate, theta=estimate.theta + 0.5 * np.sqrt(2) * estimate.sd)
     assert agreeing(estimate, (estimate, near)).sd == pytest.approx(estimate.sd, rel=1e-12)

@@ -119,7 +119,7 @@ def deviations(psi: Floats, v: Floats, cells: Sequence[Ints]) -> tuple[Floats, F
     names = [f"p{k}" for k in range(psi.shape[1])]
     none = [np.zeros((len(v), 0))]
     found = information(names, np.ones(psi.shape[1]), [psi], none, [eps], float(eps.var()), cells)
-    return np.asarray(theta, np.float64), np.asarray(np.sqrt(np.diag(found.covariance)), np.float64)
+    return np.asarray(theta, np.float64), np.asarray(found.excess * np.sqrt(np.diag(found.covariance)), np.float64)
 
 
 def test_deviations_cover_errors_that_come_back_with_the_motion(seed: int) -> None:
