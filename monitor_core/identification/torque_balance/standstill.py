@@ -50,6 +50,9 @@ _LEAST = 0.1
 _BORNE, _BRAKED_S = 0.5, 0.3
 """A brake holds an axis that stands if its torque is less than this share of the resting torque for this time."""
 
+_STICTION = 1.5
+"""Friction may hold this multiple of Coulomb friction at rest."""
+
 
 class Standstill(NamedTuple):
     """Records in which the axis often stands, or its brake holds it, with the torque that keeps a model at rest there.
@@ -157,7 +160,7 @@ def _braked(part: GridPart, resting: Floats, friction: float, slowest: float) ->
     ``resting`` (N,): torque that bears the weight.  ``friction``: Coulomb friction, which may hold what the motor does
     not bear.
     """
-    idle = (np.abs(resting - part.u) > friction) & (np.abs(part.u) < _BORNE * np.abs(resting))
+    idle = (np.abs(resting - part.u) > _STICTION * friction) & (np.abs(part.u) < _BORNE * np.abs(resting))
     idle &= np.abs(speed_of(part, AROUND)) < slowest
     samples = np.flatnonzero(idle)
     runs = np.split(samples, np.flatnonzero(np.diff(samples) > 1) + 1)

@@ -40,6 +40,8 @@ _MOST_MOVING_SAMPLES, _MOVING_SHARE = 100_000, 0.03
 """The same for torques that change with speeds and accelerations"""
 _MAX_RATIO = 2.0
 """Largest ratio of the inertias that both halves of the equations show"""
+_GOES_WITH = 0.9
+"""Cosine of the angle between two columns that hardly differ"""
 MOST_OTHERS = 2
 """Other angles in the sum of a weight: shoulder, elbow and a wrist that bends in the same plane."""
 MIN_INCREASE = 1.02
@@ -122,10 +124,19 @@ class WeightBalance:
         return np.concatenate(found)[self._kept]
 
     def rigid_mass(self, columns: Sequence[Floats]) -> tuple[float, float] | None:
-        """Inertia and viscous friction beside further columns; None: the halves of the equations differ about it."""
+        """Inertia and viscous friction beside further columns; None: the halves of the equations differ about it.
+
+        Columns that hardly differ from that of the inertia are left out, as of an inertia that follows a pose which
+        changes little.  So it is the inertia in the mean pose: beside them it may be anything.
+        """
+        columns = [column for column in columns if not self._goes_with_inertia(column)]
         halves = self.inertias(columns)
         inertia, viscous = self._solved(columns, slice(None))[:2].tolist()
         return (inertia, max(viscous, 0.0)) if min(halves) > max(halves) / _MAX_RATIO > 0 else None
+
+    def _goes_with_inertia(self, column: Floats) -> bool:
+        inertia = self.rows[:, 0]
+        return abs(float(inertia @ column)) > _GOES_WITH * float(np.linalg.norm(inertia) * np.linalg.norm(column))
 
     def inertias(self, columns: Sequence[Floats]) -> tuple[float, float]:
         """The inertia beside further columns by each half of the equations."""

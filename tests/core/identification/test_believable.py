@@ -38,7 +38,7 @@ from monitor_core.identification.greybox import Estimate, agreeing, fit
 from monitor_core.identification.greybox.criterion import choose_disturbance
 from monitor_core.identification.holding import hold_undetermined
 from monitor_core.identification.parameter_selection import scheduled_terms, with_terms
-from monitor_core.identification.starting import fit_from_torque_balance
+from monitor_core.identification.starting import fit_from_torque_balance, hold_balanced_inertia
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.torque_windows import POSE
 from monitor_core.modeling.simulated_axis import SimulatedAxis
@@ -484,6 +484,22 @@ def test_estimates_that_the_halves_contradict_are_not_stated_as_sure(seed: int) 
     assert wrong.estimate.sd[k] > 3 * result.estimate.sd[k]
     assert any("halves of the records do not agree" in words and "fv is" in words for words in wrong.estimate.words)
     assert not any("halves of the records" in words for words in result.estimate.words)
+
+
+def test_the_balanced_inertia_is_that_of_the_mean_pose(seed: int) -> None:
+    """The inertia follows the pose of another axis that bends little, beside a torque of other links."""
+    plain, lag = record(seed, seconds=60.0), 3
+    t, y = plain.t, plain.y
+    bent = np.asarray(np.sin(0.15 * np.sin(t / 2.3) - 1.5), np.float64)
+    acceleration = (np.roll(y, -lag) - 2 * y + np.roll(y, lag)) / (lag * H) ** 2
+    acceleration[: 2 * lag] = acceleration[-2 * lag :] = 0.0
+    links = 3.0 * np.sin(3.1 * t) * np.cos(1.7 * t)
+    signals = {"own * bent": acceleration * bent}
+    moved = replace(plain, u=plain.u + links + 0.8 * acceleration * bent, signals=signals)
+    problem = Problem(one_mass(), {**dict.fromkeys(VALUES, 0.0), "kT": 1.0, "J": 1.0}, ALL, speed_scale=SCALE)
+    found = hold_balanced_inertia(problem, [moved], ["own * bent"])
+    assert found is not None
+    assert found.nominal["J"] == pytest.approx(VALUES["J"] + 0.8 * bent.mean(), rel=0.02)
 
 
 def test_deviations_cover_a_ripple_that_comes_back_with_the_motion(seed: int) -> None:

@@ -141,8 +141,9 @@ def test_a_brake_that_holds_the_axis_for_seconds_does_not_spoil_the_fit(seed: in
 
 
 def test_where_friction_holds_what_the_motor_does_not_bear_no_brake_is_seen(seed: int) -> None:
-    for left, seen in ((0.0, True), (0.6, False)):
-        assert (find_standstill([braked(seed, 20.0, 3.0, friction=1.2, left=left)]) is not None) == seen
+    """It may hold half as much again as Coulomb friction."""
+    for left, seen in ((0.0, True), (0.4, False)):
+        assert (find_standstill([braked(seed, 20.0, 3.0, friction=0.9, left=left)]) is not None) == seen
 
 
 def test_without_a_weight_no_brake_is_looked_for(seed: int) -> None:
