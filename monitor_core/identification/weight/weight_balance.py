@@ -126,13 +126,15 @@ class WeightBalance:
     def rigid_mass(self, columns: Sequence[Floats]) -> tuple[float, float] | None:
         """Inertia and viscous friction beside further columns; None: the halves of the equations differ about it.
 
-        Columns that hardly differ from that of the inertia are left out, as of an inertia that follows a pose which
-        changes little.  So it is the inertia in the mean pose: beside them it may be anything.
+        If they do, columns that hardly differ from that of the inertia are left out, as of an inertia that follows a
+        pose which changes little.  So it is the inertia in the mean pose: beside them it may be anything.
         """
-        columns = [column for column in columns if not self._goes_with_inertia(column)]
-        halves = self.inertias(columns)
-        inertia, viscous = self._solved(columns, slice(None))[:2].tolist()
-        return (inertia, max(viscous, 0.0)) if min(halves) > max(halves) / _MAX_RATIO > 0 else None
+        for used in (columns, [column for column in columns if not self._goes_with_inertia(column)]):
+            halves = self.inertias(used)
+            if min(halves) > max(halves) / _MAX_RATIO > 0:
+                inertia, viscous = self._solved(used, slice(None))[:2].tolist()
+                return inertia, max(viscous, 0.0)
+        return None
 
     def _goes_with_inertia(self, column: Floats) -> bool:
         inertia = self.rows[:, 0]
