@@ -61,6 +61,8 @@ _BETTER = 0.8
 _TOO_LARGE = 2.0
 """An inertia is too large that is this multiple of what the torque balance shows, in which both halves of the records
 agree within the same factor."""
+_LARGER = 1.2
+"""From this multiple on, that of the torque balance is taken if the fit with it is as good."""
 _BALANCED = "the one-step prediction hardly depends on it; value of the torque balance"
 
 IdentificationProgress = Callable[[str, int, int], None]
@@ -137,19 +139,25 @@ def _with_balanced_inertia(found: IdentificationResult, problem: Problem, given:
     It is better if it explains clearly more.  Where a torque follows signals, it is if the fit has an inertia that is
     several times larger: the acceleration of the axis may be in these signals, and the measured one explains its motion
     by itself.  So a large inertia with as large a torque for the acceleration explains it, whatever the motor does.
+    Where it is larger by less, the fit must be as good: joints that ring enlarge it, as the next sample shows little of
+    the torque.
     """
     options, terms = given.options, _torque_terms(problem, given.options)
     rigid = hold_balanced_inertia(problem, given.records, terms)
     if rigid is None:
         return found
     held = {split_name(name)[0]: _BALANCED for name in set(problem.free) - set(rigid.free)}
-    too_large = bool(terms) and any(found.estimate.values[J] > _TOO_LARGE * rigid.nominal[J] for J in held)
-    if found.verdict.quality is FitQuality.GOOD and not too_large:
+    times = max((found.estimate.values[J] / rigid.nominal[J] for J in held), default=0.0) if terms else 0.0
+    if found.verdict.quality is FitQuality.GOOD and not times > _LARGER:
         return found
     unknown = tuple(name for name in options.unknown if name not in held)
     known = replace(options, start="values", unknown=unknown)
     again = _unless_rejected(rigid, given._replace(options=known))
-    if again is None or not (found.rejection or too_large or _is_better(again.verdict, found.verdict)):
+    if again is None:
+        return found
+    as_good = again.verdict.quality in (found.verdict.quality, FitQuality.GOOD)
+    larger = times > _TOO_LARGE or (times > _LARGER and as_good)
+    if not (found.rejection or larger or _is_better(again.verdict, found.verdict)):
         return found
     return replace(again, held={**held, **again.held})
 

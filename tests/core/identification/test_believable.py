@@ -125,7 +125,8 @@ def test_a_motion_that_is_repeated_is_reported_with_the_verdict(seed: int) -> No
     assert found([again]).verdict.repeats_s == pytest.approx(once.duration_s + H, rel=0.01)
 
 
-def test_an_axis_is_not_moved_by_its_own_measured_acceleration() -> None:
+@pytest.mark.parametrize(("size", "ringing"), [(3.0, 0.0), (1.0, 0.5)], ids=["several times", "half as large again"])
+def test_an_axis_is_not_moved_by_its_own_measured_acceleration(size: float, ringing: float) -> None:
     """The inertia follows the pose of another axis, beside a torque of other links that no term describes.
 
     The measured acceleration, of which half is later, explains the motion by itself: with an inertia many times too
@@ -138,7 +139,7 @@ def test_an_axis_is_not_moved_by_its_own_measured_acceleration() -> None:
     later, before = np.roll(y, -lag), np.roll(y, lag)
     acceleration = (later - 2 * y + before) / (lag * H) ** 2
     acceleration[: 2 * lag] = acceleration[-2 * lag :] = 0.0
-    links = 3.0 * np.sin(3.1 * t) * np.cos(1.7 * t)
+    links = size * np.sin(3.1 * t) * np.cos(1.7 * t) + ringing * np.sin(37.0 * t)
     signals = {"other": other, "own": acceleration}
     moved = replace(plain, u=plain.u + links + 0.8 * acceleration * np.cos(other), signals=signals)
     term = "own * cos(other)"
