@@ -145,6 +145,24 @@ def test_deviations_cover_errors_that_come_back_with_the_motion(seed: int) -> No
     assert np.mean(usual) > 1.5
 
 
+def test_the_deviation_is_that_of_the_sums_of_cells(seed: int) -> None:
+    """Ten cells of twenty samples each, whose errors are alike in a cell: the mean of all is that of ten values."""
+    rng = np.random.default_rng(seed)
+    values, cell = rng.standard_normal(10), rng.permutation(np.repeat(np.arange(10), 20))
+    theta, sd = deviations(np.ones((200, 1)), values[cell], [cell])
+    assert theta == pytest.approx(values.mean())
+    assert sd == pytest.approx(values.std(ddof=1) / np.sqrt(10), rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_so_few_cells_tell_nothing(count: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    cell = rng.permutation(np.repeat(np.arange(count), 200 // count))
+    v = 5.0 * cell + rng.standard_normal(200)
+    (_, sd), (_, usual) = (deviations(np.ones((200, 1)), v, cells) for cells in ([cell], []))
+    assert sd == pytest.approx(usual, rel=1e-12)
+
+
 @pytest.mark.parametrize("colour", [0.0, 0.8])
 def test_errors_that_do_not_depend_on_the_motion_keep_their_deviations(colour: float, seed: int) -> None:
     """One in a thousand is increased by chance; the limit is five of 450, with a probability of 1e-4 beyond it."""
