@@ -6,18 +6,19 @@ import math
 import shlex
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
-from monitor_core.wording import duration
+from monitor_core.wording import duration, listed
 from service.can.user_errors import RecordError
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
-from service.commands.options import LOG_KINDS, ConfigPath, configuration
+from service.commands.options import LOG_KINDS, ConfigPath, axis_named, configuration
 from service.commands.output_files import write
 from service.commands.progress import axes_bars
 from service.config import Config
@@ -29,6 +30,7 @@ from service.reports.formats import Provenance
 
 if TYPE_CHECKING:
     from monitor_core.calibration import CalibrationOptions
+    from service.commands.commissioning.axis.axis_commissioning import EarlierResult
     from service.commands.commissioning.axis.axis_job import AxisJob
     from service.commands.commissioning.signals.signal_proposals import Review
 
@@ -51,6 +53,14 @@ Minutes = Annotated[
         help="Without RECORD: first record the buses for so long, into DIR/records.",
     ),
 ]
+Axes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--axis",
+        metavar="NAME",
+        help="Work on this axis only; may be repeated. What an earlier call has found of the others stays.",
+    ),
+]
 
 
 def commission(
@@ -60,6 +70,7 @@ def commission(
     budget: Budget = "1y",
     yes: Yes = False,
     minutes: Minutes = None,
+    axis: Axes = None,
 ) -> None:
     """Commission a robot from its healthy state, recorded or live: check, identify and calibrate every axis.
 
@@ -72,40 +83,62 @@ def commission(
     Writes DIR/axiswatch.toml, which `replay` and `run` take as it is, the nominal values and thresholds that it names,
     and DIR/report.html: which changes of each axis will be detected, how soon, which will not, and the next step. What
     the records show to be wrong in the configuration is proposed as a change. Called again, it repeats only what
-    depends on something new. The exit code is 5 where an axis could not be commissioned, or `replay` tests nothing of
-    it in these records, 2 where none could.
+    depends on something new. With --axis it works on the named axes only; the new configuration and the report also
+    have what earlier calls have found of the others. The exit code is 5 where an axis that was worked on could not be
+    commissioned, or `replay` tests nothing of it in these records, 2 where none could.
     """
+    from service.commands.commissioning.axis.axis_job import AxisJob
     from service.commands.commissioning.live.live_recording import record_live, recorded
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
     read = configuration(config, without_bus=bool(records), thresholds=False)
+    names = [each.id for each in read.axes]
+    chosen = {axis_named(read.axes, name).id for name in axis or ()} or set(names)
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise typer.BadParameter(f"{output}: {error.strerror}", param_hint="--output") from None
     console = Console(highlight=False, soft_wrap=True)
     text = relocated(config.read_text(encoding="utf-8-sig"), config.parent.resolve(), output.resolve())
+    earlier = _earlier([name for name in names if name not in chosen], output)
     with explained():
         if minutes is not None:
             record_live(read, text, output, 60 * minutes, yes)
         used = tuple(records or map(str, recorded(output)))
-        jobs, silent = _jobs(text, read, used, output, options_for(budget_s), yes)
-        reviews = _reviewed(jobs, yes, console, _command(records or (), config, output, budget))
-        outcomes = [*_carried_out(jobs, reviews, console), *silent]
-    motion_minutes = max(1, math.ceil(recording_s(outcomes) / 60))
+        for name, result in earlier.items():
+            text = corrected(text, name, result.of_signals)  # a chosen axis may follow the motion of this one
+        shared = AxisJob(text, "", used, output, options_for(budget_s), Provenance.now(), yes)
+        jobs, silent = _jobs(shared, read, chosen)
+        reviews = _reviewed(jobs, yes, console, _command(records or (), config, output, budget, axis or ()))
+        worked_on = [*_carried_out(jobs, reviews, console), *silent]
+    motion_minutes = max(1, math.ceil(recording_s(worked_on) / 60))
     given, minutes_again = ((*records, "RECORD"), None) if records else ((), motion_minutes)
-    again = _command(given, config, output, budget, minutes_again, yes)
-    words = next_step(outcomes, output / CONFIG, bool(read.bus), again)
+    again = _command(given, config, output, budget, axis or (), minutes_again, yes)
+    outcomes = [*worked_on, *(result.outcome for result in earlier.values())]
+    outcomes.sort(key=lambda outcome: names.index(outcome.axis_id))
+    # Motions that were planned for the others are not asked for again.
+    open_now = [o if o.axis_id in chosen else replace(o, motion="") for o in outcomes]
+    words = next_step(open_now, output / CONFIG, bool(read.bus), again)
     _write(config, jobs[0], outcomes, words)
-    for step in (motion_step(outcome, output / CONFIG) for outcome in outcomes):
+    for step in (motion_step(outcome, output / CONFIG) for outcome in worked_on):
         if step:
             console.print(step, markup=False)
+    if missing := [name for name in names if name not in chosen | earlier.keys()]:
+        console.print(f"{listed(missing)}: not commissioned yet, so left out of the new configuration.", markup=False)
     console.print(words, markup=False)
-    if minutes is not None and any(outcome.motion for outcome in outcomes) and _wanted(motion_minutes, yes):
-        commission(config, None, output, budget, yes, motion_minutes)
+    if minutes is not None and any(outcome.motion for outcome in worked_on) and _wanted(motion_minutes, yes):
+        commission(config, None, output, budget, yes, motion_minutes, axis)
     else:
-        _exit(outcomes)
+        _exit(worked_on)
+
+
+def _earlier(names: Sequence[str], output: Path) -> dict[str, EarlierResult]:
+    """What earlier calls have found of these axes, by name; axes of which they have found nothing are left out."""
+    from service.commands.commissioning.axis.axis_commissioning import earlier_result
+
+    found = {name: earlier_result(output, name) for name in names}
+    return {name: result for name, result in found.items() if result is not None}
 
 
 def _check_source(records: Sequence[str] | None, minutes: float | None, output: Path) -> None:
@@ -127,32 +160,29 @@ def _check_source(records: Sequence[str] | None, minutes: float | None, output: 
         )
 
 
-def _jobs(
-    text: str,
-    config: Config,
-    records: Sequence[str],
-    output: Path,
-    options: CalibrationOptions,
-    shorten: bool,
-) -> tuple[list[AxisJob], list[Outcome]]:
-    """A job for each axis that has records, and the outcomes of axes that have none."""
-    from service.commands.commissioning.axis.axis_job import AxisJob
+def _jobs(shared: AxisJob, config: Config, chosen: Collection[str]) -> tuple[list[AxisJob], list[Outcome]]:
+    """A job for each chosen axis that has records, and the outcomes of chosen axes that have none.
+
+    ``shared``: what all jobs have in common, with all records.
+    """
     from service.ingest.axis_records import silent_in
     from service.ingest.record_ranges import wanted
 
-    silent = {record: silent_in(wanted(record).path, config) for record in records}
-    jobs, refused = list[AxisJob](), list[Outcome]()
-    for axis in config.axes:
-        own = tuple(record for record in records if axis.id not in silent[record])
+    silent = {record: silent_in(wanted(record).path, config) for record in shared.records}
+    jobs: list[AxisJob] = []
+    refused: list[Outcome] = []
+    for axis in (each for each in config.axes if each.id in chosen):
+        own = tuple(record for record in shared.records if axis.id not in silent[record])
         if own:
-            jobs.append(AxisJob(text, axis.id, own, output, options, Provenance.now(), shorten))
+            jobs.append(shared._replace(axis_id=axis.id, records=own))
             continue
-        lost = sum((Counter(silent[record][axis.id]) for record in records), Counter[str]())
+        lost = sum((Counter(silent[record][axis.id]) for record in shared.records), Counter[str]())
         dropped = ", ".join(f"{count} {reason}" for reason, count in lost.items() if count) or "nothing"
-        words = f"not identified: no samples of it in {', '.join(records)}; dropped: {dropped}"
+        words = f"not identified: no samples of it in {', '.join(shared.records)}; dropped: {dropped}"
         refused.append(Outcome(axis.id, refusal=words))
     if not jobs:
-        raise RecordError(f"no samples of any axis: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}")
+        which = "any axis" if len(chosen) == len(config.axes) else listed(sorted(chosen))
+        raise RecordError(f"no samples of {which}: {'; '.join(o.axis_id + ' ' + o.refusal for o in refused)}")
     return jobs, refused
 
 
@@ -279,11 +309,13 @@ def _command(
     config: Path,
     output: Path,
     budget: str,
+    axes: Sequence[str],
     minutes: float | None = None,
     yes: bool = False,
 ) -> str:
     """A command as it is typed in a shell."""
     words = ["axiswatch", "commission", *records, "--config", config, "--budget", budget, "--output", output]
+    words += [word for name in axes for word in ("--axis", name)]
     words += [] if minutes is None else ["--minutes", f"{minutes:g}"]
     return shlex.join(map(str, [*words, *(["--yes"] if yes else [])]))
 

@@ -9,6 +9,7 @@ import json
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from monitor_core.drive import split_name
 from monitor_core.wording import listed
@@ -43,10 +44,13 @@ def commission_axis(
     ``job``: its configuration has the corrections of ``review``, the findings about its signals.
     """
     name = job.axis_id
-    kept, digest = job.folder / f"{name}.json", _digest(job)
-    if (before := _read(kept, digest, job.folder)) is not None:
-        return before
-    (job.folder / motion_file(name)).unlink(missing_ok=True)
+    digest, earlier = _digest(job), earlier_result(job.folder, name)
+    if earlier is not None and earlier.digest == digest:
+        return earlier.outcome
+    for written in (_kept_file(job.folder, name), job.folder / motion_file(name)):
+        written.unlink(
+            missing_ok=True
+        )  # other files of the axis will be written, and may be all if this is interrupted
     outcome = Outcome(name, corrections=review.corrections)
     if review.faults:
         return replace(outcome, refusal=f"not identified: {'; '.join(review.faults)}")
@@ -65,7 +69,10 @@ def commission_axis(
             outcome = tested(job, outcome, progress)
         _, axis = job.configured()
         outcome = replace(outcome, notes=(*outcome.notes, *unmonitored_words(axis.config, outcome.watched)))
-    replace_text(kept, json.dumps({"digest": digest, "outcome": asdict(outcome)}, indent=1) + "\n")
+    kept = EarlierResult(digest, review.corrections, outcome)
+    replace_text(
+        _kept_file(job.folder, name), json.dumps({**kept._asdict(), "outcome": asdict(outcome)}, indent=1) + "\n"
+    )
     return outcome
 
 
@@ -91,27 +98,45 @@ def unmonitored_words(axis: AxisConfig, watched: Sequence[str]) -> Iterator[str]
             yield f"{name} is not monitored, so it is left out of {listed(keys)} in the new configuration."
 
 
-# --- The outcome of an earlier call -----------------------------------------------------------------------------------
+# --- The result of an earlier call ------------------------------------------------------------------------------------
+
+
+class EarlierResult(NamedTuple):
+    """The outcome of an axis, as it is kept in the folder."""
+
+    digest: str
+    """Of everything on which it depends"""
+    of_signals: tuple[Correction, ...]
+    """Its first corrections, those of the signals of the axis"""
+    outcome: Outcome
+
+
+def earlier_result(folder: Path, axis_id: str) -> EarlierResult | None:
+    """What an earlier call has found of an axis ("robot.axis"); None: nothing, or its files are not there any more."""
+    try:
+        content = json.loads(_kept_file(folder, axis_id).read_text(encoding="utf-8"))
+        fields = content["outcome"]
+        fields["corrections"] = _corrections(fields["corrections"])
+        fields["smallest"] = tuple(tuple(row) for row in fields["smallest"])
+        for name in ("watched", "untested", "notes", "pages", "lost", "excite"):
+            fields[name] = tuple(fields[name])
+        outcome = Outcome(**fields)
+        found = EarlierResult(content["digest"], _corrections(content["of_signals"]), outcome)
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    files = [f for f in (*outcome.pages, outcome.nominal_file, outcome.thresholds_file, outcome.motion) if f]
+    return found if all((folder / name).exists() for name in files) else None
+
+
+def _kept_file(folder: Path, axis_id: str) -> Path:
+    return folder / f"{axis_id}.json"
+
+
+def _corrections(rows: Iterable[Any]) -> tuple[Correction, ...]:
+    return tuple(Correction(tuple(key), *rest) for key, *rest in rows)
 
 
 def _digest(job: AxisJob) -> str:
     parts = [job.provenance.version, job.text, job.axis_id, repr(job.options), repr(job.shorten)]
     parts += [f"{record} {sha256_of(wanted(record).path)}" for record in job.records]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
-
-
-def _read(kept: Path, digest: str, folder: Path) -> Outcome | None:
-    try:
-        content = json.loads(kept.read_text(encoding="utf-8"))
-        if content["digest"] != digest:
-            return None
-        fields = content["outcome"]
-        fields["corrections"] = tuple(Correction(tuple(key), *rest) for key, *rest in fields["corrections"])
-        fields["smallest"] = tuple(tuple(row) for row in fields["smallest"])
-        for name in ("watched", "untested", "notes", "pages", "lost", "excite"):
-            fields[name] = tuple(fields[name])
-        outcome = Outcome(**fields)
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
-    files = [f for f in (*outcome.pages, outcome.nominal_file, outcome.thresholds_file, outcome.motion) if f]
-    return outcome if all((folder / name).exists() for name in files) else None

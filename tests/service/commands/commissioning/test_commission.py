@@ -78,6 +78,47 @@ def test_from_a_table_to_a_configuration(folder: Path, seed: int, monkeypatch: p
     assert "kT" in found.output.split("Alarms")[1]
 
 
+def test_some_axes_only(folder: Path, seed: int) -> None:
+    """The other axis stays as an earlier call has found it, with its corrections.
+
+    Where nothing is new the axis is not computed again, so it has seen these corrections, too.
+    """
+    record = table(folder / "healthy.csv", seed, 25.0, axes=2, sign=-1)
+    config = configured(folder / "robot.toml", *(AXIS.format(n=n, interval=H) for n in (1, 2)))
+    words = ("commission", record, "--config", config, "--budget", "2min", "--output", "made", "--yes")
+    made = folder / "made"
+
+    def written() -> dict[str, int]:
+        return {path.name: path.stat().st_mtime_ns for path in made.glob("cell.a*")}
+
+    assert axiswatch(*words).exit_code == 0
+    before = written()
+    again = axiswatch(*words, "--axis", "a1")
+    assert again.exit_code == 0, again.output
+    assert written() == before
+    config.write_text(config.read_text(encoding="utf-8") + "# of both axes, something new\n", encoding="utf-8")
+    other = axiswatch(*words, "--axis", "cell.a2")
+    assert other.exit_code == 0, other.output
+    assert "cell.a1" not in other.stdout
+    changed = {name for name, time_ns in written().items() if before[name] != time_ns}
+    assert changed
+    assert all(name.startswith("cell.a2") for name in changed)
+    assert [(axis.id, axis.config.torque.factor) for axis in load(made / "axiswatch.toml").axes] == [
+        ("cell.a1", -1),
+        ("cell.a2", -1),
+    ]
+    assert "2 of 2 axes ready." in (made / "report.html").read_text(encoding="utf-8")
+
+    (made / "cell.a1.json").unlink()
+    only = axiswatch(*words, "--axis", "a2", "--axis", "cell.a2")
+    assert only.exit_code == 0, only.output
+    assert "cell.a1: not commissioned yet, so left out of the new configuration." in only.stdout
+    assert [axis.id for axis in load(made / "axiswatch.toml").axes] == ["cell.a2"]
+    unknown = axiswatch(*words, "--axis", "a3")
+    assert unknown.exit_code == MISTAKE
+    assert "a3 is not there" in unknown.output
+
+
 def test_an_axis_that_its_own_records_do_not_test_is_not_ready(
     folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
