@@ -57,10 +57,16 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     names = list(known)
     if not names:
         return "there is none"
-    folded = {name.casefold(): name for name in reversed(names)}
-    close = difflib.get_close_matches(word.casefold(), folded, n=1)
-    suggestion = f'did you mean "{folded[close[0]]}"? ' if close else ""
+    close = closest(word, names)
+    suggestion = "" if close is None else f'did you mean "{close}"? '
     return f"{suggestion}there is {first_of(names, _MOST)}"
+
+
+def closest(word: str, known: Iterable[str]) -> str | None:
+    """The known name that an unknown one is most like, in any case; None: it is like none of them."""
+    folded = {name.casefold(): name for name in reversed(list(known))}
+    close = difflib.get_close_matches(word.casefold(), folded, n=1)
+    return folded[close[0]] if close else None
 
 
 def listed(names: Sequence[str], word: str = "and") -> str:

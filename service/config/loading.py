@@ -23,7 +23,7 @@ from service.config.crosschecks import crosscheck
 from service.config.problems import NOT_UTF8, CheckFinding, ConfigErrors, ConfigProblem, dotted, line_of, shown
 from service.config.robot_defaults import origin
 from service.config.schema import Config
-from service.config.schema_errors import is_consequence, schema_message, table_in
+from service.config.schema_errors import causes, schema_message, table_in
 from service.config.schema_links import concealed
 from service.config.toml_lines import Keys, nearest, positions
 
@@ -95,7 +95,7 @@ def _read(values: dict[str, Any], reading: ReadingContext) -> tuple[Config | Non
         config = Config.model_validate(values, context=reading)
     except ValidationError as error:
         found = error.errors(include_url=False)
-        return None, [CheckFinding(e["loc"], schema_message(e)) for e in found if not is_consequence(e)]
+        return None, [CheckFinding(e["loc"], schema_message(e)) for e in causes(found)]
     return config, list(crosscheck(config))
 
 

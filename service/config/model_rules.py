@@ -6,7 +6,7 @@ from contextlib import suppress
 
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, NominalValueError, Output, split_name
 from monitor_core.modeling import ModelError
-from monitor_core.wording import did_you_mean
+from monitor_core.wording import closest, did_you_mean
 from service.config.base_table import GEAR_RATIO, Undecidable
 from service.config.drive_sources import has_no_gear
 from service.config.drives import (
@@ -88,8 +88,10 @@ def nominal_values(axis: AxisConfig) -> Iterator[CheckFinding]:
     if axis.to_be_identified:  # identification will find the missing values
         return
     given = watched_values(axis).keys()
+    misspelled = {closest(name, known) for name in axis.model.nominal if name not in known}
     for name in lacking(drive, given):
-        yield CheckFinding((*path, name), f"missing ({known[name].meaning} [{known[name].unit}])")
+        if name not in misspelled:
+            yield CheckFinding((*path, name), f"missing ({known[name].meaning} [{known[name].unit}])")
 
 
 _NO_RATIO = "the angle of the arm over that of the motor, such as 0.02 for a gear of 50:1: above 0, and at most 1"

@@ -1,11 +1,11 @@
 """Validation errors of pydantic in the terms of the file format, with the meaning of the key."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, get_args
 
 from pydantic_core import ErrorDetails
 
-from monitor_core.wording import did_you_mean
+from monitor_core.wording import closest, did_you_mean
 from service.config.base_table import TomlTable, hint
 from service.config.schema import Config
 
@@ -35,12 +35,25 @@ _RULES = {
 }
 
 
-def is_consequence(error: ErrorDetails) -> bool:
-    """Whether an error is only a consequence of other errors."""
+def causes(errors: Sequence[ErrorDetails]) -> Iterator[ErrorDetails]:
+    """The errors that are no consequences of others: a key that is misspelled is missing under its right name, too."""
+    meant = {(*error["loc"][:-1], _meant(error)) for error in errors if error["type"] == "extra_forbidden"}
+    for error in errors:
+        if not _is_consequence(error) and not (error["type"] == "missing" and error["loc"] in meant):
+            yield error
+
+
+def _is_consequence(error: ErrorDetails) -> bool:
     if error["type"] == "default_factory_not_called":
         return True
     # pydantic does not count invalid elements, so it may report a list as too short.
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
+
+
+def _meant(error: ErrorDetails) -> str | None:
+    """The key of the schema that an unknown one was meant to be; None: that is not known."""
+    _, table = _place_in_schema(error["loc"])
+    return None if table is None else closest(str(error["loc"][-1]), table.model_fields)
 
 
 def schema_message(error: ErrorDetails) -> str:
