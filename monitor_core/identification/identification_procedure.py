@@ -38,6 +38,7 @@ from monitor_core.identification.starting import (
     hold_balanced_inertia,
 )
 from monitor_core.identification.thermal.measured_temperature import following_temperature, is_of_the_gear
+from monitor_core.identification.thermal.temperature_source import follows_motion, temperature_courses
 from monitor_core.identification.thermal.warm_up import (
     LEAST_MOTION_S,
     FoundWarmUp,
@@ -235,6 +236,7 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
         warm_up=None if warmed is None else warmed.warm_up,
         temperature_errors={} if warmed is None else warmed.errors,
         temperature_share=None if warmed is None else warmed.share,
+        temperature_follows_motion=None if warmed is None else warmed.follows_motion,
         not_following=tuple(name for name in searched if warmed is None or name not in warmed.followers),
         standstill=standstill,
     )
@@ -274,6 +276,8 @@ class _Warmed(NamedTuple):
     """What the followers of a measured temperature are off by beside it; empty: they follow the heat"""
     share: float | None = None
     """What the measured temperature explains of what the heat explains; None: the records show one of both at most"""
+    follows_motion: bool | None = None
+    """Whether the measured temperature follows the motion; None: the records do not tell"""
 
     @property
     def followers(self) -> tuple[str, ...]:
@@ -297,7 +301,7 @@ def _warmed(
     """The fit with friction that follows the measured temperature or the heat; None: the records show neither.
 
     The temperature is taken unless it explains little of what the heat explains: it may be that of the winding or of a
-    board.
+    board, or, if it does not follow the motion, that of a cabinet.
     """
     assert options.thermal is not None
     report("warm-up", 0, 1)
@@ -309,14 +313,16 @@ def _warmed(
     # A fit that explains nothing, or all, has no errors to learn from.
     with suppress(ValueError, np.linalg.LinAlgError):
         if follows := following_temperature(found, records, followers, refit):
-            measured = _better(_Warmed(*follows[:3], None, follows.errors), found)
+            of_axis = follows_motion(temperature_courses(found, records), options.thermal == "cold")
+            measured = _better(_Warmed(*follows[:3], None, follows.errors, follows_motion=of_axis), found)
     with suppress(ValueError, np.linalg.LinAlgError):
         if warm_up := find_warm_up(found, records, followers, options.thermal, options.begins_s):
             heated = _better(_Warmed(*following(found, warm_up, records, refit), warm_up, {}), found)
     if measured is None or heated is None:
         return measured or heated
     share = (found.cost - measured.estimate.cost) / (found.cost - heated.estimate.cost)
-    return (measured if is_of_the_gear(share) else heated)._replace(share=share)
+    taken = measured if is_of_the_gear(share, measured.follows_motion) else heated
+    return taken._replace(share=share, follows_motion=measured.follows_motion)
 
 
 def _better(fit: _Warmed, found: Estimate) -> _Warmed | None:

@@ -152,6 +152,9 @@ class IdentificationResult:
     """Standard deviations of what friction is off by beside the measured temperature that it follows, by parameter"""
     temperature_share: float | None = None
     """What the measured temperature explains, over what the heat does; None: the records show one of both at most"""
+    temperature_follows_motion: bool | None = None
+    """Whether it becomes warmer and colder as the axis moves and stands; None: the records do not tell, or it was not
+    looked for"""
     standstill: Standstill | None = None
     gap_cuts: tuple[GapCut, ...] = ()
 

@@ -32,17 +32,31 @@ def temperature_remarks(axis: AxisConfig, result: IdentificationResult) -> Itera
                 " as a thermometer lags behind the gear. It is taken all the same, because it tells how cold or warm"
                 " the hall is, which the heat does not."
             )
-        if not _of_days(result.options.begins_s):
+        if result.temperature_follows_motion is False:
+            yield (
+                f"The signal {TEMPERATURE} does not follow the motion of this axis: its course would be the same if the"
+                " axis had always worked alike. It may be the temperature of something else, such as a cabinet or the"
+                f" hall: if that thermometer is not on this axis, remove the signal {TEMPERATURE}."
+            )
+        elif result.temperature_follows_motion is None and not _of_days(result.options.begins_s):
             yield (
                 "In records of one day the temperature of something else that rises meanwhile, as of a cabinet or of"
                 f" the hall, looks the same: if that thermometer is not on this axis, remove the signal {TEMPERATURE}."
-                " Records of days with a cold and with a warm hall show what the signal is worth."
+                " A record from cold on with a break of a quarter of an hour shows whether it follows the motion;"
+                " records of days with a cold and with a warm hall show what the signal is worth."
             )
     elif result.warm_up is None or result.temperature_share is None:
         yield (
             f"Friction does not follow the signal {TEMPERATURE}: it does not clearly fall while that rises, or not"
             " alike in all parts of the records, or by more than a tenth for each degree. It may be the temperature of"
             " something else, such as a cabinet or the hall; or it is not in degrees, which a factor corrects."
+        )
+    elif result.temperature_follows_motion is False:
+        yield (
+            f"Friction does not follow the signal {TEMPERATURE}, because that does not follow the motion of this axis:"
+            " its course would be the same if the axis had always worked alike. So it is the temperature of something"
+            f" else, such as a cabinet or the hall; give that of this axis, or remove the signal {TEMPERATURE}. The"
+            " heat of the axis's own motion is followed instead."
         )
     else:
         yield (

@@ -41,6 +41,11 @@ class Moves:
         self._table[:, 0] += seconds
         self._end_s += seconds
 
+    def pause(self, now_s: float, seconds: float) -> None:
+        """What has not begun yet is so much later."""
+        self._table[self._table[:, 0] > now_s, 0] += seconds
+        self._end_s += seconds
+
 
 @kernel
 def motion(moves: Floats, row: int, now: float) -> tuple[float, float, float]:

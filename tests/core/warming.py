@@ -112,3 +112,7 @@ class WarmingPlant(MismatchPlant):
         self._at += round(seconds / INTERVAL_S)
         self._moves.wait(seconds)
         self._warmth.take(seconds)
+
+    def pause(self, seconds: float) -> None:
+        """The next motion begins so much later; until then the axis is held where it is."""
+        self._moves.pause(self._at * INTERVAL_S, seconds)

@@ -51,16 +51,16 @@ class FollowedTemperature(NamedTuple):
     errors: Mapping[str, float]
 
 
-def is_of_the_gear(share: float) -> bool:
+def is_of_the_gear(share: float, follows_motion: bool | None) -> bool:
     """Whether friction follows the temperature rather than the heat; by the share of what the heat explains.
 
     In the records of a morning or two the heat has the advantage: two time constants of its own, while a thermometer
     lags.  But it is blind to the hall, which may be 10 degrees colder or warmer on another day, as much as an axis
     warms up by itself.  The error of a thermometer that lags is in the records, and ends with the warm-up; that of the
     heat in another hall is in none of them, and lasts all day.  So the temperature is taken unless it misses most of
-    what the records show.
+    what the records show.  One that does not follow the motion, as that of a cabinet, must explain more than the heat.
     """
-    return share >= _OF_THE_GEAR
+    return share >= (1.0 if follows_motion is False else _OF_THE_GEAR)
 
 
 def following_temperature(

@@ -10,11 +10,12 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.thermal_state import TEMPERATURE
-from monitor_core.identification import IdentificationOptions, IdentificationResult, identify
+from monitor_core.identification import IdentificationOptions, IdentificationResult, identification_procedure, identify
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.thermal.measured_temperature import following_temperature
+from monitor_core.identification.thermal.measured_temperature import following_temperature, is_of_the_gear
+from monitor_core.identification.thermal.temperature_source import follows_motion, temperature_courses
 from monitor_core.modeling.standard_drives import three_mass
 from tests.core.mismatch_monitor import FOUND
 from tests.core.warming import Warming, WarmingPlant
@@ -23,6 +24,8 @@ QUICK = Warming(fast_s=60.0, slow_s=150.0)
 STEADY = Warming(fm=0.0, fc=0.0, stribeck=0.0)
 FOLLOWERS = ("fm", "fc")
 SECONDS, STEP_S = 300.0, 5.0
+_BREAK = 24
+"""Step at which a break begins"""
 
 Thermometer = Callable[[float, float], float]
 """Temperature for the warmth of the gearbox, and the time since the start [s]"""
@@ -61,12 +64,19 @@ class Lagging:
         return round(self._shown)
 
 
-def recorded(seed: int, warming: Warming, thermometer: Thermometer) -> Record:
-    """A record from cold on, with the temperature as a signal."""
+def of_cabinet(_warmth: float, since: float) -> float:
+    """It becomes warm after it has been switched on, in whole degrees."""
+    return round(22.0 + 20.0 * (1 - float(np.exp(-since / 150.0))))
+
+
+def recorded(seed: int, warming: Warming, thermometer: Thermometer, pause_s: float = 0.0) -> Record:
+    """A record from cold on, with the temperature as a signal; ``pause_s``: of a break."""
     plant = WarmingPlant(np.random.default_rng(seed), warming=warming)
     blocks, temperatures = [], list[Floats]()
     for k in range(round(SECONDS / STEP_S)):
         now = thermometer(plant.warmth, k * STEP_S)
+        if pause_s and k == _BREAK:
+            plant.pause(pause_s)
         blocks.append(plant.take(STEP_S))
         temperatures.append(np.full(blocks[-1].u.size, now))
     t, u, y = (np.concatenate([getattr(block, name) for block in blocks]) for name in ("t_us", "u", "y"))
@@ -122,6 +132,25 @@ def test_friction_follows_the_heat_where_the_temperature_is_of_something_else(se
     assert found.warm_up is not None
     assert found.temperature_errors == {}
     assert TEMPERATURE not in {s.term for s in found.options.scheduled}
+
+
+@pytest.mark.parametrize(("thermometer", "expected"), [(of_gearbox, True), (Lagging(60.0), True), (of_cabinet, False)])
+def test_a_break_shows_whether_it_follows_the_motion(thermometer: Thermometer, expected: bool, seed: int) -> None:
+    record = recorded(seed, QUICK, thermometer, pause_s=90.0)
+    found = refit(Problem(three_mass("angle"), FOUND, FOLLOWERS), [record])
+    assert follows_motion(temperature_courses(found, [record]), True) is expected
+
+
+def test_friction_follows_what_does_not_follow_the_motion_only_if_that_explains_more(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(identification_procedure, "follows_motion", lambda _courses, _begins_cold: False)
+    found = identified(recorded(seed, QUICK, Lagging(60.0)))
+    assert found.temperature_share is not None
+    assert found.temperature_share > 0.5
+    assert found.temperature_follows_motion is False
+    assert found.warm_up is not None
+    assert is_of_the_gear(1.1, False)  # as where it is the hall that warms an axis
 
 
 def test_a_temperature_that_another_day_refutes_is_left_aside(seed: int) -> None:

@@ -166,6 +166,11 @@ def test_the_remark_says_why_friction_follows_a_temperature_or_not(directory: Pa
         morning = replace(found, options=replace(found.options, begins_s=begins_s))
         _, doubt = temperature_remarks(axis, morning)
         assert "if that thermometer is not on this axis, remove the signal temperature" in doubt
+        assert "with a break of a quarter of an hour shows whether it follows the motion" in doubt
+        assert len([*temperature_remarks(axis, replace(morning, temperature_follows_motion=True))]) == 1
+    _, doubt = temperature_remarks(axis, replace(days, temperature_follows_motion=False))
+    assert "does not follow the motion of this axis" in doubt
+    assert "if that thermometer is not on this axis, remove the signal temperature" in doubt
 
     by_heat = replace(found, options=replace(found.options, scheduled=()), temperature_errors={})
     warm_up = FoundWarmUp(ThermalModel(600.0, 0.06, 0.0, 10.0), {"fm": (-0.001, 1e-5)}, ((0.0,),), (0.0,))
@@ -177,6 +182,13 @@ def test_the_remark_says_why_friction_follows_a_temperature_or_not(directory: Pa
     ):
         (remark,) = temperature_remarks(axis, replace(by_heat, temperature_share=share, warm_up=warmed))
         assert why in remark
+    measured = replace(by_heat, temperature_share=0.9, temperature_follows_motion=False, warm_up=warm_up)
+    (remark,) = temperature_remarks(axis, measured)
+    assert (
+        "Friction does not follow the signal temperature, because that does not follow the motion of this axis"
+        in remark
+    )
+    assert "give that of this axis, or remove the signal temperature" in remark
     assert not [*temperature_remarks(axis.model_copy(update={"signal": ()}), found)]
 
 
