@@ -249,9 +249,13 @@ def _fastest(axis: AxisRoles) -> float | None:
 
 
 def gears_wanted(axes: Sequence[AxisRoles]) -> Iterator[str]:
-    """A request for the gear ratios of a robot whose angles are those of its motors."""
-    motors = [axis.name for axis in axes if (_fastest(axis) or 0.0) > _MOTOR]
-    if len(axes) > 1 and motors:
+    """A request for the gear ratios of a robot whose angles are those of its motors.
+
+    Of one that is slow for a motor the others tell what it is: a controller sends all angles alike.
+    """
+    speeds = {axis.name: _fastest(axis) or 0.0 for axis in axes}
+    motors = [name for name, speed in speeds.items() if speed > _ARM]
+    if len(axes) > 1 and any(speed > _MOTOR for speed in speeds.values()):
         yield (
             f"{listed(motors)}: likely the angles of motors. If they turn the arms of a robot, add r, the angle of the"
             " arm over that of the motor (0.01 for a gear of 100:1), to nominal of each axis: the torque can then"

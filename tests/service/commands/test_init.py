@@ -498,7 +498,8 @@ def test_the_gear_ratios_of_a_robot_are_asked_for_where_its_angles_are_those_of_
     fastest = np.quantile(np.abs(rows[10:, 2::2] - rows[:-10, 2::2]), 0.999, axis=0) / 0.05
     for axes, rad_s, asked in (
         (2, (250.0, 250.0), "axis1 and axis2: likely the angles of motors."),
-        (2, (50.0, 250.0), "axis2: likely the angles of motors."),
+        (2, (50.0, 250.0), "axis1 and axis2: likely the angles of motors."),
+        (2, (5.0, 250.0), "axis2: likely the angles of motors."),
         (2, (50.0, 50.0), ""),
         (1, (250.0,), ""),
     ):
