@@ -156,8 +156,8 @@ class IdentificationReport:
             yield (
                 f"The axis warms up with a time constant of {duration(slow_s)}, and the longest record lasts"
                 f" {duration(longest_s)}: in operation it becomes warmer than in any record. More than a tenth beyond"
-                ' that it is not tested (with outside_calibration = "widen" in [robot.axis.detector], for larger'
-                f" changes). Record at least {duration(needed_s)} of operation without a pause, from cold on."
+                ' that only larger changes are found (with outside_calibration = "wait" in [robot.axis.detector], none).'
+                f" Record at least {duration(needed_s)} of operation without a pause, from cold on."
             )
 
     def _beside_the_heat(self) -> Iterator[str]:

@@ -39,7 +39,7 @@ pytestmark = pytest.mark.usefixtures("without_pictures")
 
 QUICK = Warming(fast_s=60.0, slow_s=200.0)
 DAY_S, NIGHT_S, STEP_S = 240.0, 8 * 3600.0, 2.5
-TOO_SHORT = "becomes warmer than in any record"
+TOO_SHORT = "becomes warmer than in any record. More than a tenth beyond that only larger changes are found"
 WEIGHT = 0.2
 """N m, at a pose of 1."""
 
