@@ -156,7 +156,7 @@ class IdentificationReport:
             yield (
                 f"The axis warms up with a time constant of {duration(slow_s)}, and the longest record lasts"
                 f" {duration(longest_s)}: in operation it becomes warmer than in any record. More than a tenth beyond"
-                ' that only larger changes are found (with outside_calibration = "wait" in [robot.axis.detector], none).'
+                ' that only larger changes are found; with outside_calibration = "wait" in [robot.axis.detector] none.'
                 f" Record at least {duration(needed_s)} of operation without a pause, from cold on."
             )
 
