@@ -52,6 +52,7 @@ class CalibrationError(Exception):
         without: parameters that the records do not determine; without them the records may suffice.
         misfit: whether the nominal values do not fit the records, as values that were found from them do not if the
             drive lacks something.
+        changes: whether a parameter changes within a record.
         reason: the text without what would be right.
     """
 
@@ -63,6 +64,7 @@ class CalibrationError(Exception):
         joint_state: bool = False,
         without: Sequence[str] = (),
         misfit: bool = False,
+        changes: bool = False,
         advice: str = "",
     ) -> None:
         super().__init__(f"{text}; {advice}" if advice else text)
@@ -72,6 +74,7 @@ class CalibrationError(Exception):
         self.joint_state = joint_state
         self.without = tuple(without)
         self.misfit = misfit
+        self.changes = changes
 
 
 def check_settings(settings: Settings) -> None:
@@ -238,7 +241,8 @@ def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
         f"{'' if unit == '1' else f' {unit}'}"
         f" ({100 * step:+.1f} % of its size, {ratio:.0f} standard deviations of the estimate) about {seconds:.4g} s"
         f" after the beginning: this is no healthy record. Use only the part before the change, as with"
-        f" {deviations.name}@0:{max(seconds - 1, 0):.0f}"
+        f" {deviations.name}@0:{max(seconds - 1, 0):.0f}",
+        changes=True,
     )
 
 

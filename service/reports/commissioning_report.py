@@ -52,6 +52,8 @@ class Outcome:
     """Whether friction is taken as constant, because the records do not show that it falls as the axis warms up"""
     misfit: bool = False
     """The nominal values do not fit the records from which they were found, so the drive lacks something"""
+    changes: bool = False
+    """The refusal is that a parameter changes within a record"""
     fault: bool = False
     """The refusal is an internal error, not a fault of the records"""
 

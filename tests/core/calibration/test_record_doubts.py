@@ -67,6 +67,7 @@ def test_a_change_inside_is_found_with_its_place(i: int, sign: int, seed: int) -
     assert seconds
     assert abs(float(seconds[1]) - at * 0.005) < 1.25
     assert ("+" in words.split("changes by")[1][:3]) == (sign > 0)
+    assert caught.value.changes
 
 
 def test_healthy_records_pass(seed: int) -> None:

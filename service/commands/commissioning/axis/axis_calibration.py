@@ -36,7 +36,8 @@ def calibrated(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) 
             if remedy is None or not job.shorten:
                 taken = "" if remedy is None else f"; --yes applies {remedy.words}"
                 why = f"{error.reason}, {_FOUND_FROM_THEM}" if error.misfit else str(error)
-                return replace(outcome, refusal=f"not calibrated: {why}{taken}", misfit=error.misfit)
+                refusal = f"not calibrated: {why}{taken}"
+                return replace(outcome, refusal=refusal, misfit=error.misfit, changes=error.changes)
             outcome, options = remedy.outcome, remedy.options
         except REFUSALS as error:
             return replace(outcome, refusal=f"not calibrated: {error}")

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from monitor_core.drive import split_name
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.axis_calibration import calibrated, tested
-from service.commands.commissioning.axis.axis_identification import identified, identified_with_spring
+from service.commands.commissioning.axis.axis_identification import identified, identified_with_spring, other_program
 from service.commands.commissioning.axis.axis_job import AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.load_search import LoadSearches
@@ -65,6 +65,8 @@ def commission_axis(
             better = identified_with_spring(job, outcome, before, loads, progress)
             other = replace(outcome, refusal=f"{outcome.refusal}; configure another one")
             outcome = other if better is None else calibrated(job, better, progress)
+        if outcome.changes and (motors := loads.search(job.text).motors_without_ratio):
+            outcome = replace(outcome, refusal=f"{outcome.refusal}. {other_program(motors)}")
         if outcome.thresholds_file is not None:
             outcome = tested(job, outcome, progress)
         _, axis = job.configured()

@@ -207,6 +207,20 @@ def _with_results(fit: _Fit, progress: CommissioningProgress) -> Outcome:
     return with_motion(job, outcome, motion)
 
 
+_GIVE_RATIOS = (
+    "Give the angle of the arm over that of the motor, 0.02 for a gear of 50:1, as r in [robot.axis.model.nominal] of"
+    " each of these axes, and commission again. A linear axis needs none."
+)
+
+
+def other_program(motors: Sequence[str]) -> str:
+    """What a change within a record may be where the gear ratios of these axes are not known."""
+    return (
+        "If only another program begins there, the pose of the arm may explain the change; it is not looked for without"
+        f" the gear ratios of {listed(motors)}. {_GIVE_RATIOS}"
+    )
+
+
 def _unknown_gears(fit: _Fit) -> Iterator[str]:
     """What unknown gear ratios hide from a fit that is not good, or that follows the motion of another axis."""
     report, corrections = fit.report, fit.attempt.outcome.corrections
@@ -219,8 +233,7 @@ def _unknown_gears(fit: _Fit) -> Iterator[str]:
         yield (
             f"The angles of {listed(motors)} turn by more than two turns, so they are those of motors, and their gear"
             " ratios are not known. Without them only a weight is looked for that follows the pose of the arm, not the"
-            " inertia. Give the angle of the arm over that of the motor, 0.02 for a gear of 50:1, as r in"
-            " [robot.axis.model.nominal] of each of these axes, and commission again. A linear axis needs none."
+            f" inertia. {_GIVE_RATIOS}"
         )
 
 

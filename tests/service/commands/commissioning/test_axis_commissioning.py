@@ -36,7 +36,7 @@ from service.commands.commissioning.axis.identification_retries import (
     retry,
     without_unsettled,
 )
-from service.commands.commissioning.axis.load_search import LinkLoad, PressingGate
+from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch, PressingGate
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.commands.exit_codes import MISTAKE
@@ -496,6 +496,33 @@ def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatc
         assert first.config.motion.factor == 0.5
         assert (first.config.sample_interval_s, second.config.sample_interval_s) == (0.005, 0.008)
     assert [job.axis_id for job in seen] == [NAME, "cell.a2"]
+
+
+@pytest.mark.parametrize(("changes", "motors"), [(True, ("a1", "a2")), (True, ()), (False, ("a1", "a2"))])
+def test_a_change_in_a_record_may_be_another_program_where_gear_ratios_are_unknown(
+    changes: bool, motors: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refusal = "not calibrated: day.csv: kT changes by -0.154"
+
+    def refused(_job: AxisJob, outcome: Outcome, _progress: object) -> Outcome:
+        return replace(outcome, refusal=refusal, changes=changes)
+
+    monkeypatch.setattr(axis_commissioning, "with_coupling", lambda job, outcome, _loads, _progress: (job, outcome))
+    monkeypatch.setattr(
+        axis_commissioning,
+        "identified",
+        lambda _job, outcome, _loads, _progress: replace(outcome, nominal_file="n.toml", watched=("kT",)),
+    )
+    monkeypatch.setattr(axis_commissioning, "calibrated", refused)
+    monkeypatch.setattr(LoadSearch, "motors_without_ratio", motors)
+    job = AxisJob(
+        TEXT, "cell.a1", (), tmp_path, CalibrationOptions(3600.0), Provenance("0", "2026-01-01", "test"), True
+    )
+    found = commission_axis(job, Review((), (), (), "")).refusal
+    assert found.startswith(refusal)
+    asked = "If only another program begins there, the pose of the arm may explain the change"
+    assert (asked in found) == (changes and bool(motors))
+    assert ("the gear ratios of a1 and a2. Give the angle" in found) == (changes and bool(motors))
 
 
 def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
