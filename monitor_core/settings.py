@@ -30,7 +30,7 @@ ALLOWED = 3.0
 class Threshold(NamedTuple):
     """The tests of one parameter: nu = alpha1 sqrt(lambda_0 P_ii) + allowance s_i,  h = alpha2 s_i, s_i its size.
 
-    ``size_error``: standard deviation of the constant error of a healthy axis's estimate, in s_i.
+    ``size_error``: standard deviation of the error of a healthy axis's estimate beyond what P tells, in s_i.
     """
 
     alpha1: float

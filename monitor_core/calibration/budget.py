@@ -73,11 +73,23 @@ def thresholds(
 
     # The bound of a sum of widely scattered rates differs from the sum of their bounds: correct the shares for that.
     less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
-    error = np.hypot(scatter.mean_d, scatter.off.std(axis=0))
+    error = np.sqrt(scatter.mean_d**2 + scatter.off.var(axis=0) + _scatter_of_its_own(scatter))
     return tuple(
         Threshold(tail.nu / float(scatter.mean_s[i]), h, float(allowance[i]), float(error[i]))
         for i, (tail, h) in enumerate(zip(tails, h_for(log_share - less), strict=True))
     )
+
+
+def _scatter_of_its_own(scatter: Scatter) -> Floats:
+    """Variance (p,) of each estimate that neither P nor the scatter of all parameters together explains.
+
+    The tests follow the scatter of each parameter, but a name and a size are weighed by P times one factor for all.
+    What the drive lacks may move a single parameter, as ``load`` from program to program: by P alone its deviations
+    would be better evidence than a large change of another one.  Only what chance does not explain counts.
+    """
+    by_p = scatter.mean_s**2
+    surely = scatter.sigma**2 * np.quantile(scatter.power, LOWER, axis=0)
+    return np.asarray(np.maximum(surely - by_p * np.mean(scatter.sigma**2 / by_p), 0.0))
 
 
 def rates(scatter: Scatter, tails: tuple[Tail, ...], own: tuple[Threshold, ...], rng: np.random.Generator) -> Rates:

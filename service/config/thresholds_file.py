@@ -19,7 +19,7 @@ TomlValue = bool | float | str | list[float] | list[str]
 class ThresholdTable(FoundTable):
     """[[threshold]]: nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size, h = alpha_2 * size.
 
-    size_error: lasting error of the estimate on the healthy axis, as a share of the size.
+    size_error: error of the estimate on the healthy axis beyond what P tells, as a share of the size.
     """
 
     parameter: str

@@ -41,7 +41,7 @@ def _tables(calibration: Calibration) -> Iterator[str]:
     ]
     rules = (
         "# nu = alpha_1 sqrt(lambda_0 P_ii) + allowance * size,  h = alpha_2 * size\n"
-        "# size_error: what healthy estimates are off by for good, in sizes; for the deviations of reported sizes\n"
+        "# size_error: what healthy estimates are off by beyond P, in sizes; for names, and the deviations of sizes\n"
     )
     yield rules + "".join(thresholds)
     budget = {"budget_s": Fact(result.budget_s, "at most one in this time")}

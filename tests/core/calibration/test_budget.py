@@ -201,3 +201,21 @@ def test_equal_records_hardly_ever_get_one(seed: int) -> None:
         count += bool(allowance(found, shrink(scatter(found, MEMORY, rng), copies(1.0), rng)).any())
     print(f"{count} of 40 have an allowance")
     assert count <= 9
+
+
+def test_an_estimate_that_scatters_more_than_the_others_is_known_less_well(seed: int) -> None:
+    """Names and sizes are weighed by P and one factor for all: what a single parameter has beyond that is added."""
+    rng = np.random.default_rng(seed)
+
+    def errors(factors: Floats) -> Floats:
+        scattered = scatter([deviations(forgotten(rng, LENGTH) * factors)], MEMORY, rng)
+        own = thresholds(scattered, tails(scattered, copies(1.0)), np.zeros(P), BUDGET * MEMORY, rng)
+        return np.array([threshold.size_error for threshold in own]) / factors
+
+    chance = 5 * math.sqrt(2 / LENGTH)  # five standard deviations of a mean
+    one = np.ones(P)
+    one[0] = 3.0
+    first, *others = errors(one).tolist()
+    assert 0.4 < first < math.sqrt(1 - 1 / P)  # in its standard deviations
+    assert max(others) < chance
+    assert errors(np.full(P, 3.0)).max() < chance
