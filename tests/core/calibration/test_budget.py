@@ -207,15 +207,15 @@ def test_an_estimate_that_scatters_more_than_the_others_is_known_less_well(seed:
     """Names and sizes are weighed by P and one factor for all: what a single parameter has beyond that is added."""
     rng = np.random.default_rng(seed)
 
-    def errors(factors: Floats) -> Floats:
-        scattered = scatter([deviations(forgotten(rng, LENGTH) * factors)], MEMORY, rng)
+    def errors(wider: Floats) -> Floats:
+        scattered = scatter([deviations(forgotten(rng, LENGTH) * wider)], MEMORY, rng)
         own = thresholds(scattered, tails(scattered, copies(1.0)), np.zeros(P), BUDGET * MEMORY, rng)
-        return np.array([threshold.size_error for threshold in own]) / factors
+        return np.array([threshold.size_error for threshold in own]) / wider
 
     chance = 5 * math.sqrt(2 / LENGTH)  # five standard deviations of a mean
-    one = np.ones(P)
-    one[0] = 3.0
-    first, *others = errors(one).tolist()
+    factors = np.ones(P)
+    factors[0] = 3.0
+    first, *others = errors(factors).tolist()
     assert 0.4 < first < math.sqrt(1 - 1 / P)  # in its standard deviations
     assert max(others) < chance
     assert errors(np.full(P, 3.0)).max() < chance
