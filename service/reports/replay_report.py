@@ -7,7 +7,7 @@ from typing import Any
 from rich.console import Console
 
 from monitor_core.monitoring import ParameterStatus, Status
-from monitor_core.wording import percent
+from monitor_core.wording import duration, percent
 from service.pipeline.axis_pipeline import Heat
 from service.reports.formats import TextTable, for_terminal, json_text, labelled, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP
@@ -32,7 +32,8 @@ def print_text(replayed: Replayed, console: Console) -> None:
         left_out = f", {percent(gated / samples)} of them excluded by operating conditions (gated)" if gated else ""
         console.print(f"{axis.id}: {samples} samples{left_out}")
         if axis.snapshot.heat is not None:
-            console.print(f"{axis.id}: {heat_words(axis.snapshot.heat)}")
+            words = heat_words(axis.snapshot.heat, axis.status.unjudged_s)
+            console.print(f"{axis.id}: {words}", soft_wrap=True)
     console.print(for_terminal(estimates(axes), "Estimates at the end"))
     alarms = alarm_table(axes)
     still_open = [n for n, alarm in enumerate(alarm for a in axes for alarm in a.alarms) if alarm.active]
@@ -65,12 +66,25 @@ def not_tested(axis: ReplayedAxis) -> Iterator[str]:
     return (f"{axis.id}: {words}" for words in sentences)
 
 
-def heat_words(heat: Heat) -> str:
-    """How warm an axis is at the end: "its heat is 12.3 W at the end, -2.1 W of it by a colder hall"."""
+def heat_words(heat: Heat, unjudged_s: float = 0.0) -> str:
+    """How warm an axis is at the end: "its heat is 12.3 W at the end, -2.1 W of it by a colder hall".
+
+    ``unjudged_s``: time of motion in which it was not known [s].
+    """
     unsure = f" ± {plain(heat.sd_w, 2)}" if heat.sd_w > 0 else ""
     hall = f", {heat.ambient_w:+.2g} W of it by a {'warmer' if heat.ambient_w > 0 else 'colder'} hall"
     known = "" if heat.known else ", not known yet"
-    return f"its heat is {plain(heat.heat_w, 3)}{unsure} W at the end{hall if heat.ambient_w else ''}{known}"
+    words = f"its heat is {plain(heat.heat_w, 3)}{unsure} W at the end{hall if heat.ambient_w else ''}{known}"
+    if unjudged_s < _NOTICED_S:
+        return words
+    return (
+        f"{words}. For {duration(unjudged_s)} of motion it was not known, so nothing was tested: a daemon with a"
+        " checkpoint knows it, and where the record begins cold, --thermal cold"
+    )
+
+
+_NOTICED_S = 30.0
+"""Time without tests that is worth a sentence [s]"""
 
 
 def of_what(axes: Sequence[ReplayedAxis]) -> str:

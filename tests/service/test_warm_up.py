@@ -461,3 +461,7 @@ def test_replay_reports_the_heat_and_what_standing_excludes(made: Made) -> None:
 )
 def test_replay_says_how_warm_the_axis_and_its_hall_are(heat: Heat, words: str) -> None:
     assert heat_words(heat) == words
+    assert heat_words(heat, 5.0) == words
+    unknown = heat_words(heat, 95.0)
+    assert unknown.startswith(f"{words}. For 1.6 min of motion it was not known, so nothing was tested")
+    assert unknown.endswith("where the record begins cold, --thermal cold")
