@@ -10,6 +10,7 @@ from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy_records import RecordDeviations, first_tested
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.scatter import SAMPLES_PER_MEMORY, Scatter, binned, looked_at
+from monitor_core.drive.structure import LOAD
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.monitoring.axis_status import unidentifiable_words
 from monitor_core.monitoring.not_tested import SEEDING_MEMORIES, fitting_memory
@@ -235,13 +236,16 @@ def _check_no_change(axis: MonitoredAxis, deviations: RecordDeviations) -> None:
     # The estimate has changed by half within a memory of the fault.
     at = max(0, k - round(0.7 * SAMPLES_PER_MEMORY))
     seconds = (deviations.t_us[use[at]] - deviations.t_us[0]) * 1e-6
-    unit = model.parameters[i].unit
+    unit, name = model.parameters[i].unit, model.monitored[i]
+    # Another payload is no fault of the axis; without it the rest may be healthy.
+    of_payload = f", or take {LOAD} out of `monitor`" if name == LOAD else ""
     raise CalibrationError(
-        f"{deviations.name}: {model.monitored[i]} changes by {step * model.scale[i]:+.3g}"
+        f"{deviations.name}: {name} changes by {step * model.scale[i]:+.3g}"
         f"{'' if unit == '1' else f' {unit}'}"
         f" ({100 * step:+.1f} % of its size, {ratio:.0f} standard deviations of the estimate) about {seconds:.4g} s"
         f" after the beginning: this is no healthy record. Use only the part before the change, as with"
-        f" {deviations.name}@0:{max(seconds - 1, 0):.0f}",
+        f" {deviations.name}@0:{max(seconds - 1, 0):.0f}{of_payload}",
+        without=(name,) if name == LOAD else (),
         changes=True,
     )
 

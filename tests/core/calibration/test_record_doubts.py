@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
+from monitor_core.calibration import record_doubts
 from monitor_core.calibration.budget import Rates
 from monitor_core.calibration.healthy_records import RecordDeviations, deviations, time_with_standstill
 from monitor_core.calibration.monitored_axis import MonitoredAxis
@@ -68,6 +69,17 @@ def test_a_change_inside_is_found_with_its_place(i: int, sign: int, seed: int) -
     assert abs(float(seconds[1]) - at * 0.005) < 1.25
     assert ("+" in words.split("changes by")[1][:3]) == (sign > 0)
     assert caught.value.changes
+
+
+def test_a_load_that_changes_need_not_be_monitored(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another payload, or the error of another program: the other parameters may be healthy."""
+    rng = np.random.default_rng(seed)
+    monkeypatch.setattr(record_doubts, "LOAD", "fm")
+    for i, without in ((0, ()), (1, ("fm",))):
+        with pytest.raises(CalibrationError, match="this is no healthy record") as caught:
+            check_healthy(AXIS, [changed(record(rng), 2500, i, 10 * SD)])
+        assert caught.value.without == without
+        assert ("or take fm out of `monitor`" in str(caught.value)) == bool(without)
 
 
 def test_healthy_records_pass(seed: int) -> None:

@@ -498,6 +498,17 @@ def test_each_axis_sees_the_corrections_of_the_others(tmp_path: Path, monkeypatc
     assert [job.axis_id for job in seen] == [NAME, "cell.a2"]
 
 
+def test_an_axis_that_is_refused_does_not_stay_as_an_earlier_call_has_found_it(tmp_path: Path) -> None:
+    """Where another call works on other axes, and takes the rest from earlier ones."""
+    kept = tmp_path / "cell.a1.json"
+    kept.write_text("{}", encoding="utf-8")
+    job = AxisJob(
+        TEXT, "cell.a1", (), tmp_path, CalibrationOptions(3600.0), Provenance("0", "2026-01-01", "test"), True
+    )
+    assert commission_axis(job, Review((), ("the torque is stuck",), (), "")).refusal
+    assert not kept.exists()
+
+
 @pytest.mark.parametrize(("changes", "motors"), [(True, ("a1", "a2")), (True, ()), (False, ("a1", "a2"))])
 def test_a_change_in_a_record_may_be_another_program_where_gear_ratios_are_unknown(
     changes: bool, motors: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -109,7 +110,13 @@ def test_some_axes_only(folder: Path, seed: int) -> None:
     ]
     assert "2 of 2 axes ready." in (made / "report.html").read_text(encoding="utf-8")
 
-    (made / "cell.a1.json").unlink()
+    kept = made / "cell.a1.json"
+    found = json.loads(kept.read_text(encoding="utf-8"))
+    found["outcome"] |= {"motion": "report.html", "excite": ["--as", "speed"], "lost": ["1/Ja"]}
+    kept.write_text(json.dumps(found), encoding="utf-8")
+    assert "planned motion" not in axiswatch(*words, "--axis", "cell.a2").stdout  # of the other axis
+
+    kept.unlink()
     only = axiswatch(*words, "--axis", "a2", "--axis", "cell.a2")
     assert only.exit_code == 0, only.output
     assert "cell.a1: not commissioned yet, so left out of the new configuration." in only.stdout
