@@ -47,10 +47,9 @@ def commission_axis(
     digest, earlier = _digest(job), earlier_result(job.folder, name)
     if earlier is not None and earlier.digest == digest:
         return earlier.outcome
+    # Other files of the axis will be written, and may be all if this is interrupted.
     for written in (_kept_file(job.folder, name), job.folder / motion_file(name)):
-        written.unlink(
-            missing_ok=True
-        )  # other files of the axis will be written, and may be all if this is interrupted
+        written.unlink(missing_ok=True)
     outcome = Outcome(name, corrections=review.corrections)
     if review.faults:
         return replace(outcome, refusal=f"not identified: {'; '.join(review.faults)}")
@@ -72,9 +71,8 @@ def commission_axis(
         _, axis = job.configured()
         outcome = replace(outcome, notes=(*outcome.notes, *unmonitored_words(axis.config, outcome.watched)))
     kept = EarlierResult(digest, review.corrections, outcome)
-    replace_text(
-        _kept_file(job.folder, name), json.dumps({**kept._asdict(), "outcome": asdict(outcome)}, indent=1) + "\n"
-    )
+    content = json.dumps({**kept._asdict(), "outcome": asdict(outcome)}, indent=1)
+    replace_text(_kept_file(job.folder, name), content + "\n")
     return outcome
 
 
