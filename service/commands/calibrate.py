@@ -85,6 +85,9 @@ def calibrate(
     read = starting_as(configuration(config, without_bus=True, thresholds=False), thermal)
     chosen = axis_named(read.axes, axis)
     with explained():
+        from service.ingest.record_ranges import in_order_of_time
+
+        records = in_order_of_time(records, read)
         if thermal is None:
             read, chosen = as_identified(read, chosen, records)
         from monitor_core.calibration import CalibrationOptions

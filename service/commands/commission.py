@@ -89,6 +89,7 @@ def commission(
     """
     from service.commands.commissioning.axis.axis_job import AxisJob
     from service.commands.commissioning.live.live_recording import record_live, recorded
+    from service.ingest.record_ranges import in_order_of_time
 
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
@@ -105,7 +106,7 @@ def commission(
     with explained():
         if minutes is not None:
             record_live(read, text, output, 60 * minutes, yes)
-        used = tuple(records or map(str, recorded(output)))
+        used = tuple(in_order_of_time(records, read) if records else map(str, recorded(output)))
         for name, result in earlier.items():
             text = corrected(text, name, result.of_signals)  # a chosen axis may follow the motion of this one
         shared = AxisJob(text, "", used, output, options_for(budget_s), Provenance.now(), yes)

@@ -124,6 +124,7 @@ def identify(
     chosen = axis_named(read.axes, axis)
     with explained():
         from service.commands.identification_task import Request, configured_schedule, drawing_of, prepare
+        from service.ingest.record_ranges import in_order_of_time
         from service.reports.formats import Provenance
         from service.reports.identification_files import as_json, as_toml
         from service.reports.identification_html import as_html
@@ -141,7 +142,7 @@ def identify(
             masses=_masses(masses),
             thermal=thermal,
         )
-        task = prepare(read, chosen, records, validate or [], request)
+        task = prepare(read, chosen, in_order_of_time(records, read), validate or [], request)
         with steps_bar(chosen.id) as progress:
             result = task.run(Provenance.now(drawing_of(chosen.config)), progress)
     refused = bool(result.rejection) and not (force and result.is_poor)

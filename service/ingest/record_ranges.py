@@ -1,16 +1,22 @@
 """Ranges of records: FILE@10:60 are the seconds 10 to 60 of a file, after the first sample of each axis."""
 
+from __future__ import annotations
+
 import math
 import re
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+from service.can.messages import DescriptionError
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.records import FileRecord, RecordQuality, RecordStep, read_record
 
 _RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
+_DATED_US = 10**14
+"""Later times [us since 1970] are dates, of 1973 and later; other records begin at 0"""
 
 
 class Wanted(NamedTuple):
@@ -39,6 +45,33 @@ def wanted(text: str) -> Wanted:
     if start is not None and end is not None and start >= end:
         raise RecordError(f"{text}: the range ends before its start")
     return Wanted(Path(found["path"]), start, end)
+
+
+def in_order_of_time(texts: Sequence[str], config: Config) -> list[str]:
+    """Records in the order of their times; as they are given if these overlap, or if any has no dates.
+
+    A shell lists log_10 before log_2, but heat goes on from one record to the next.  What is wrong with a file is left
+    to those who use it.
+
+    Args:
+        texts: see ``wanted``.
+        config: the configuration.
+    """
+    if len(texts) < 2:
+        return list(texts)
+    try:
+        spans = {text: _span_us(RecordRange(text, config)) for text in texts}
+    except (RecordError, DescriptionError):
+        return list(texts)
+    ordered = sorted(spans, key=spans.__getitem__)
+    apart = len(ordered) == len(texts) and all(spans[a][1] < spans[b][0] for a, b in pairwise(ordered))
+    return ordered if apart and spans[ordered[0]][0] > _DATED_US else list(texts)
+
+
+def _span_us(record: RecordRange) -> tuple[int, int]:
+    """Times of the first and of the last sample of any axis [us]; 0 and 0 without any."""
+    ends = [int(block.t_us[at]) for step in record.steps() for block in step.samples.values() for at in (0, -1)]
+    return min(ends, default=0), max(ends, default=0)
 
 
 class RecordRange:

@@ -17,7 +17,7 @@ from service.can.frames import Frame, FrameBlock
 from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.loaded_records import Loaded, load, load_samples
-from service.ingest.record_ranges import Wanted, wanted
+from service.ingest.record_ranges import Wanted, in_order_of_time, wanted
 from service.ingest.records import read_record, samples_of
 from tests.service.ingest.plant import (
     START_US,
@@ -162,6 +162,27 @@ def test_files_that_continue_one_another_are_one_record(tmp_path: Path, seed: in
         assert np.array_equal(block.u, columns["torque_one"][rows])
     again, _ = load_samples([texts[1], texts[0]], config, config.axes[0], reference_model("angle"))
     assert len(again) == 2
+
+
+@pytest.mark.parametrize(("begin_s", "ordered"), [(1.7e9, True), (50.0, False)])
+def test_records_with_dates_are_taken_in_the_order_of_their_times(
+    tmp_path: Path, seed: int, begin_s: float, ordered: bool
+) -> None:
+    """A shell lists log_10 before log_2.  Without dates each may begin at the same time, whatever it says."""
+    columns, config = table(seed, 3000), timed(tmp_path)
+    columns["t"] = begin_s + 0.005 * np.arange(3000)
+    for number, rows in {1: slice(0, 1000), 2: slice(1000, 2000), 10: slice(2000, 3000)}.items():
+        write_table(tmp_path / f"log_{number}.csv", {name: values[rows] for name, values in columns.items()})
+    first, second, tenth = (str(tmp_path / f"log_{number}.csv") for number in (1, 2, 10))
+    assert in_order_of_time([first, tenth, second], config) == (
+        [first, second, tenth] if ordered else [first, tenth, second]
+    )
+    assert in_order_of_time([f"{first}@3:", tenth, f"{first}@:2"], config) == (
+        [f"{first}@:2", f"{first}@3:", tenth] if ordered else [f"{first}@3:", tenth, f"{first}@:2"]
+    )
+    assert in_order_of_time([second, f"{first}@1:", first], config) == [second, f"{first}@1:", first], "two overlap"
+    missing = str(tmp_path / "log_3.csv")
+    assert in_order_of_time([tenth, missing, first], config) == [tenth, missing, first]
 
 
 def test_a_record_of_one_sample(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from service.commands.commissioning.axis import axis_processes
 from service.commands.commissioning.signals.signal_proposals import Review, review
 from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.main import app
-from service.config import load
+from service.config import Config, load
+from service.ingest import record_ranges
 from service.ingest.recorded_units import units_as_recorded
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
@@ -202,6 +204,24 @@ def test_a_fault_of_the_program_or_of_the_disk_is_shown_and_reported(
     monkeypatch.setattr(output_files, "replace_text", fails)
     if error is FULL:
         assert "cannot write made/report.html: No space left on device" in axiswatch(*command).stderr
+
+
+@pytest.mark.parametrize("command", ["commission", "identify", "calibrate"])
+def test_records_are_taken_in_the_order_of_their_times(
+    command: str, folder: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first one begins cold, and heat goes on from one to the next."""
+
+    def ordered(texts: Sequence[str], _config: Config) -> list[str]:
+        return [texts[1], str(folder / "none.csv")]
+
+    monkeypatch.setattr(record_ranges, "in_order_of_time", ordered)
+    records = [table(folder / name, seed, 1.0) for name in ("late.csv", "early.csv")]
+    known = "r = 0.0085, Jm = 0.01, Ja = 10, k = 1e4, d = 10, fm = 0.02, fc = 0.1, tau0 = 0"
+    text = AXIS.format(n=1, interval=H).replace("r = 0.0085", known)
+    result = axiswatch(command, *records, "--config", configured(folder / "robot.toml", text))
+    assert result.exit_code == MISTAKE
+    assert "none.csv" in result.stderr
 
 
 def test_a_calibrated_axis_has_one_size_of_each_parameter() -> None:
