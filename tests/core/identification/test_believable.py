@@ -6,6 +6,7 @@ The axes are rigid, in a closed loop, some under a weight; starting values are f
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
 
@@ -151,6 +152,31 @@ def test_an_axis_is_not_moved_by_its_own_measured_acceleration(size: float, ring
     assert found.rejection is None
     assert found.estimate.values["J"] == pytest.approx(VALUES["J"], rel=0.3)
     assert "J" in found.held
+
+
+def test_an_inertia_of_the_torque_balance_that_fits_worse_is_not_taken(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Should the balance go wrong beside the torque of links: the fit tells."""
+
+    def too_small(problem: Problem, records: Sequence[Record], terms: Sequence[str]) -> Problem | None:
+        balanced = hold_balanced_inertia(problem, records, terms)
+        assert balanced is not None
+        return replace(balanced, nominal={**balanced.nominal, "J": balanced.nominal["J"] / 1.3})
+
+    plain = record(seed)
+    load = np.asarray(0.5 * np.sin(3.1 * plain.t), np.float64)
+    loaded = replace(plain, u=plain.u + load, signals={"load": load})
+    scheduled = scheduled_terms({"tau0": ("load",)}, [loaded])
+    problem = Problem(one_mass(), VALUES, ALL, speed_scale=SCALE, varying={"tau0": ("load",)})
+    options = IdentificationOptions(start="records", monitored=("kT", "fc"), scheduled=scheduled, unknown=ALL)
+    given = problem, [with_terms(loaded, scheduled)], (), options
+    before = identify(*given)
+    monkeypatch.setattr(identification_procedure, "hold_balanced_inertia", too_small)
+    found = identify(*given)
+    assert before.verdict.quality is FitQuality.GOOD
+    assert found.estimate.values["J"] == pytest.approx(before.estimate.values["J"])
+    assert "J" not in found.held
 
 
 def test_the_torque_balance_gives_a_start_beside_the_torque_of_links() -> None:

@@ -217,7 +217,7 @@ def test_slow_motion_asks_for_no_other_drive(tmp_path: Path) -> None:
     assert "set min_speed = 0.1 in [[robot.axis]]" in not_identified(found, "", lacks_of(found, ""))
 
 
-# --- What follows a signal, and the load of links ---------------------------------------------------------------------
+# --- What follows a signal, or presses --------------------------------------------------------------------------------
 
 
 def test_only_what_can_be_watched_follows_the_heat(tmp_path: Path) -> None:
@@ -299,6 +299,9 @@ def test_beside_what_presses_the_load_of_links_is_followed_in_the_rest(tmp_path:
     config = configured(again.text, NAME, tmp_path)[1].config
     assert [(g.signal, g.below) for g in config.gate] == [("closed", 0.5)]
     assert [s.name for s in config.signal] == ["closed", "a1"]
+
+
+# --- The load of links ------------------------------------------------------------------------------------------------
 
 
 def test_links_are_looked_for_where_one_mass_is_only_fair(tmp_path: Path) -> None:
