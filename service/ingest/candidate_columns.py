@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from monitor_core.arrays import Floats
 from service.ingest.column_values import commanded_columns, correlation, roughness, slope_of, speeds_of_angles
+from service.ingest.roles_by_name import is_of_sensor
 
 _SAME = 0.99
 """Least correlation of two columns with the same motion"""
@@ -68,7 +69,7 @@ def candidate_columns(columns: NamedColumns) -> CandidateColumns:
     # If an axis sends torque and current, use the torque: it needs no torque constant.
     known = {named[name].number for name in by_role.get("torque", [])}
     torques = [
-        *by_role.get("torque", []),
+        *_of_motors(by_role.get("torque", []), named),
         *(n for n in by_role.get("current", []) if named[n].number not in known),
     ]
     commanded = commanded_columns(values, by_role.get("", []))
@@ -92,6 +93,12 @@ def candidate_columns(columns: NamedColumns) -> CandidateColumns:
     }
     torques = torques or [n for n in unnamed if n not in slopes and (n not in motions or not slopes)]
     return CandidateColumns(columns, torques, motions, speed_of)
+
+
+def _of_motors(torques: Sequence[str], named: Mapping[str, Named]) -> list[str]:
+    """Torques without those of sensors, which are behind the friction of the gear, where an axis has another one."""
+    drives = {named[name].number for name in torques if not is_of_sensor(name)}
+    return [name for name in torques if not is_of_sensor(name) or named[name].number not in drives]
 
 
 def _with_alike(columns: NamedColumns, motions: Sequence[str]) -> dict[str, list[str]]:

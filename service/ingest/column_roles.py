@@ -18,6 +18,7 @@ from service.ingest.roles_by_name import (
     axis_name,
     axis_number,
     commanded_role,
+    desired,
     distance_from_gear,
     is_gripper,
     is_load,
@@ -79,6 +80,7 @@ def roles(
     unmoved = {times.column, *times.apart}
     moving = {name: v for name, v in values.items() if name not in unmoved and changes(v)}
     kinds = {name: role_with(name, unit_names[name]) for name in moving}
+    kinds |= dict.fromkeys(desired(moving), "wanted")
     kinds |= _linear_motions(kinds, unit_names)
     places = {name: place for place, name in enumerate(columns)}
     pairs = _pairs(moving, times.t, kinds, places)
@@ -103,10 +105,15 @@ def roles(
 
 
 def _torques_of_others(unused: Sequence[str], pairs: Sequence[SignalPair], units: Mapping[str, str]) -> Iterator[str]:
-    """Columns that by their names are the torque of an axis which is none of these pairs."""
+    """Columns that by their names are the torque of an axis which is none of these pairs.
+
+    Where the axes have numbers, a current without one is that of a tool, or of the whole robot.
+    """
     found = {"", *(_owner(pair.torque) for pair in pairs)}
+    numbered = all(axis_number(without_unit(pair.torque)) for pair in pairs)
     measured = (name for name in unused if role_with(name, units[name]) in ("torque", "current"))
-    yield from (name for name in measured if _owner(name) not in found)
+    owners = ((name, _owner(name)) for name in measured)
+    yield from (name for name, owner in owners if owner not in found and (owner.isdigit() or not numbered))
 
 
 def _owner(name: str) -> str:

@@ -65,13 +65,13 @@ class CsvTable:
         self.has_names = names is not None
         self.names: Sequence[str] = tuple(map(str, range(self._head.width))) if names is None else names
         """Names of all columns"""
-        self.units = self._head.units
         """Units of the columns by name, if a line below the names has them"""
         self._decimal, self._day_first = self._head.decimal_mark, self._head.day_first
         self.taken = self._head.taken
         """Assumptions about ambiguous dates and numbers, in words"""
         self.dates = self._head.dates(self.names)
         """The columns of dates or times of day"""
+        self.units = {**self._head.units, **dict.fromkeys(self.dates, "s")}
         self._flags = self._head.flags(self.names)
         self.keys = self._head.keys({*self.dates, *(name for name in self.names if role_of(name) == "time")})
         """If a time has several rows: the columns with the time, and with the names of signals and axes; otherwise

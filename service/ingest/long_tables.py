@@ -48,7 +48,7 @@ class LongTable:
 
     def __init__(self, path: Path, table: CsvTable, keys: LongKeys) -> None:
         self._path, self._table, self._time, self._keys = path, table, keys.time, keys
-        self._units: dict[str, str] = {}
+        self._units = {name: unit for name, unit in table.units.items() if name == keys.time}
 
     @property
     def taken(self) -> Sequence[str]:

@@ -1,7 +1,7 @@
 """The role and the axis of a column or a signal, by the words in its name and by its unit."""
 
 import re
-from collections.abc import Hashable, Mapping
+from collections.abc import Collection, Hashable, Mapping
 from typing import TypeVar
 
 from service.config.unit_names import MeasuredQuantity, current_in, unit_in, without_unit
@@ -15,7 +15,7 @@ current: i cur curr current currents amp strom iq isq courant corrente
 angle: pos position positions lage istlage angle angles ang phi q qm theta winkel joint deg rad posizione posicion
 speed: vel velo velocity velocities speed spd omega w qd dq qdm dqm qdot rpm drehzahl vitesse velocita velocidad
 temperature: temp temps temperature temperatures temperatur temperaturen
-wanted: ref reference cmd des set soll target wanted desired command commanded qg setpoint consigne consigna
+wanted: ref reference cmd des set soll target wanted desired command commanded qg setpoint consigne consigna computed
 other: error err deviation diff disturb disturbance ff limit limits gravity schleppfehler validity quality
 """
 _WORDS = {word: line.partition(":")[0] for line in _TABLE.split("\n") for word in line.split()[1:]}
@@ -68,7 +68,10 @@ def words_in(name: str) -> list[str]:
 
 def role_of(name: str) -> str:
     """The role of a column by its name; empty: not known."""
-    known = [role for word in words_in(name) if (role := _role_of_word(word))]
+    words = words_in(name)
+    known = [role for word in words if (role := _role_of_word(word))]
+    if len(known) < len(words):  # in a longer name, such as PCTRL_S_ACT, a letter is no time
+        known = [role for word in words if (role := _role_of_word(word)) and (role != "time" or len(word) > 1)]
     return next((role for role in ("other", "wanted", "temperature") if role in known), known[-1] if known else "")
 
 
@@ -78,6 +81,11 @@ def _role_of_word(word: str) -> str:
     stem = re.sub("(soll|ist)(wert)?$", "", word)
     found = next((role for ending, role in _ENDINGS.items() if stem.endswith(ending)), "")
     return "wanted" if found and _COMMANDED in word else found
+
+
+def desired(names: Collection[str]) -> set[str]:
+    """The names that differ from another one by "_d" behind a word only, as q_d from q: what is desired."""
+    return {name for name in names if (plain := re.sub(r"_d(?![A-Za-z])", "", name)) != name and plain in names}
 
 
 def commanded_role(name: str) -> str:
@@ -134,6 +142,11 @@ def distance_from_gear(name: str) -> int:
     return 0 if words & _GEARS else 2 if words & _ELECTRONICS else 1
 
 
+def is_of_sensor(name: str) -> bool:
+    """Whether a torque is that of a torque sensor, or one that acts from outside, by its name."""
+    return bool({*words_in(name)} & {"sensor", "ext", "external"})
+
+
 _GRIPPERS = {
     "gripper",
     "grip",
@@ -154,7 +167,13 @@ def is_gripper(name: str) -> bool:
 
 
 def own_word(name: str) -> str:
-    """The first word of a name that may name the axis, as it describes no quantity or kind of value; empty: none."""
+    """The first word of a name that may name the axis, as it describes no quantity or kind of value; empty: none.
+
+    A letter beside "axis" names it, too, such as S and T of the robots whose axes are S, L, U, R, B and T.
+    """
+    beside = re.search(r"(?<![a-z])([a-z])[ _-]?axis(?![a-z])", name, re.IGNORECASE)
+    if beside is not None:
+        return beside[1].lower()
     known = _ANY | MEASURED | NOT_MEASURED | NO_MOTION
     return next((w for w in words_in(name) if w not in known and not role_of(w)), "")
 

@@ -10,7 +10,7 @@ from monitor_core.arrays import Floats
 from service.ingest.axis_columns import TimeOfDay
 from service.ingest.roles_by_name import role_of, words_in
 
-_UNITS = {"ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
+_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9}
 _DAY_S = 86_400.0
 _TICK_S = 1e-7
 _TICKS_BY_NAME = re.compile(r"100[\s_-]*ns", re.IGNORECASE)
@@ -114,14 +114,14 @@ def _counted(values: Floats, interval: float, named: float | None) -> tuple[floa
 
 
 def _named_unit(name: str, unit: str) -> float | None:
-    """The unit of a time column by its name or unit [s]; None: it has none, or s."""
+    """The unit of a time column by its name or unit [s]; None: it has none."""
     if _TICKS_BY_NAME.search(unit) or _TICKS_BY_NAME.search(name):
         return _TICK_S
     return next((_UNITS[word] for word in (unit, *words_in(name)) if word in _UNITS), None)
 
 
 def _unit_words(unit_s: float) -> str:
-    words = {unit: name for name, unit in _UNITS.items()} | {1.0: "s", _DAY_S: "days"}
+    words = {unit: name for name, unit in _UNITS.items()} | {_DAY_S: "days"}
     return words[unit_s]
 
 

@@ -49,6 +49,10 @@ _MISSING = {
         " without its slow parts (a dry run), and set min_speed = {slow:.2g} in [[robot.axis]], so that slow motion is"
         " not monitored"
     ),
+    Effect.SAMPLES: (
+        "their samples are too far apart, so that accelerations fall between them: record at least forty from one"
+        " reversal of the axis to the next; 10 ms suit most robots"
+    ),
     Effect.FOREIGN: (
         "what is missing depends neither on the angle nor on the speed of this axis: where the robot picks and places"
         ' parts, give its axes the signal that tells when (signal = [{{ name = "gripper", ... }}], or that of the'
@@ -87,6 +91,8 @@ def missing_words(verdict: Verdict) -> str:
     """What the drive model lacks, in a sentence; empty: nothing."""
     if not verdict.missing:
         return ""
+    if verdict.missing == (Effect.SAMPLES,):
+        return f"The records do not show the motion: {_MISSING[Effect.SAMPLES]}."
     lacks = "; ".join(_MISSING[effect].format(slow=verdict.slow) for effect in verdict.missing)
     return f"The records show what the drive lacks: {lacks}."
 

@@ -30,6 +30,7 @@ from monitor_core.identification.greybox import (
     traces_of,
 )
 from monitor_core.identification.problem import Problem
+from monitor_core.identification.record_checks.sample_checks import samples_too_far_apart
 from monitor_core.identification.records.measured_record import Record, between
 from monitor_core.identification.torque_balance.repeated_motion import repeated_after
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
@@ -98,6 +99,8 @@ class Effect(Enum):
     """Elasticity, or a delay: only slow motions are explained."""
     SLOW = "slow"
     """Stick-slip friction: most of the motion is slow; faster motion is explained."""
+    SAMPLES = "samples"
+    """The motion between the samples, which are too far apart."""
     FOREIGN = "foreign"
     """The motion of the axis does not explain the torque: other axes, a load that changes, contact."""
 
@@ -169,6 +172,8 @@ def verdict_of(
             found = found._replace(own=fitted, validation=other, measure=Measure.TORQUE)
     if found.quality is FitQuality.GOOD:
         return found
+    if found.quality is FitQuality.POOR and any(samples_too_far_apart(record) for record in records):
+        return found._replace(missing=(Effect.SAMPLES,))
     missing = missing_effects(estimate.problem, records)
     slow, share = slow_motion(records)
     sticks = share > _MIN_SLOW_SHARE and not leaves_out

@@ -5,7 +5,7 @@ from typing import Literal
 
 Severity = Literal["refuse", "warn"]
 FindingKind = Literal[
-    "too-short", "constant-torque", "saturated", "stuck", "exchanged", "unsigned", "wrong-sign", "units",
+    "too-short", "too-slow", "constant-torque", "saturated", "stuck", "exchanged", "unsigned", "wrong-sign", "units",
     "gaps", "lost", "jitter", "outliers", "missing", "absurd",
 ]  # fmt: skip
 

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
+from scipy.signal import find_peaks
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification.record_checks.findings import RecordFinding
@@ -114,11 +115,20 @@ _JITTER, _JITTER_S = 0.02, 2e-4
 _STAMPS = -0.35
 """Correlation of neighbouring intervals: -0.5 for errors of the time stamps of a regular clock; 0 if the sampling
 itself is irregular, which does no harm."""
+_SLOW_S, _FEW, _STROKE = 0.1, 6, 0.2
+"""Robots turn back within seconds: of an interval of this length [s] it is asked whether there are as many samples from
+one reversal to the next.  With fewer, accelerations fall between them.  A reversal is one by this share of the range of
+98 % of the angles: less may be noise."""
+_ENOUGH = 40
+"""Samples from one reversal to the next that are asked for"""
+_MANY = 10
+"""Fewer reversals show nothing: the axis may stand most of the time."""
 
 
 def times(record: Record, known: KnownAxis) -> Iterator[RecordFinding]:
-    """Too short, gaps, lost samples, jitter of the stamps."""
+    """Too short, too slow, gaps, lost samples, jitter of the stamps."""
     yield from _too_short(record, known)
+    yield from _too_slow(record)
     yield from _gaps(record)
     yield from _lost(record)
     yield from _jitter(record)
@@ -144,6 +154,30 @@ def _too_short(record: Record, known: KnownAxis) -> Iterator[RecordFinding]:
         f"drive, {known.slowest_s:.3g} s; it should be at least {_TAUS_ENOUGH:g} times",
         taus,
     )
+
+
+def _too_slow(record: Record) -> Iterator[RecordFinding]:
+    apart = samples_too_far_apart(record)
+    if apart is not None:
+        yield RecordFinding(
+            "too-slow",
+            "warn",
+            f"samples are {record.interval_s:.3g} s apart, which is {apart:.0f} from one reversal of the axis to the"
+            " next: accelerations fall between them, and what a fit finds is not the drive; record at least every"
+            f" {record.interval_s * apart / _ENOUGH:.1g} s",
+            apart,
+        )
+
+
+def samples_too_far_apart(record: Record) -> float | None:
+    """Samples from one reversal of the axis to the next, if they are too few to show its motion; None: they are not."""
+    if record.interval_s < _SLOW_S or not record.measured.any():
+        return None
+    angle = record.y[record.measured] if record.quantity == "angle" else np.cumsum(np.nan_to_num(record.y))
+    low, high = np.quantile(angle, (0.01, 0.99))
+    turns = [find_peaks(way * angle, prominence=_STROKE * (high - low))[0] for way in (1, -1)]
+    apart = np.diff(np.sort(np.concatenate(turns)))
+    return float(np.median(apart)) if apart.size >= _MANY and np.median(apart) < _FEW else None
 
 
 def _gaps(record: Record) -> Iterator[RecordFinding]:

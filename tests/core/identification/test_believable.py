@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -244,6 +245,20 @@ def test_a_weight_that_takes_hardly_any_torque_is_looked_for_after_springs(
     rec = record(seed)
     borne = replace(rec, u=rec.u + weight * np.sin(3 * rec.y))
     assert missing_effects(Problem(one_mass(), VALUES, ALL, speed_scale=SCALE), [borne]) == missing
+
+
+def test_samples_that_are_too_far_apart_are_named_instead_of_an_effect(seed: int) -> None:
+    """Of an axis that goes to and fro within two seconds each, with a row every 0.8 s."""
+    rng, s = np.random.default_rng(seed), np.linspace(0, 1, round(2 / H))
+    places = rng.uniform(0.5, 1.5, 300) * np.resize([1.0, -1.0], 300)
+    y = np.concatenate([a + (b - a) * (10 * s**3 - 15 * s**4 + 6 * s**5) for a, b in pairwise(places)])
+    v = np.gradient(y, H)
+    u = VALUES["J"] * np.gradient(v, H) + VALUES["fv"] * v + VALUES["fc"] * np.tanh(v / SCALE)
+    every = slice(None, None, round(0.8 / H))
+    t = np.asarray(H * np.arange(y.size), dtype=np.float64)
+    result = found([Record(t[every], u[every], y[every], "angle", "slow")])
+    assert result.verdict.quality is FitQuality.POOR
+    assert result.verdict.missing == (Effect.SAMPLES,)
 
 
 def creeping(seed: int, speed: float = 0.02) -> Record:

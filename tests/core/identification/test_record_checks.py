@@ -340,6 +340,23 @@ def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
     assert lost.number == pytest.approx(1 - many.mean(), abs=0.02)
 
 
+@pytest.mark.parametrize("quantity", OUTPUTS)
+@pytest.mark.parametrize(("step", "slow"), [(1, False), (2, True)])
+def test_samples_too_far_apart_for_the_motion(quantity: Output, step: int, slow: bool, seed: int) -> None:
+    """An axis that turns back every three seconds, once with eight samples, and once with four."""
+    t = np.arange(0.0, 600.0, 0.375)
+    turned = np.sin(np.pi * t / 3)
+    noise = 0.02 * np.random.default_rng(seed).standard_normal((2, len(t)))
+    y = (turned if quantity == "angle" else np.gradient(turned, t)) + noise[0]
+    record = Record(t, np.gradient(turned, t) + noise[1], y, quantity, "slow")
+    every = Record(record.t[::step], record.u[::step], record.y[::step], quantity, "slow")
+    assert ("too-slow" in [kind for kind, _ in kinds(every, KnownAxis())]) == slow
+    if slow:
+        (words,) = (f.sentence for f in check_record(every) if f.kind == "too-slow")
+        assert words.startswith("samples are 0.75 s apart, which is 4 from one reversal of the axis to the next")
+        assert words.endswith("record at least every 0.07 s")
+
+
 def test_late_stamps_but_not_irregular_sampling(seed: int) -> None:
     rng = np.random.default_rng(seed)
     r = healthy(rng, "speed", samples=2000)

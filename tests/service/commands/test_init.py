@@ -63,6 +63,7 @@ def test_exchanged_columns_are_noticed(record: Path) -> None:
         ("A1_Trq,A1_Pos,A2_Trq [Nm],Height [cm]", ["A2_Trq [Nm]"]),
         ("A1_Trq,A1_Pos,A1_Current [A],x", []),
         ("A1_Trq,A1_Pos,A2_TrqRef,x", []),
+        ("A1_Trq,A1_Pos,Tool_current,x", []),
     ],
 )
 def test_a_torque_whose_motion_no_name_tells_is_not_left_out_silently(
@@ -109,6 +110,8 @@ def test_torque_and_angle_of_one_axis_that_are_exchanged_are_noticed(record: Pat
         ("Trq_Shoulder,Pos_Shoulder,Trq_Elbow,Pos_Elbow", ["shoulder", "elbow"]),
         ("/joint1/effort,/joint1/position,/joint2/effort,/joint2/position", ["axis1", "axis2"]),
         ("J1 Torque ref,J1 Position,A2_Sollmoment,A2_Istwinkel", ["axis1", "axis2"]),
+        ("S-Axis Torque[%],S-Axis Feedback Pulse,T-Axis Torque[%],T-Axis Feedback Pulse", ["axisS", "axisT"]),
+        ("gAxis01.TORQUE_ACT,gAxis01.PCTRL_S_ACT,gAxis02.TORQUE_ACT,gAxis02.PCTRL_S_ACT", ["axis01", "axis02"]),
         ("left motor torque,right arm angle,motor torque,arm angle", ["axis1", "axis2"]),
     ],
 )
@@ -134,9 +137,11 @@ def test_a_command_that_its_name_does_not_show(record: Path, seed: int) -> None:
     assert "torque Channel 1, angle Channel 3: likely; or angle Channel 2" in shown("init", record, "--force")
 
 
-def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
-    rename_columns(record, "t,tau_1,q_1,tau_ref_2,q_cmd_2")
-    assert "not used: tau_ref_2, q_cmd_2" in shown("init", record)
+@pytest.mark.parametrize("others", ["tau_ref_2,q_cmd_2", "tau_1_d,q_1_d", "computed_torque_1,target_q_1"])
+def test_what_the_controller_asks_for_is_no_measurement(record: Path, others: str) -> None:
+    """Also where it has the name of what is measured, and "_d" for desired."""
+    rename_columns(record, f"t,tau_1,q_1,{others}")
+    assert f"not used: {others.replace(',', ', ')}" in shown("init", record)
     assert [axis.name for axis in proposed()] == ["axis1"]
 
 
@@ -158,6 +163,8 @@ def test_what_the_controller_asks_for_is_no_measurement(record: Path) -> None:
         ("Consigne couple", "wanted"),
         ("Axis_X.PositionError", "other"),
         ("torque_ff_ref", "other"),
+        ("PCTRL_S_ACT", ""),
+        ("t_s", "time"),
     ],
 )
 def test_words_of_loggers(name: str, role: str) -> None:
@@ -301,6 +308,20 @@ def test_a_unit_of_the_time_that_no_name_shows_is_asked_for(
     retime(record, head, (cell.format(t, 1e3 * t, 1e6 * t, 46083.25 + t / 86_400, t / 60) for t in times))
     assert f"time: {head}, {interval_s:.4g} s apart{words}\n" in shown("init", record)
     assert proposed()[0].sample_interval_s == pytest.approx(interval_s, rel=1e-3)
+
+
+def test_dates_are_in_seconds_however_far_apart(record: Path, seed: int) -> None:
+    """Of a logger with a row a second, the rows look as if they counted milliseconds."""
+    late = np.random.default_rng(seed).integers(0, 30, 4000)
+    retime(
+        record,
+        "Timestamp",
+        (f"2026-03-02 {t // 3600:02}:{t // 60 % 60:02}:{t % 60:02}.{late[t]:03}" for t in range(4000)),
+    )
+    assert "time: Timestamp, 1 s apart\n" in shown("init", record)
+    first = proposed()[0]
+    assert (first.time.column, first.time.factor) == ("Timestamp", 1)
+    assert first.sample_interval_s == pytest.approx(1.0, rel=0.02)
 
 
 _FILETIME = 134_404_344_000_000_000
@@ -542,14 +563,21 @@ def test_values_alone(record: Path) -> None:
     assert a.sample_interval_s == pytest.approx(0.005)
 
 
-def test_a_part_of_a_torque_is_not_the_torque(record: Path, seed: int) -> None:
-    """Such as that of a contact, which explains the motion of a free axis as well, but is small; what is no torque."""
+@pytest.mark.parametrize(
+    ("part", "words"),
+    [("tau_contact_1", "likely; or torque tau_contact_1 ("), ("tau_ext_1", "sure ("), ("torque_sensor_1", "sure (")],
+)
+def test_a_part_of_a_torque_is_not_the_torque(record: Path, part: str, words: str, seed: int) -> None:
+    """Such as that of a contact, which explains the motion of a free axis as well, but is small; what is no torque.
+
+    By its name a torque acts from outside, or is that of a sensor behind the friction of the gear.
+    """
     rows = read_rows(record)
     noise = 1e-4 * np.ptp(rows[:, 1]) * np.random.default_rng(seed).standard_normal(len(rows))
     small = 0.1 * rows[:, 1] + noise
     table = np.column_stack([rows[:, 0] - rows[0, 0], small, rows[:, 2] + noise, rows[:, 1], rows[:, 2], small])
-    write_rows(record, table, "Time,tau_ext_1,error_q_1,tau_1,q_1,tau_ff_1")
-    assert "axis1: torque tau_1, angle q_1: likely; or torque tau_ext_1 (" in shown("init", record)
+    write_rows(record, table, f"Time,{part},error_q_1,tau_1,q_1,tau_ff_1")
+    assert f"axis1: torque tau_1, angle q_1: {words}" in shown("init", record)
 
 
 def test_torques_of_axes_whose_names_do_not_tell_them_apart_are_not_parts(record: Path) -> None:
