@@ -85,7 +85,7 @@ def _role_of_word(word: str) -> str:
 
 def desired(names: Collection[str]) -> set[str]:
     """The names that differ from another one by "_d" behind a word only, as q_d from q: what is desired."""
-    return {name for name in names if (plain := re.sub(r"_d(?![A-Za-z])", "", name)) != name and plain in names}
+    return {name for name in names if "_d" in name and name.replace("_d", "") in names}
 
 
 def commanded_role(name: str) -> str:

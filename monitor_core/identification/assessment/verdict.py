@@ -172,7 +172,7 @@ def verdict_of(
             found = found._replace(own=fitted, validation=other, measure=Measure.TORQUE)
     if found.quality is FitQuality.GOOD:
         return found
-    if found.quality is FitQuality.POOR and any(samples_too_far_apart(record) for record in records):
+    if any(samples_too_far_apart(record) for record in records):
         return found._replace(missing=(Effect.SAMPLES,))
     missing = missing_effects(estimate.problem, records)
     slow, share = slow_motion(records)

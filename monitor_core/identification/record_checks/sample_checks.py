@@ -118,7 +118,7 @@ itself is irregular, which does no harm."""
 _SLOW_S, _FEW, _STROKE = 0.1, 6, 0.2
 """Robots turn back within seconds: of an interval of this length [s] it is asked whether there are as many samples from
 one reversal to the next.  With fewer, accelerations fall between them.  A reversal is one by this share of the range of
-98 % of the angles: less may be noise."""
+98 % of the angles or speeds: less may be noise."""
 _ENOUGH = 40
 """Samples from one reversal to the next that are asked for"""
 _MANY = 10
@@ -173,9 +173,9 @@ def samples_too_far_apart(record: Record) -> float | None:
     """Samples from one reversal of the axis to the next, if they are too few to show its motion; None: they are not."""
     if record.interval_s < _SLOW_S or not record.measured.any():
         return None
-    angle = record.y[record.measured] if record.quantity == "angle" else np.cumsum(np.nan_to_num(record.y))
-    low, high = np.quantile(angle, (0.01, 0.99))
-    turns = [find_peaks(way * angle, prominence=_STROKE * (high - low))[0] for way in (1, -1)]
+    y = record.y[record.measured]
+    low, high = np.quantile(y, (0.01, 0.99))
+    turns = [find_peaks(way * y, prominence=_STROKE * (high - low))[0] for way in (1, -1)]
     apart = np.diff(np.sort(np.concatenate(turns)))
     return float(np.median(apart)) if apart.size >= _MANY and np.median(apart) < _FEW else None
 

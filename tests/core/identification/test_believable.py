@@ -247,18 +247,24 @@ def test_a_weight_that_takes_hardly_any_torque_is_looked_for_after_springs(
     assert missing_effects(Problem(one_mass(), VALUES, ALL, speed_scale=SCALE), [borne]) == missing
 
 
-def test_samples_that_are_too_far_apart_are_named_instead_of_an_effect(seed: int) -> None:
-    """Of an axis that goes to and fro within two seconds each, with a row every 0.8 s."""
+@pytest.mark.parametrize(
+    ("interval_s", "quality", "missing"),
+    [(0.8, FitQuality.POOR, (Effect.SAMPLES,)), (0.05, FitQuality.GOOD, ())],
+)
+def test_samples_that_are_too_far_apart_are_named_instead_of_an_effect(
+    interval_s: float, quality: FitQuality, missing: tuple[Effect, ...], seed: int
+) -> None:
+    """Of an axis that goes to and fro within two seconds each; with forty samples in each all is well."""
     rng, s = np.random.default_rng(seed), np.linspace(0, 1, round(2 / H))
     places = rng.uniform(0.5, 1.5, 300) * np.resize([1.0, -1.0], 300)
     y = np.concatenate([a + (b - a) * (10 * s**3 - 15 * s**4 + 6 * s**5) for a, b in pairwise(places)])
     v = np.gradient(y, H)
     u = VALUES["J"] * np.gradient(v, H) + VALUES["fv"] * v + VALUES["fc"] * np.tanh(v / SCALE)
-    every = slice(None, None, round(0.8 / H))
+    every = slice(None, None, round(interval_s / H))
     t = np.asarray(H * np.arange(y.size), dtype=np.float64)
     result = found([Record(t[every], u[every], y[every], "angle", "slow")])
-    assert result.verdict.quality is FitQuality.POOR
-    assert result.verdict.missing == (Effect.SAMPLES,)
+    assert result.verdict.quality is quality
+    assert result.verdict.missing == missing
 
 
 def creeping(seed: int, speed: float = 0.02) -> Record:

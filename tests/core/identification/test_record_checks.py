@@ -341,20 +341,23 @@ def test_gaps_and_lost_samples(record: Record, seed: int) -> None:
 
 
 @pytest.mark.parametrize("quantity", OUTPUTS)
-@pytest.mark.parametrize(("step", "slow"), [(1, False), (2, True)])
-def test_samples_too_far_apart_for_the_motion(quantity: Output, step: int, slow: bool, seed: int) -> None:
-    """An axis that turns back every three seconds, once with eight samples, and once with four."""
-    t = np.arange(0.0, 600.0, 0.375)
-    turned = np.sin(np.pi * t / 3)
-    noise = 0.02 * np.random.default_rng(seed).standard_normal((2, len(t)))
-    y = (turned if quantity == "angle" else np.gradient(turned, t)) + noise[0]
-    record = Record(t, np.gradient(turned, t) + noise[1], y, quantity, "slow")
-    every = Record(record.t[::step], record.u[::step], record.y[::step], quantity, "slow")
-    assert ("too-slow" in [kind for kind, _ in kinds(every, KnownAxis())]) == slow
+@pytest.mark.parametrize(
+    ("interval_s", "period_s", "end_s", "slow"),
+    [(0.75, 6.0, 600.0, True), (0.375, 6.0, 600.0, False), (0.075, 0.6, 60.0, False), (0.75, 6.0, 30.0, False)],
+)
+def test_samples_too_far_apart_for_the_motion(
+    quantity: Output, interval_s: float, period_s: float, end_s: float, slow: bool, seed: int
+) -> None:
+    """Four from one reversal to the next; eight; as few within tenths of a second, as of vibration; a short record."""
+    t = np.arange(0.0, end_s, interval_s)
+    noise = 0.1 * np.random.default_rng(seed).standard_normal((2, len(t)))
+    angle, speed = np.sin(2 * np.pi * t / period_s), np.cos(2 * np.pi * t / period_s)
+    record = Record(t, speed + noise[0], (angle if quantity == "angle" else speed) + noise[1], quantity, "slow")
+    found = [f.sentence for f in check_record(record) if f.kind == "too-slow"]
+    assert bool(found) == slow
     if slow:
-        (words,) = (f.sentence for f in check_record(every) if f.kind == "too-slow")
-        assert words.startswith("samples are 0.75 s apart, which is 4 from one reversal of the axis to the next")
-        assert words.endswith("record at least every 0.07 s")
+        assert found[0].startswith("samples are 0.75 s apart, which is 4 from one reversal of the axis to the next")
+        assert found[0].endswith("record at least every 0.07 s")
 
 
 def test_late_stamps_but_not_irregular_sampling(seed: int) -> None:
@@ -399,6 +402,12 @@ def test_missing_samples(record: Record) -> None:
     assert finding.number == pytest.approx(20 / len(record))
     assert f"at 20 of {len(record)} samples, 1 %" in finding.sentence
     assert ("missing", "refuse") in kinds(record.without(slice(100, 1400)))
+
+
+def test_a_motion_that_is_never_measured() -> None:
+    t = 0.5 * np.arange(100.0)
+    never = Record(t, np.sin(t), np.full(100, np.nan), "angle", "never")
+    assert [f.kind for f in check_record(never) if f.kind in ("missing", "too-slow")] == ["missing"]
 
 
 def test_absurd_numbers(record: Record) -> None:

@@ -14,7 +14,7 @@ import pytest
 from rich.console import Console
 
 from monitor_core.drive import ThermalModel
-from monitor_core.identification import FoundWarmUp, IdentificationResult, Obstacle, Watched
+from monitor_core.identification import Effect, FoundWarmUp, IdentificationResult, Obstacle, Watched
 from monitor_core.wording import percent
 from service.commands.identification_task import Request, prepare
 from service.config.found_file import read_found
@@ -23,7 +23,7 @@ from service.reports.formats import plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
 from service.reports.identification_report import IdentificationReport, print_text, residual_words, verdict_line
-from service.reports.outlook_words import watched_table
+from service.reports.outlook_words import missing_words, watched_table
 from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
 from tests.service.identification.report_pages import read
@@ -294,3 +294,9 @@ def test_a_load_is_explained_though_no_drive_has_it(found: IdentificationReport)
     assert table.rows == [("load", "weight of arm and payload, relative to that of the records", "6 %")]
     hidden = replace(found.result, watched=(shown._replace(obstacle=Obstacle.NOT_SHOWN),))
     assert "record motion of the whole arm" in replace(found, result=hidden).outlook
+
+
+def test_too_few_samples_are_nothing_that_the_drive_lacks(found: IdentificationReport) -> None:
+    words = {e: missing_words(found.result.verdict._replace(missing=(e,))) for e in (Effect.OFFSET, Effect.SAMPLES)}
+    assert words[Effect.OFFSET].startswith("The records show what the drive lacks: a constant torque acts")
+    assert words[Effect.SAMPLES].startswith("The records do not show the motion: their samples are too far apart")

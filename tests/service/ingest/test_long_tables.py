@@ -55,6 +55,12 @@ def test_units_of_signals_in_a_column(tmp_path: Path) -> None:
     assert dict(open_table(tmp_path / "a.csv").units) == {"M1": "Nm", "n1": "rpm", "s": ""}
 
 
+def test_dates_of_rows_are_in_seconds(tmp_path: Path) -> None:
+    lines = [f"2026-03-02 08:00:0{k},{name},{k * n}" for k in range(9) for n, name in enumerate(("M1", "q1"))]
+    (tmp_path / "a.csv").write_text("\n".join(["time,name,value", *lines]) + "\n", encoding="utf-8")
+    assert open_table(tmp_path / "a.csv").units["time"] == "s"
+
+
 def test_signals_with_times_of_their_own_are_refused(tmp_path: Path) -> None:
     lines = [f"{k + shift},{name},{k}" for k in range(9) for name, shift in (("M1", 0.0), ("n1", 0.5))]
     (tmp_path / "a.csv").write_text("\n".join(["t,name,value", *lines]) + "\n", encoding="utf-8")
