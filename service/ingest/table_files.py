@@ -9,7 +9,8 @@ from typing import IO, Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.csv as pc
+import pyarrow.compute as pc
+import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 import scipy.io
 from scipy.io.matlab import MatReadError
@@ -52,28 +53,40 @@ def check_columns(path: Path, table: TableFile, wanted: Mapping[str, str]) -> No
 
 
 class ParquetTable:
-    """A Parquet file."""
+    """A Parquet file.
 
-    has_names, left_out, units, taken = True, list[str](), dict[str, str](), tuple[str, ...]()
+    The elements of lists, as of the joint states of ROS, are columns called position[0], position[1] ...
+    """
+
+    has_names, left_out, taken = True, list[str](), tuple[str, ...]()
 
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
             self._file = pq.ParquetFile(path)
+            schema = self._file.schema_arrow
+            lists = {field.name: self._length(field.name) for field in schema if _is_list(field.type)}
         except OSError as error:
             raise RecordError(f"cannot read {path}: {error.strerror or error}") from None
         except pa.ArrowException as error:
             raise RecordError(f"{path} is no Parquet file: {error}") from None
+        self.units = {field.name: "s" for field in schema if pa.types.is_timestamp(field.type)}
+        """Units of the columns by name: dates become seconds"""
+        self._elements = {f"{name}[{k}]": (name, k) for name, length in lists.items() for k in range(length)}
+        self.names: Sequence[str] = (*(name for name in schema.names if not lists.get(name)), *self._elements)
+        """Names of all columns"""
 
-    @property
-    def names(self) -> Sequence[str]:
-        """Names of all columns."""
-        return tuple(self._file.schema_arrow.names)
+    def _length(self, name: str) -> int:
+        """The length of the first list in a column; 0: there is none."""
+        first = next(self._file.iter_batches(batch_size=1, columns=[name]), None)
+        found = None if first is None or not first.num_rows else first.column(0)[0].as_py()
+        return len(found or ())
 
     def rows(self, names: Sequence[str]) -> Iterator[CsvRows]:
         """See CsvTable."""
         read, total = 0, self._file.metadata.num_rows
-        batches = self._file.iter_batches(batch_size=ROWS, columns=list(names))
+        columns = {self._elements.get(name, (name, 0))[0] for name in names}
+        batches = self._file.iter_batches(batch_size=ROWS, columns=list(columns))
         while True:
             try:
                 batch = next(batches, None)
@@ -82,13 +95,20 @@ class ParquetTable:
             if batch is None:
                 return
             read += batch.num_rows
-            yield CsvRows({name: self._numbers(name, batch.column(name)) for name in names}, read / total)
+            yield CsvRows({name: self._numbers(name, batch) for name in names}, read / total)
 
-    def _numbers(self, name: str, column: pa.Array[Any]) -> Floats:
+    def _numbers(self, name: str, batch: pa.RecordBatch) -> Floats:
+        column, place = self._elements.get(name, (name, None))
+        cells = batch.column(column)
         try:
-            return numbers(column)
+            return numbers(cells if place is None else pc.list_element(cells, place))
         except pa.ArrowException:
-            raise RecordError(f'{self._path}: column "{name}" holds {column.type}, not numbers') from None
+            what = f"{cells.type}, not numbers" if place is None else "lists of other lengths, or no numbers"
+            raise RecordError(f'{self._path}: column "{column}" holds {what}') from None
+
+
+def _is_list(kind: pa.DataType) -> bool:
+    return pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
 
 
 class MatTable:
@@ -158,9 +178,9 @@ Columns = Mapping[str, Sequence[Any]]
 def write_csv(file: IO[bytes], schema: Mapping[str, type], parts: Iterable[Columns]) -> None:
     """Write a table; ``schema``: str, int or float by column."""
     known = _schema(schema)
-    options = pc.WriteOptions(include_header=False, quoting_style="needed")  # arrow would quote all names
+    options = pa_csv.WriteOptions(include_header=False, quoting_style="needed")  # arrow would quote all names
     file.write((",".join(schema) + "\n").encode())
-    with pc.CSVWriter(file, known, write_options=options) as writer:
+    with pa_csv.CSVWriter(file, known, write_options=options) as writer:
         for part in parts:
             writer.write_batch(_batch(known, part))
 

@@ -338,9 +338,40 @@ def test_dates_are_seconds(tmp_path: Path, zone: str, between: str, torn: bool) 
     assert dropped == ({"unreadable": 1} if torn else {})
 
 
+@pytest.mark.parametrize("kind", [pa.list_(pa.float64()), pa.large_list(pa.float32()), pa.list_(pa.float64(), 2)])
+def test_elements_of_lists_in_a_parquet_file(tmp_path: Path, kind: pa.DataType) -> None:
+    """As of joint states: names, and for each quantity a list of all axes; a missing list is no sample."""
+    lists = [None if k == 5 else [float(k), k / 4] for k in range(9)]
+    table = {"time": np.arange(9.0), "name": [["one", "two"]] * 9, "effort": pa.array(lists, kind)}
+    pq.write_table(pa.table(table), tmp_path / "a.parquet")
+    read = open_table(tmp_path / "a.parquet")
+    assert read.names == ("time", "name[0]", "name[1]", "effort[0]", "effort[1]")
+    (columns,) = read.rows(["effort[1]", "effort[0]"])
+    expected = [np.nan if k == 5 else float(k) for k in range(9)]
+    assert list(columns.columns) == ["effort[1]", "effort[0]"]
+    assert columns.columns["effort[0]"] == pytest.approx(expected, nan_ok=True)
+    assert columns.columns["effort[1]"] == pytest.approx(np.array(expected) / 4, nan_ok=True)
+    with pytest.raises(RecordError, match='column "name" holds lists of other lengths, or no numbers'):
+        next(read.rows(["name[0]"]))
+
+
+def test_lists_of_other_lengths_in_a_parquet_file(tmp_path: Path) -> None:
+    lists = {"u": [[1.0, 2.0], [3.0]], "empty": [[], []], "none": pa.array([None, None], pa.list_(pa.float64()))}
+    pq.write_table(pa.table(lists), tmp_path / "a.parquet")
+    read = open_table(tmp_path / "a.parquet")
+    assert read.names == ("empty", "none", "u[0]", "u[1]")
+    with pytest.raises(RecordError, match='column "u" holds lists of other lengths, or no numbers'):
+        next(read.rows(["u[1]"]))
+    with pytest.raises(RecordError, match='column "empty" holds list'):
+        next(read.rows(["empty"]))
+    pq.write_table(pa.table(lists).slice(0, 0), tmp_path / "b.parquet")
+    assert open_table(tmp_path / "b.parquet").names == ("u", "empty", "none")
+
+
 def test_dates_of_a_parquet_file_are_seconds(tmp_path: Path) -> None:
     dates = [datetime(2026, 1, 1, 0, 0, 0, 5000 * k, UTC) for k in range(9)]
     table = {"Time": pa.array(dates), "torque_one": np.arange(9.0), "angle_one": np.arange(9.0)}
     pq.write_table(pa.table(table), tmp_path / "a.parquet")
     block, _ = samples_of(tmp_path / "a.parquet", tmp_path, axis1(time={"column": "Time"}))
     assert block.t_us.tolist() == [round(date.timestamp() * 1e6) for date in dates]
+    assert open_table(tmp_path / "a.parquet").units == {"Time": "s"}
