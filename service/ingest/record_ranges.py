@@ -14,7 +14,7 @@ from service.can.user_errors import RecordError
 from service.config.schema import Config
 from service.ingest.records import FileRecord, RecordQuality, RecordStep, read_record
 
-_RANGE = re.compile(r"(?P<path>.+)@(?P<start>[\d.]*):(?P<end>[\d.]*)")
+_RANGE = re.compile(r"(?P<path>.+)@(?P<start>[^@:/]*):(?P<end>[^@/]*)")
 _DATED_US = 10**14
 """Later times [us since 1970] are dates, of 1973 and later; other records begin at 0"""
 

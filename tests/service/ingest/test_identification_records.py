@@ -69,7 +69,6 @@ def test_a_table_becomes_a_record(tmp_path: Path, seed: int) -> None:
         ("a.csv@:.5", "a.csv", None, 0.5),
         ("a.csv@:", "a.csv", None, None),
         ("me@home/a.csv", "me@home/a.csv", None, None),
-        ("a.csv@x:1", "a.csv@x:1", None, None),
     ],
 )
 def test_ranges(text: str, path: str, start: float | None, end: float | None) -> None:
@@ -82,7 +81,13 @@ def test_a_file_that_is_called_like_a_range(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"), [("a.csv@5:2", "ends before its start"), ("a.csv@1.2.3:", "a range is @START")]
+    ("text", "problem"),
+    [
+        ("a.csv@5:2", "ends before its start"),
+        ("a.csv@1.2.3:", "a range is @START"),
+        ("a.csv@1,5:6", "a range is @START"),
+        ("a.csv@8:00:9:00", "a range is @START"),
+    ],
 )
 def test_ranges_that_are_none(text: str, problem: str) -> None:
     with pytest.raises(RecordError, match=f"^{re.escape(text)}: .*{problem}"):
