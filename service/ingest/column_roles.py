@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats
+from monitor_core.identification import moves
 from service.config.unit_names import MeasuredQuantity, current_in, unit_in, unit_of, without_unit
 from service.ingest.candidate_columns import Named
 from service.ingest.column_values import MOST, changes
@@ -167,11 +168,13 @@ def _axis_of(column: str, axes: Sequence[str]) -> str:
 def _axis(pair: SignalPair, kinds: Mapping[str, str], units: Mapping[str, str]) -> AxisRoles:
     torque = _role(pair.torque, "torque", kinds[pair.torque], units[pair.torque])
     motion = _role(pair.motion, pair.output, kinds[pair.motion], units[pair.motion])
+    record = pair.record
+    stands = record is not None and bool(kinds[pair.torque]) and not moves(record.y, record.quantity)
     return AxisRoles(
         pair.name,
         torque._replace(turned=pair.turned),
         motion._replace(wrap_period=pair.wrap_period),
-        explained=pair.explained,
+        explained=None if stands else pair.explained,
         rivals=pair.rivals,
         fastest=pair.fastest,
         better=pair.better,

@@ -46,6 +46,14 @@ def test_names_of_columns(record: Path) -> None:
     assert first.time.column == "Time"
 
 
+def test_an_axis_that_stands_is_found_by_its_names(record: Path, seed: int) -> None:
+    """Its encoder and its current are noise."""
+    rows = read_rows(record)
+    rows[:, 3:] = np.random.default_rng(seed).standard_normal((len(rows), 2)) * [0.01, 1e-6] + [0.2, 1.0]
+    write_rows(record, rows, "t,A1_Trq,A1_Pos,A2_Trq,A2_Pos")
+    assert "axis2: torque A2_Trq, angle A2_Pos: likely by its name; it did not move\n" in shown("init", record)
+
+
 def test_exchanged_columns_are_noticed(record: Path) -> None:
     """The names are believed, and what speaks against them is said."""
     assert "are two columns exchanged" not in shown("init", record)
