@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from docs.svg_documents import document
-from service.commands.planned_motion import MotionRequest, planned
+from service.commands.commissioning.axis.planned_motion import MotionRequest, planned
 from service.config import load
 from service.config.drive_sources import shipped
 from service.config.unit_names import UNITS

@@ -16,7 +16,7 @@ from pymoca import ast
 from monitor_core.modeling.modelica.library import library
 from monitor_core.modeling.modelica.parsing import Source, is_parameter, parse
 from service.can.bus_reader import LONGEST_RETRY_S
-from service.commands.exit_codes import MISTAKE
+from service.commands.command_line.exit_codes import MISTAKE
 from service.commands.main import app
 from service.web.server import GRACE_S
 from tests.conftest import ROOT

@@ -8,8 +8,8 @@ import typer
 
 from monitor_core.wording import Z90, percent, seconds_in
 from service.client import AlarmAction, ApiAnswer, JsonValue, Remark
-from service.commands.daemon_options import Daemon, asks_daemon, short_time
-from service.commands.exit_codes import GROUP
+from service.commands.command_line.daemon_options import Daemon, asks_daemon, short_time
+from service.commands.command_line.exit_codes import GROUP
 
 AlarmIds = Annotated[list[int], typer.Argument(metavar="ID...", help="Numbers of the alarms.")]
 AlarmStateName = Literal[

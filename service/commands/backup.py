@@ -8,9 +8,9 @@ from typing import Annotated, Any, NamedTuple
 import tomlkit
 import typer
 
-from service.commands.exit_codes import explained
-from service.commands.options import ConfigPath, Force, configuration
-from service.commands.output_files import check_new
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import ConfigPath, Force, configuration
+from service.commands.command_line.output_files import check_new
 from service.config.commissioning_files import REPORT, pages_of
 from service.config.named_files import found_files, kept_files
 from service.config.schema import Config

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from service.client import ApiAnswer, JsonValue, Remark
-from service.commands.daemon_options import Daemon, asks_daemon, short_time
-from service.commands.exit_codes import GROUP
+from service.commands.command_line.daemon_options import Daemon, asks_daemon, short_time
+from service.commands.command_line.exit_codes import GROUP
 
 Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="The axis, as in `axiswatch status`.")]
 VerifyHours = Annotated[

@@ -8,8 +8,8 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from service.commands.exit_codes import explained
-from service.commands.options import ConfigPath, configuration
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
 from service.config.axis_detectors import detectors_in_words
 from service.config.axis_settings import awaits_identification
@@ -48,7 +48,7 @@ def _obstacles(config: Config) -> Iterator[str]:
     """Problems of this machine or user, such as missing files or rights; the configuration itself may be right."""
     if config.web.host == LOCAL_HOST and config.web.certificate is None and not config.links.any:
         return
-    from service.commands.protection import obstacles
+    from service.commands.daemon.protection import obstacles
 
     yield from obstacles(config)
 

@@ -17,10 +17,10 @@ from rich.console import Console
 from monitor_core.wording import duration, listed
 from service.can.user_errors import RecordError
 from service.commands.calibrate import Budget, seconds_of
-from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
-from service.commands.options import LOG_KINDS, ConfigPath, axis_named, configuration
-from service.commands.output_files import write
-from service.commands.progress import axes_bars
+from service.commands.command_line.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
+from service.commands.command_line.options import LOG_KINDS, ConfigPath, axis_named, configuration
+from service.commands.command_line.output_files import write
+from service.commands.command_line.progress import axes_bars
 from service.config import Config
 from service.config.commissioned import commissioned, corrected, relocated
 from service.config.commissioning_files import RECORDS, REPORT

@@ -12,14 +12,14 @@ from rich.console import Console
 
 from service.can.bus import open_buses
 from service.commands.calibrate import Budget
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import Port, axis_named, configuration
+from service.commands.command_line.output_files import write
+from service.commands.command_line.progress import progress_bar
 from service.commands.commission import CONFIG
 from service.commands.commission import commission as commission_records
-from service.commands.daemon_logs import configure_logs
-from service.commands.exit_codes import explained
+from service.commands.daemon.daemon_logs import configure_logs
 from service.commands.init import init
-from service.commands.options import Port, axis_named, configuration
-from service.commands.output_files import write
-from service.commands.progress import progress_bar
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
 from service.config.commissioned import connected, relocated
@@ -128,7 +128,7 @@ def _run(config: Config, file: Path, moved: Config, fault: SimulatedFault) -> No
 
     An error in one of them ends both.
     """
-    from service.commands.daemon import StartEvents, run_daemon
+    from service.commands.daemon.lifecycle import StartEvents, run_daemon
 
     configure_logs()
     ready, stop, detecting = threading.Event(), threading.Event(), threading.Event()

@@ -13,11 +13,11 @@ from service.can.frames import FrameBlock
 from service.can.inferred_layout import Field
 from service.can.log_files import LOG_SUFFIXES, log_suffix
 from service.can.user_errors import RecordError
-from service.commands.exit_codes import explained
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import LOG_KINDS, BusOption, Force, bus_named
+from service.commands.command_line.output_files import check_new
+from service.commands.command_line.received_frames import heard_on, logged
 from service.commands.init import ListenFor, Output, propose
-from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
-from service.commands.output_files import check_new
-from service.commands.received_frames import heard_on, logged
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
@@ -49,9 +49,9 @@ def discover(
         raise typer.BadParameter("give either a CAN log or --bus INTERFACE:CHANNEL", param_hint="RECORD")
     check_new(output, force)
     with explained():
-        from service.commands.proposed_configuration import unknown_bus_lines
         from service.ingest.signal_roles import summary
         from service.ingest.unknown_messages import discover_axes, used_messages
+        from service.reports.proposed_configuration import unknown_bus_lines
 
         source: BusConfig | None = None
         if record is not None:

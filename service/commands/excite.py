@@ -7,10 +7,10 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from service.commands.exit_codes import explained
-from service.commands.options import AxisName, ConfigPath, axis_of, names_in
-from service.commands.output_files import write
-from service.commands.planned_motion import MotionRequest, angle_columns, planned, torque_columns
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import AxisName, ConfigPath, axis_of, names_in
+from service.commands.command_line.output_files import write
+from service.commands.commissioning.axis.planned_motion import MotionRequest, angle_columns, planned, torque_columns
 from service.reports.excitation_report import as_csv, print_text
 
 Output = Annotated[Path, typer.Option("--output", "-o", metavar="FILE.csv", help="File for the motion.")]

@@ -9,9 +9,9 @@ import typer
 
 from monitor_core.wording import seconds_in
 from service.client import Client
-from service.commands.daemon_options import DEFAULT_URL, Token, Url
-from service.commands.exit_codes import explained
-from service.commands.output_files import STDOUT, check_writable, write
+from service.commands.command_line.daemon_options import DEFAULT_URL, Token, Url
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.output_files import STDOUT, check_writable, write
 
 Axis = Annotated[str, typer.Argument(metavar="ROBOT.AXIS", help="Id of the axis.")]
 Since = Annotated[

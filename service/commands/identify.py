@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 
-from service.commands.exit_codes import MISTAKE, explained
-from service.commands.options import (
+from service.commands.command_line.exit_codes import MISTAKE, explained
+from service.commands.command_line.options import (
     AxisName,
     ConfigPath,
     Force,
@@ -19,8 +19,8 @@ from service.commands.options import (
     configuration,
     names_in,
 )
-from service.commands.output_files import ResultFiles
-from service.commands.progress import steps_bar
+from service.commands.command_line.output_files import ResultFiles
+from service.commands.command_line.progress import steps_bar
 
 Free = Annotated[
     list[str] | None,
@@ -123,7 +123,12 @@ def identify(
     read = configuration(config, without_bus=True)
     chosen = axis_named(read.axes, axis)
     with explained():
-        from service.commands.identification_task import Request, configured_schedule, drawing_of, prepare
+        from service.commands.commissioning.axis.identification_task import (
+            Request,
+            configured_schedule,
+            drawing_of,
+            prepare,
+        )
         from service.ingest.record_ranges import in_order_of_time
         from service.reports.formats import Provenance
         from service.reports.identification_files import as_json, as_toml

@@ -17,9 +17,9 @@ from service.can.log_files import log_suffix
 from service.can.message_files import KINDS, read_messages
 from service.can.messages import DescriptionError, MessageSet
 from service.can.user_errors import RecordError, undescribed_words
-from service.commands.exit_codes import explained
-from service.commands.options import LOG_KINDS, BusOption, Force, bus_named
-from service.commands.output_files import check_new, write_all
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import LOG_KINDS, BusOption, Force, bus_named
+from service.commands.command_line.output_files import check_new, write_all
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from service.ingest.live_roles import BusRoles
     from service.ingest.signal_roles import FurtherSignals
     from service.ingest.table_files import TableFile
-from service.commands.received_frames import heard_on, logged
+from service.commands.command_line.received_frames import heard_on, logged
 
 RecordFile = Annotated[
     Path,
@@ -115,12 +115,12 @@ def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step:
 
 def _from_table(record: Path, output: Path) -> None:
     """Write a configuration for a table."""
-    from service.commands.proposed_configuration import gears_wanted, table_lines
     from service.ingest.column_roles import roles
     from service.ingest.column_values import changes
     from service.ingest.records import is_table
     from service.ingest.signal_roles import summary
     from service.ingest.table_files import open_table
+    from service.reports.proposed_configuration import gears_wanted, table_lines
 
     if not is_table(record):
         raise typer.BadParameter(
@@ -162,8 +162,8 @@ def _from_table(record: Path, output: Path) -> None:
 
 def _from_description(description: Path, output: Path) -> None:
     """Write a configuration for the bus that a file describes."""
-    from service.commands.proposed_configuration import bus_lines
     from service.ingest.signal_roles import axes_in, further_in, summary
+    from service.reports.proposed_configuration import bus_lines
 
     known = read_messages(description).messages
     axes = axes_in(known)
@@ -179,7 +179,7 @@ def _from_description(description: Path, output: Path) -> None:
 
 def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -> None:
     """Write a configuration for a bus from the frames that it sends."""
-    from service.commands.proposed_configuration import bus_lines
+    from service.reports.proposed_configuration import bus_lines
 
     where = f"{bus.interface} {bus.channel}"
     known = read_messages(description)  # a mistake in it is reported before anything is waited for
@@ -192,8 +192,8 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
 
 def _from_log(description: Path, log: Path, output: Path) -> None:
     """Write a configuration for the bus in a log that carries most of the described messages."""
-    from service.commands.proposed_configuration import bus_lines
     from service.ingest.live_roles import roles_on_bus
+    from service.reports.proposed_configuration import bus_lines
 
     known, buses = read_messages(description), logged(log)
     received = {name: roles_on_bus(known, frames).received for name, frames in buses.items()}
@@ -258,8 +258,8 @@ def _from_drives(
     eds: Path, nodes: list[int] | None, log: Path | None, bus: BusConfig | None, seconds: float, output: Path
 ) -> None:
     """Write a configuration for CANopen drives: the given ones, or those in a log, or heard on the bus."""
-    from service.commands.proposed_configuration import drive_lines
     from service.ingest.drive_objects import nodes_in, objects_of
+    from service.reports.proposed_configuration import drive_lines
 
     if nodes is None and bus is None and log is None:
         own = commissioned_node(eds)

@@ -11,10 +11,10 @@ from rich.live import Live
 from rich.markup import escape
 from rich.table import Table
 
-from service.commands.exit_codes import explained
-from service.commands.live_buses import bus_lines, live_buses, rounds
-from service.commands.options import ConfigPath, Seconds, configuration
-from service.commands.signal_handling import stopped_by_signals
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.live_buses import bus_lines, live_buses, rounds
+from service.commands.command_line.options import ConfigPath, Seconds, configuration
+from service.commands.command_line.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.unit_names import UNITS
 from service.ingest.bus_samples import Carried, QuantityValues

@@ -12,7 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from monitor_core.wording import did_you_mean
-from service.commands.exit_codes import EPILOG, GROUP
+from service.commands.command_line.exit_codes import EPILOG, GROUP
 from service.pipeline.kernel_cache import EARLY, KernelShape, choose
 
 PANELS = {

@@ -5,9 +5,9 @@ from typing import Annotated, Literal
 
 import typer
 
-from service.commands.exit_codes import explained
-from service.commands.options import AxisName, JsonFile, axis_of
-from service.commands.output_files import STDOUT, table_console, write
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import AxisName, JsonFile, axis_of
+from service.commands.command_line.output_files import STDOUT, table_console, write
 from service.config import given_values
 from service.config.base_table import SUFFIX
 from service.config.drive_sources import LIBRARY, model_called, model_of_axis

@@ -13,10 +13,10 @@ import typer
 from service.can.bus import Bus, open_buses, send
 from service.can.frames import FrameKey
 from service.can.user_errors import IngestError, RecordError, left_out_words
-from service.commands.exit_codes import explained
-from service.commands.options import LOG_KINDS, ConfigPath, SendYes, configuration, confirm_sending
-from service.commands.progress import progress_bar
-from service.commands.signal_handling import stopped_by_signals
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import LOG_KINDS, ConfigPath, SendYes, configuration, confirm_sending
+from service.commands.command_line.progress import progress_bar
+from service.commands.command_line.signal_handling import stopped_by_signals
 from service.config import Config
 from service.ingest.encode import FrameEncoder, SampleValues
 from service.ingest.records import FileRecord, LogRecord, RecordStep, read_record

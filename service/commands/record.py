@@ -6,9 +6,9 @@ from typing import Annotated
 import typer
 
 from service.client import Client
-from service.commands.daemon_options import DEFAULT_URL, Token, Url
-from service.commands.exit_codes import explained
-from service.commands.output_files import check_writable, write
+from service.commands.command_line.daemon_options import DEFAULT_URL, Token, Url
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.output_files import check_writable, write
 
 Output = Annotated[
     Path | None,

@@ -10,8 +10,8 @@ import typer
 
 from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError, left_out_words
-from service.commands.exit_codes import MISTAKE, NOT_TESTED, explained
-from service.commands.options import (
+from service.commands.command_line.exit_codes import MISTAKE, NOT_TESTED, explained
+from service.commands.command_line.options import (
     LOG_KINDS,
     ConfigPath,
     JsonFile,
@@ -19,7 +19,7 @@ from service.commands.options import (
     configuration,
     starting_as,
 )
-from service.commands.output_files import (
+from service.commands.command_line.output_files import (
     STDOUT,
     check_writable,
     replace_text,
@@ -27,7 +27,7 @@ from service.commands.output_files import (
     write,
     write_all,
 )
-from service.commands.progress import progress_bar
+from service.commands.command_line.progress import progress_bar
 from service.config import Config
 from service.config.axis_settings import AxisError
 from service.config.epoch_values import EpochValuesError, with_epoch

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from service.commands.exit_codes import explained
+from service.commands.command_line.exit_codes import explained
 
 Archive = Annotated[Path, typer.Argument(metavar="ARCHIVE", help="What `axiswatch backup` has written.")]
 Into = Annotated[Path, typer.Option("--into", metavar="DIR", help="A new folder, or an empty one.")]

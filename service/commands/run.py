@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import structlog
 import typer
 
-from service.commands.daemon_logs import LogFormat, configure_logs
-from service.commands.exit_codes import explained
-from service.commands.options import ConfigPath, Port, configuration
-from service.commands.signal_handling import handling
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import ConfigPath, Port, configuration
+from service.commands.command_line.signal_handling import handling
+from service.commands.daemon.daemon_logs import LogFormat, configure_logs
 from service.config import Config, ConfigErrors, load
 from service.store.database import StoreError
 
@@ -65,7 +65,7 @@ def run(
     with explained(), handling([signal.SIGHUP], hangup.apply):
         configure_logs(log_format)
         read = configuration(config)
-        from service.commands.daemon import StartEvents, run_daemon
+        from service.commands.daemon.lifecycle import StartEvents, run_daemon
 
         events = StartEvents(reloadable=hangup.start)
         run_daemon(with_port(read, port), config, record, insecure=insecure, events=events)

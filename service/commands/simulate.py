@@ -8,9 +8,16 @@ from rich.console import Console
 
 from monitor_core.drive import DELAY
 from service.can.bus import open_buses
-from service.commands.exit_codes import explained
-from service.commands.options import ConfigPath, Seconds, SendYes, axis_named, configuration, confirm_sending
-from service.commands.signal_handling import stopped_by_signals
+from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.options import (
+    ConfigPath,
+    Seconds,
+    SendYes,
+    axis_named,
+    configuration,
+    confirm_sending,
+)
+from service.commands.command_line.signal_handling import stopped_by_signals
 from service.simulation.robot import SimulatedFault, SimulatedRobot, run_robot, sender
 
 Seed = Annotated[int | None, typer.Option("--seed", min=0, help="Seed of motion and noise, to repeat a run.")]

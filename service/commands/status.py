@@ -3,8 +3,8 @@
 import typer
 
 from service.commands.alarms import alarm_lines
-from service.commands.daemon_options import Daemon, asks_daemon
-from service.commands.exit_codes import OK, UNAVAILABLE
+from service.commands.command_line.daemon_options import Daemon, asks_daemon
+from service.commands.command_line.exit_codes import OK, UNAVAILABLE
 
 MOST = 10
 """Most alarms that are described"""

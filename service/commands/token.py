@@ -9,8 +9,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from monitor_core.wording import did_you_mean
-from service.commands.exit_codes import EPILOG, GROUP, explained
-from service.commands.options import ConfigPath, configuration
+from service.commands.command_line.exit_codes import EPILOG, GROUP, explained
+from service.commands.command_line.options import ConfigPath, configuration
 from service.store.tokens import (
     ANYONE,
     LOCAL,

@@ -7,7 +7,7 @@ from time import perf_counter, process_time
 import pytest
 
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
-from service.commands.calibrate import calibrate_axis
+from service.commands.commissioning.axis.calibration_task import calibrate_axis
 from service.config import load
 from service.reports.formats import Provenance
 from tests.bench.measure import Say

@@ -9,7 +9,7 @@ import subprocess
 import urllib.request
 from pathlib import Path
 
-from service.commands.exit_codes import MISTAKE
+from service.commands.command_line.exit_codes import MISTAKE
 from tests.end_to_end.processes import PATIENCE_S, PROGRAM, ROOT, alarms_shown, demo, demo_config, wait_for
 from tests.service.commands.commissioning.two_mass_tables import AXIS, H, configured, table
 

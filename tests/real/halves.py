@@ -14,8 +14,8 @@ from monitor_core.drive.axis_model import AxisModel
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
-from service.commands.calibrate import calibrate_axis
-from service.commands.identification_task import Request, prepare
+from service.commands.commissioning.axis.calibration_task import calibrate_axis
+from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config import Config, load
 from service.ingest.loaded_records import load_samples
 from service.reports.formats import Provenance

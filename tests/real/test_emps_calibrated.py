@@ -26,7 +26,7 @@ from monitor_core.identification import Record
 from monitor_core.identification.greybox import Estimate, fit, traces_of
 from monitor_core.identification.problem import Problem
 from monitor_core.monitoring import AxisMonitor
-from service.commands.identification_task import Request
+from service.commands.commissioning.axis.identification_task import Request
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
 from tests.real.halves import EMPS, RealAxis, Watched, identified, watched

@@ -18,7 +18,7 @@ from monitor_core.detection.multimodel.naming import CauseIdentified, ChangeDete
 from monitor_core.excitation.reference_experiment import Experiment
 from monitor_core.monitoring import AxisMonitor, standard_deviation
 from monitor_core.samples import SampleBlock
-from service.commands.calibrate import calibrate_axis
+from service.commands.commissioning.axis.calibration_task import calibrate_axis
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
 from tests.core.figures import steady_p_of

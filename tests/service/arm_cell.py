@@ -11,8 +11,8 @@ import numpy as np
 
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
+from service.commands.command_line.options import configuration
 from service.commands.commissioning.axis.load_search import LoadSearch
-from service.commands.options import configuration
 from service.config.conditions import needed
 from service.ingest.axis_columns import AxisColumns
 from service.ingest.csv_tables import CsvRows

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from monitor_core.calibration import CalibrationOptions
-from service.commands.calibrate import as_identified, calibrate_axis
-from service.commands.options import configuration
+from service.commands.command_line.options import configuration
+from service.commands.commissioning.axis.calibration_task import as_identified, calibrate_axis
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.checkpointing import Checkpointer, restore
 from service.reports.calibration_files import as_toml

@@ -9,7 +9,7 @@ from typing import Any
 
 from typer.testing import CliRunner, Result
 
-from service.commands.exit_codes import OK
+from service.commands.command_line.exit_codes import OK
 from service.commands.main import app
 
 

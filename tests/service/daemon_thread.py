@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from service.commands.daemon import StartEvents, run_daemon
+from service.commands.daemon.lifecycle import StartEvents, run_daemon
 from service.config import Config
 from tests.end_to_end.processes import PATIENCE_S
 

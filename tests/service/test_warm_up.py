@@ -19,7 +19,7 @@ from monitor_core.monitoring import NotTested
 from monitor_core.monitoring.heat_observer import corrected
 from monitor_core.monitoring.lane_status import Deviations
 from monitor_core.settings import Threshold
-from service.commands.exit_codes import NOT_TESTED
+from service.commands.command_line.exit_codes import NOT_TESTED
 from service.config import NamedAxis, conditions_of, load
 from service.config.axis_detectors import alarm_source_of
 from service.config.conditions import thermal_of

@@ -13,7 +13,7 @@ from monitor_core.calibration import CalibrationOptions
 from monitor_core.detection import Alarm
 from monitor_core.drive.thermal_state import ThermalState
 from monitor_core.samples import SampleBlock
-from service.commands.options import configuration
+from service.commands.command_line.options import configuration
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.axis_pipeline import Heat
 from service.texts.not_tested_words import not_tested_sentences

@@ -23,7 +23,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.excitation import multisine
-from service.commands.options import configuration
+from service.commands.command_line.options import configuration
 from service.config import conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model

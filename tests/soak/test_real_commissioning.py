@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from service.commands.exit_codes import MISTAKE, NOT_TESTED, OK
+from service.commands.command_line.exit_codes import MISTAKE, NOT_TESTED, OK
 from tests.end_to_end.processes import run_program
 
 pytestmark = [pytest.mark.soak, pytest.mark.records]

@@ -12,7 +12,8 @@ import typer
 from monitor_core.calibration.calibration_procedure import CalibrationOptions
 from monitor_core.calibration.record_doubts import CalibrationError
 from monitor_core.samples import SampleBlock
-from service.commands.calibrate import calibrate_axis, seconds_of
+from service.commands.calibrate import seconds_of
+from service.commands.commissioning.axis.calibration_task import calibrate_axis
 from service.config import Config, load
 from service.config.axis_detectors import detectors_of
 from service.config.axis_settings import axis_settings

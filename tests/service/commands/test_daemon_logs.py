@@ -11,7 +11,7 @@ from typing import TextIO
 import pytest
 import structlog
 
-from service.commands.daemon_logs import LogFormat, configure_logs
+from service.commands.daemon.daemon_logs import LogFormat, configure_logs
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,7 @@ import httpx
 import pytest
 import structlog
 
-from service.commands.daemon_parts import DaemonParts, needs_cyclic_clock
+from service.commands.daemon.daemon_parts import DaemonParts, needs_cyclic_clock
 from service.config import load
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.history_recording import HistoryState
@@ -57,7 +57,7 @@ def test_the_option_lets_other_machines_in_which_is_logged_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # A daemon in a test before may have bound the logger to settings that are no longer in force.
-    monkeypatch.setattr("service.commands.daemon.log", structlog.get_logger())
+    monkeypatch.setattr("service.commands.daemon.lifecycle.log", structlog.get_logger())
     config = demo(tmp_path, 1)
     config = config.model_copy(update={"web": config.web.model_copy(update={"host": "0.0.0.0"})})
     with structlog.testing.capture_logs() as logs, daemon_thread(config, insecure=True) as page:
@@ -103,7 +103,7 @@ def test_the_cyclic_clock_is_compiled_where_an_axis_has_one(tmp_path: Path) -> N
 
 STARTS = [
     (
-        "import service.commands.run, service.commands.demo, service.commands.daemon, service.web.app",
+        "import service.commands.run, service.commands.demo, service.commands.daemon.lifecycle, service.web.app",
         "scipy.stats scipy.optimize scipy.signal sympy matplotlib pymoca pyarrow scipy.io aiomqtt paho smtplib httpx"
         " asyncua",
     ),

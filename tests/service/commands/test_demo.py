@@ -44,7 +44,7 @@ class Daemon:
 @pytest.fixture
 def daemon(monkeypatch: pytest.MonkeyPatch) -> Daemon:
     found = Daemon()
-    monkeypatch.setattr("service.commands.daemon.run_daemon", found.run)
+    monkeypatch.setattr("service.commands.daemon.lifecycle.run_daemon", found.run)
     return found
 
 

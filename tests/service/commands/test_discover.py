@@ -14,7 +14,7 @@ from monitor_core.arrays import Floats
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock, concatenate_frames
 from service.can.messages import message_of
-from service.commands.exit_codes import MISTAKE
+from service.commands.command_line.exit_codes import MISTAKE
 from service.config import Config, load
 from service.ingest.signal_roles import summary
 from service.ingest.unknown_messages import discover_axes

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from monitor_core.modeling.simulated_axis import SimulatedAxis
-from service.commands.options import configuration
-from service.commands.planned_motion import torque_columns
+from service.commands.command_line.options import configuration
+from service.commands.commissioning.axis.planned_motion import torque_columns
 from service.config import drive_of, given_values, load
 from service.config.drive_sources import shipped
 from tests import golden

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from monitor_core.arrays import Floats
-from service.commands.exit_codes import NO_BUS
+from service.commands.command_line.exit_codes import NO_BUS
 from service.config import load
 from service.ingest.axis_records import silent_in
 from tests.service.command_line import axiswatch, refused, shown

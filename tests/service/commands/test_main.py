@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from service.commands.exit_codes import EXIT_CODES, MISTAKE
+from service.commands.command_line.exit_codes import EXIT_CODES, MISTAKE
 from service.commands.main import COMMANDS, app
 from service.config import load
 from tests.end_to_end.processes import PATIENCE_S

@@ -7,8 +7,8 @@ from threading import Event
 
 import pytest
 
-from service.commands import progress
-from service.commands.progress import Background, announced, axes_bars
+from service.commands.command_line import progress
+from service.commands.command_line.progress import Background, announced, axes_bars
 from tests.end_to_end.processes import PATIENCE_S
 
 pytestmark = pytest.mark.usefixtures("without_pictures")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import Result
 
-from service.commands.exit_codes import NOT_TESTED
+from service.commands.command_line.exit_codes import NOT_TESTED
 from service.simulation.robot import SimulatedFault
 from tests.conftest import no_pictures
 from tests.service.command_line import axiswatch, refused

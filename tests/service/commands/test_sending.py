@@ -11,8 +11,8 @@ import pytest
 import typer
 
 from service.can.bus import reaches_hardware
-from service.commands.exit_codes import MISTAKE
-from service.commands.options import confirm_sending
+from service.commands.command_line.exit_codes import MISTAKE
+from service.commands.command_line.options import confirm_sending
 from tests.end_to_end.processes import demo_config
 from tests.service.command_line import axiswatch
 

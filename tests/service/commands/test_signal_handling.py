@@ -8,7 +8,7 @@ from tests.end_to_end.processes import PATIENCE_S
 
 PROGRAM = """
 import os, signal
-from service.commands.signal_handling import handling, stopped_by_signals
+from service.commands.command_line.signal_handling import handling, stopped_by_signals
 
 def handlers():
     return [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)]

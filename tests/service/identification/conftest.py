@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from service.commands.identification_task import Request, prepare
+from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config import Config, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport

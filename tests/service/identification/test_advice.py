@@ -14,9 +14,8 @@ import tomlkit
 
 from monitor_core.arrays import Floats
 from monitor_core.modeling import SimulatedAxis
-from service.commands import identification_task
-from service.commands.commissioning.axis import axis_calibration
-from service.commands.identification_task import Request, prepare
+from service.commands.commissioning.axis import axis_calibration, identification_task
+from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
 from service.config.axis_settings import AxisError
 from service.config.commissioned import Found, commissioned

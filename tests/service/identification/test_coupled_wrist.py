@@ -20,7 +20,7 @@ from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.identification_retries import retry
 from service.commands.commissioning.axis.load_search import LoadSearch, LoadSearches
 from service.commands.commissioning.axis.missing_motion import SuggestedMotion, within_arm
-from service.commands.planned_motion import MotionRequest
+from service.commands.commissioning.axis.planned_motion import MotionRequest
 from service.config import load
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance

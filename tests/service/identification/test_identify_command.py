@@ -154,7 +154,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(directory: Path, monkeypatc
     def full(path: Path, _: str) -> None:
         raise OSError(28, "No space left on device", str(path))
 
-    monkeypatch.setattr("service.commands.output_files.replace_text", full)
+    monkeypatch.setattr("service.commands.command_line.output_files.replace_text", full)
     assert "cannot write nominal.toml: No space left on device" in refused(f"second.csv --free {NAMES}")
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.starting import Growth, masses_of
-from service.commands.identification_task import Request, prepare
+from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config import Config, load
 from service.reports.identification_report import IdentificationReport
 from tests.service.command_line import refused, shown

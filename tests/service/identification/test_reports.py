@@ -16,7 +16,7 @@ from rich.console import Console
 from monitor_core.drive import ThermalModel
 from monitor_core.identification import Effect, FoundWarmUp, IdentificationResult, Obstacle, Watched
 from monitor_core.wording import percent
-from service.commands.identification_task import Request, prepare
+from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile, structure_of
 from service.reports.formats import plain

@@ -14,7 +14,7 @@ from monitor_core.identification.identification_result import ParameterRow, Star
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
-from service.commands.identification_task import IdentificationTask, Request, prepare
+from service.commands.commissioning.axis.identification_task import IdentificationTask, Request, prepare
 from service.config import Config
 from service.config.drive_sources import model_called
 from service.ingest.loaded_records import load

@@ -18,7 +18,7 @@ from monitor_core.identification.parameter_selection import (
 )
 from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
-from service.commands.identification_task import Request, prepare, read_schedule
+from service.commands.commissioning.axis.identification_task import Request, prepare, read_schedule
 from service.config import Config, load
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile

@@ -16,7 +16,7 @@ from monitor_core.monitoring import AxisBatch
 from monitor_core.settings import Settings
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
-from service.commands.exit_codes import NOT_TESTED
+from service.commands.command_line.exit_codes import NOT_TESTED
 from service.config import Config, load
 from service.pipeline.axis_monitors import FramePipeline
 from tests.end_to_end.processes import demo_config, edit

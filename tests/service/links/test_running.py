@@ -9,7 +9,7 @@ import httpx
 import pytest
 import structlog
 
-from service.commands.daemon import run_daemon
+from service.commands.daemon.lifecycle import run_daemon
 from service.config.schema_links import LinksConfig
 from service.links.link_secrets import LinkSecretError
 from service.links.webhook import Webhook

@@ -6,7 +6,7 @@ from typing import Any
 
 from service.can.bus_reader import BusSnapshot
 from service.can.frames import Frame, FrameBlock
-from service.commands.exit_codes import OK
+from service.commands.command_line.exit_codes import OK
 from service.config import AxisConfig, Config, load
 from service.ingest.encode import Encoded, FrameEncoder
 from service.pipeline.axis_alarms import AxisAlarm

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from service.commands.output_files import table_console
+from service.commands.command_line.output_files import table_console
 from service.reports.formats import TextTable, for_terminal
 
 _TABLE = TextTable(

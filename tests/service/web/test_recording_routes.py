@@ -7,7 +7,7 @@ import pytest
 
 from service.can.frames import Frame, FrameBlock
 from service.can.log_files import CanLog
-from service.commands.exit_codes import UNAVAILABLE
+from service.commands.command_line.exit_codes import UNAVAILABLE
 from service.pipeline.recording import Extracts
 from service.pipeline.recording_folder import RecordingFolder
 from tests.service.command_line import axiswatch, refused, shown

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from monitor_core.calibration import CalibrationError, CalibrationOptions
 from monitor_core.wording import rounded_down
-from service.commands.calibrate import as_identified, calibrate_axis
+from service.commands.command_line.output_files import replace_text
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, as_found, within
-from service.commands.output_files import replace_text
+from service.commands.commissioning.axis.calibration_task import as_identified, calibrate_axis
 from service.config.commissioning_files import pages_of
 from service.config.conditions import needed
 from service.config.corrections import Correction

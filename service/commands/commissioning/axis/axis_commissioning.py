@@ -13,13 +13,13 @@ from typing import Any, NamedTuple
 
 from monitor_core.drive import split_name
 from monitor_core.wording import listed
+from service.commands.command_line.output_files import replace_text
 from service.commands.commissioning.axis.axis_calibration import calibrated, tested
 from service.commands.commissioning.axis.axis_identification import identified, identified_with_spring, other_program
 from service.commands.commissioning.axis.axis_job import AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.load_search import LoadSearches
 from service.commands.commissioning.signals.signal_proposals import Review
-from service.commands.output_files import replace_text
 from service.config import AxisConfig
 from service.config.commissioning_files import motion_file
 from service.config.corrections import Correction

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from monitor_core.identification import FitQuality, IdentificationError, Record, TurningWeight, turning_weight
 from monitor_core.wording import listed
+from service.commands.command_line.output_files import replace_text
 from service.commands.commissioning.axis.axis_job import (
     REFUSALS,
     AxisJob,
@@ -25,10 +26,9 @@ from service.commands.commissioning.axis.identification_retries import (
     without_fit,
     without_unsettled,
 )
+from service.commands.commissioning.axis.identification_task import Request, drawing_of, prepare
 from service.commands.commissioning.axis.load_search import LoadSearch, LoadSearches
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion, within_arm
-from service.commands.identification_task import Request, drawing_of, prepare
-from service.commands.output_files import replace_text
 from service.config import NamedAxis
 from service.config.commissioning_files import pages_of
 from service.config.corrections import SIGNAL

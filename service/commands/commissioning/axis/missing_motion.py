@@ -9,9 +9,9 @@ import numpy as np
 from monitor_core.arrays import Floats
 from monitor_core.drive import OF_ANGLE
 from monitor_core.identification import Obstacle, Record, top_speed
+from service.commands.command_line.output_files import replace_text
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob
-from service.commands.output_files import replace_text
-from service.commands.planned_motion import MotionRequest, angle_columns, planned, torque_columns
+from service.commands.commissioning.axis.planned_motion import MotionRequest, angle_columns, planned, torque_columns
 from service.config.commissioned import Found
 from service.config.commissioning_files import motion_file
 from service.ingest.loaded_records import load

@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import moves
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameKey
-from service.commands.live_buses import LiveBus, live_buses, rounds
+from service.commands.command_line.live_buses import LiveBus, live_buses, rounds
 from service.config import Config
 from service.ingest.bus_samples import QuantityValues
 from service.ingest.timestamp_jitter import Stamps

@@ -11,11 +11,11 @@ from rich.console import Console
 from monitor_core.wording import duration
 from service.can.frame_recorder import span_s
 from service.can.user_errors import RecordError
+from service.commands.command_line.progress import steps_bar
+from service.commands.command_line.signal_handling import stopped_by_signals
 from service.commands.commissioning.live.axis_look import AxisLook
 from service.commands.commissioning.live.bus_recording import record_buses
 from service.commands.commissioning.live.live_look import LiveLook, look_at
-from service.commands.progress import steps_bar
-from service.commands.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.commissioning_files import RECORDS, motion_file
 

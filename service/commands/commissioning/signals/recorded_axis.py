@@ -16,7 +16,7 @@ from monitor_core.identification import (
     shown_inertia,
     whole_numbers,
 )
-from service.commands.identification_task import known_values
+from service.commands.commissioning.axis.identification_task import known_values
 from service.config import Config, NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.config.schema_signals import SignalConfig

@@ -9,8 +9,8 @@ from monitor_core.arrays import Floats
 from monitor_core.identification import is_smoother_evenly, received_interval
 from monitor_core.wording import sentence
 from service.can.messages import find_counter
+from service.commands.commissioning.axis.identification_records import SAME_INTERVAL, TIME_UNITS
 from service.commands.commissioning.signals.recorded_axis import RecordedAxis
-from service.commands.identification_records import SAME_INTERVAL, TIME_UNITS
 from service.config.corrections import Correction
 from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import RecordOrigin

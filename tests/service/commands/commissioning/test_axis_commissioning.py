@@ -24,6 +24,7 @@ from monitor_core.identification import (
     Watched,
 )
 from monitor_core.identification.parameter_selection import ScheduledTerm
+from service.commands.command_line.exit_codes import MISTAKE
 from service.commands.commissioning.axis import axis_commissioning, axis_identification, axis_processes
 from service.commands.commissioning.axis.axis_commissioning import commission_axis, unmonitored_words
 from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
@@ -39,7 +40,6 @@ from service.commands.commissioning.axis.identification_retries import (
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch, PressingGate
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.signal_proposals import Review
-from service.commands.exit_codes import MISTAKE
 from service.config import AxisConfig
 from service.config.commissioned import configured
 from service.config.corrections import Correction

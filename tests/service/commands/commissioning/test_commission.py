@@ -13,10 +13,10 @@ import pytest
 from typer.testing import CliRunner
 
 from monitor_core.monitoring import axis_status
-from service.commands import output_files
+from service.commands.command_line import output_files
+from service.commands.command_line.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.commissioning.axis import axis_processes
 from service.commands.commissioning.signals.signal_proposals import Review, review
-from service.commands.exit_codes import FAULT, MISTAKE, NOT_TESTED
 from service.commands.main import app
 from service.config import Config, load
 from service.ingest import record_ranges

@@ -17,6 +17,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from service.commands import commission
+from service.commands.command_line.exit_codes import MISTAKE, NO_BUS
 from service.commands.commissioning.axis import axis_processes
 from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.live import live_recording
@@ -24,7 +25,6 @@ from service.commands.commissioning.live.live_look import LiveLook, look_at
 from service.commands.commissioning.live.live_recording import recorded
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.signal_proposals import Review
-from service.commands.exit_codes import MISTAKE, NO_BUS
 from service.config import load
 from service.ingest import axis_records
 from service.reports.commissioning_report import Outcome

@@ -13,9 +13,9 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
 from monitor_core.identification import LinkWeights
 from service.commands import commission
+from service.commands.command_line.exit_codes import NOT_TESTED
 from service.commands.commissioning.axis import axis_identification
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
-from service.commands.exit_codes import NOT_TESTED
 from service.config import NamedAxis, load
 from service.config.commissioned import configured, corrected
 from service.ingest.loaded_records import load as load_record

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import structlog
 
 from service.can.bus import blf_channels
+from service.commands.command_line.exit_codes import DaemonFailedError
 from service.commands.commissioning.live.signal_look import SignalLook
-from service.commands.daemon_parts import DaemonParts
-from service.commands.exit_codes import DaemonFailedError
-from service.commands.protection import access_of, certificate_of
-from service.commands.service_manager import ServiceManager, status_line
+from service.commands.daemon.daemon_parts import DaemonParts
+from service.commands.daemon.protection import access_of, certificate_of
+from service.commands.daemon.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.pipeline.certificate_watch import CertificateWatch
 from service.pipeline.recording import Extracts

@@ -36,7 +36,7 @@ from monitor_core.identification import (
     speed_scales,
     with_schedule,
 )
-from service.commands.identification_records import IdentificationRecords, load_records
+from service.commands.commissioning.axis.identification_records import IdentificationRecords, load_records
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
 from service.config.conditions import schedules_of, term_of

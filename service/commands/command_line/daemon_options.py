@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_type_hints
 import typer
 
 from service.client import Client, Remark
-from service.commands.exit_codes import explained
+from service.commands.command_line.exit_codes import explained
 
 DEFAULT_URL = "http://127.0.0.1:8080"
 Url = Annotated[str, typer.Option("--url", envvar="AXISWATCH_URL", metavar="URL", help="Address of the daemon.")]

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import typer
 from rich.console import Console
 
-from service.commands.exit_codes import MISTAKE
+from service.commands.command_line.exit_codes import MISTAKE
 
 STDOUT = Path("-")
 _WIDE = 160

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from monitor_core.sampling import compile_stream
 from service.can.bus_reader import CanReader
 from service.can.frames import FrameBlock
-from service.commands.progress import announced
+from service.commands.command_line.progress import announced
 from service.config import Config
 from service.ingest.bus_samples import Carried, Ingest
 

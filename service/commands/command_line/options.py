@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.text import Text
 
 from service.can.bus import BusSettings, reaches_hardware
-from service.commands.exit_codes import MISTAKE
+from service.commands.command_line.exit_codes import MISTAKE
 from service.config import Config, ConfigErrors, ConfigProblem, NamedAxis, load
 
 if TYPE_CHECKING:

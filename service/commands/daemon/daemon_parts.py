@@ -1,22 +1,20 @@
 """The parts of the daemon: opens, restores and connects them."""
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import structlog
 
 from monitor_core.wording import sentence
 from service.can.bus import blf_channels
 from service.can.frame_recorder import FrameRecorder
-from service.commands.protection import looks
-from service.commands.signal_handling import stopped_by_signals
+from service.commands.command_line.signal_handling import stopped_by_signals
+from service.commands.daemon.plant_links import PlantLinks
 from service.config import Config
-from service.config.schema_links import LinksConfig
-from service.links.link_secrets import LinkSecretError
 from service.pipeline.alarm_recording import AlarmRecorder
 from service.pipeline.axis_alarms import alarm_groups, alarm_rules, quantities
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
@@ -29,19 +27,13 @@ from service.pipeline.kernel_cache import EARLY, CacheFiller, KernelShape, batch
 from service.pipeline.publishing import WorkerParts
 from service.pipeline.recording import Extracts, Recording
 from service.pipeline.recording_folder import RecordingFolder
-from service.pipeline.reloading import ReloadedPart, ReloadError, Reloading
-from service.pipeline.snapshot import LinkSnapshot, Snapshot
+from service.pipeline.reloading import ReloadedPart, Reloading
 from service.pipeline.wall_clock import WallClock
 from service.pipeline.worker import Compiled, Worker
 from service.store.checkpoints import Checkpoints
-from service.store.database import StoreError
 from service.store.history_store import Bounds, HistoryStore, Resolution
 from service.store.journal import Journal
 from service.texts.instants import now_us
-
-if TYPE_CHECKING:
-    from service.links.running import Links
-
 
 ALARMS_FILE, CHECKPOINTS_FILE, HISTORY_FILE = "alarms.sqlite", "checkpoints.sqlite", "history.sqlite"
 """Names of files in the state directory"""
@@ -201,85 +193,3 @@ def _in_background(config: Config, stack: ExitStack) -> Compiled:
     stack.callback(thread.join, _LONGEST_LOAD_S)
     stack.callback(filler.stop)
     return compiled
-
-
-# --- The plant links --------------------------------------------------------------------------------------------------
-
-
-class PlantLinks:
-    """The running links; without configured links no module of them is imported.
-
-    Args:
-        config: the configured links, and the state directory.
-        journal: the alarms to deliver.
-        snapshot: returns the newest snapshot.
-        extracts: the recorder of frames around alarms; None: no recordings.
-
-    Raises:
-        LinkSecretError: a secret or a certificate cannot be used.
-        StoreError: the outbox cannot be used.
-    """
-
-    def __init__(
-        self, config: Config, journal: Journal, snapshot: Callable[[], Snapshot], extracts: Extracts | None
-    ) -> None:
-        self._config, self._state_dir = config.links, config.service.state_dir
-        self._journal, self._snapshot, self._extracts = journal, snapshot, extracts
-        self._links = self._make_links()
-
-    def _make_links(self) -> "Links | None":
-        if not self._config.any:
-            return None
-        from service.links.running import Links
-
-        return Links(self._config, self._state_dir, self._journal, self._snapshot, self._recording_of)
-
-    def _recording_of(self, t_us: int) -> str | None:
-        return None if self._extracts is None else self._extracts.folder.holding(t_us)
-
-    def start(self) -> None:
-        """Start the links."""
-        if self._links is not None:
-            self._links.start()
-
-    def stop(self) -> None:
-        """Stop the links."""
-        links, self._links = self._links, None
-        if links is not None:
-            links.stop()
-
-    def snapshots(self) -> Sequence[LinkSnapshot]:
-        """The latest state of each link."""
-        links = self._links
-        return () if links is None else links.snapshots()
-
-    @contextmanager
-    def replaced(self, new: Config) -> Iterator[None]:
-        """Run the links of another configuration from the outbox; if the block fails, the former links run again.
-
-        Raises:
-            ReloadError: the new links cannot be run.
-        """
-        before = self._config
-        if new.links == before:
-            yield
-            return
-        try:
-            for look in looks(new.links):
-                look()
-        except LinkSecretError as error:
-            raise ReloadError(str(error)) from None
-        try:
-            self._replace(new.links)
-            yield
-        except BaseException as error:
-            self._replace(before)
-            if isinstance(error, LinkSecretError | StoreError):
-                raise ReloadError(str(error)) from None
-            raise
-
-    def _replace(self, config: LinksConfig) -> None:
-        self.stop()
-        self._config = config
-        self._links = self._make_links()
-        self.start()

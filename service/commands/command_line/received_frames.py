@@ -10,8 +10,8 @@ from service.can.bus_reader import CanReader
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.log_files import CanLog
 from service.can.user_errors import RecordError, left_out_words, silent_words
-from service.commands.live_buses import rounds
-from service.commands.signal_handling import stopped_by_signals
+from service.commands.command_line.live_buses import rounds
+from service.commands.command_line.signal_handling import stopped_by_signals
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
