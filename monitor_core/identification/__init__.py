@@ -11,7 +11,8 @@
 * ``black_boxes``: models without physics, and frequency responses.
 """
 
-from monitor_core.identification.assessment.bode import Bode, drive_response
+from monitor_core.identification.assessment.bode import Bode
+from monitor_core.identification.assessment.drive_response import drive_response
 from monitor_core.identification.assessment.outlook import Obstacle, Watched
 from monitor_core.identification.assessment.verdict import Effect, FitQuality, Measure, Verdict, VerdictBasis
 from monitor_core.identification.black_boxes.arx import fit_arx
@@ -59,8 +60,8 @@ from monitor_core.identification.record_checks.value_patterns import (
     whole_numbers,
     wrap_of,
 )
-from monitor_core.identification.records.gap_cuts import GapCut, RecordPart, cut_at_gaps
-from monitor_core.identification.records.measured_record import Record, between, most_moving_parts, top_speed
+from monitor_core.identification.records.measured_record import Record, top_speed
+from monitor_core.identification.records.record_parts import GapCut, RecordPart, between, cut_at_gaps, most_moving_parts
 from monitor_core.identification.starting import Growth
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
 from monitor_core.identification.torque_balance.contact_force import ContactForce, contact_force

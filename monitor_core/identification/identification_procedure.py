@@ -26,8 +26,8 @@ from monitor_core.identification.identification_result import (
 from monitor_core.identification.parameter_selection import ScheduledTerm, with_terms
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.record_checks.known_axis import drive_time_constant
-from monitor_core.identification.records.gap_cuts import cut_at_gaps
-from monitor_core.identification.records.measured_record import Record, most_moving_parts
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.record_parts import cut_at_gaps, most_moving_parts
 from monitor_core.identification.starting import (
     Growth,
     best_of,

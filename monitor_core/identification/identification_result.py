@@ -17,7 +17,7 @@ from monitor_core.identification.assessment.verdict import FitQuality, Verdict
 from monitor_core.identification.greybox import ComparedRecord, Estimate
 from monitor_core.identification.parameter_selection import ScheduledTerm, Slope
 from monitor_core.identification.problem import Problem
-from monitor_core.identification.records.gap_cuts import GapCut
+from monitor_core.identification.records.record_parts import GapCut
 from monitor_core.identification.starting import Growth, masses_of
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
 from monitor_core.identification.torque_balance.standstill import Standstill

@@ -31,7 +31,8 @@ from monitor_core.identification.greybox import (
 )
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.record_checks.sample_checks import samples_too_far_apart
-from monitor_core.identification.records.measured_record import Record, between
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.record_parts import between
 from monitor_core.identification.torque_balance.repeated_motion import repeated_after
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.standstill import slow_motion

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -195,83 +195,3 @@ def top_speed(records: Sequence[Record]) -> float:
         step = min(_SPEED_STEP, len(t) - 1)
         speeds.append(abs((y[step:] - y[:-step]) / (t[step:] - t[:-step])) if record.quantity == "angle" else abs(y))
     return float(np.quantile(np.concatenate(speeds), _RARELY))
-
-
-# --- Parts of records: by time, at gaps, and where an axis moves most -------------------------------------------------
-
-
-_FEWEST = 2
-
-
-def between(record: Record, start_s: float, end_s: float) -> Record:
-    """The samples from ``start_s`` to ``end_s``, seconds after the record's first sample, both ends included.
-
-    Raises:
-        ValueError: fewer than two samples are there; the text says how long the record is.
-    """
-    since = record.t - record.t[0]
-    chosen = (since >= start_s) & (since <= end_s)
-    if np.count_nonzero(chosen) < _FEWEST:
-        what = f"record {record.name}" if record.name else "the record"
-        raise ValueError(
-            f"{what} has no two samples from {start_s:g} s on{'' if end_s == np.inf else f' to {end_s:g} s'}: it is "
-            f"{record.duration_s:g} s long"
-        )
-    return record.select(chosen)
-
-
-def pieces(record: Record) -> list[Record]:
-    """A record between its gaps; pieces of a single sample are dropped."""
-    ends = np.append(np.flatnonzero(record.intervals > GAP * record.interval_s) + 1, len(record))
-    starts = np.concatenate(([0], ends[:-1]))
-    return [
-        record.select(slice(start, end))
-        for start, end in zip(starts.tolist(), ends.tolist(), strict=True)
-        if end - start >= _FEWEST
-    ]
-
-
-def open_pieces(record: Record) -> list[Record]:
-    """The pieces of a record between its gaps in which the gates are open all the time."""
-    return [part for piece in pieces(record) for part in _open_parts(piece)]
-
-
-def _open_parts(record: Record) -> Iterator[Record]:
-    if record.gate is None:
-        yield record
-        return
-    edges = np.flatnonzero(np.diff(record.gate.astype(np.int8), prepend=0, append=0))
-    for start, end in edges.reshape(-1, 2).tolist():
-        if end - start >= _FEWEST:
-            yield record.select(slice(start, end))
-
-
-_ENOUGH = 40_000
-"""Number of samples that suffices to find starting values and the speed scale of friction, and to judge a drive."""
-
-
-def most_moving_parts(records: Sequence[Record], most: int = _ENOUGH) -> Sequence[Record]:
-    """The stretches with most motion of long records, so that at most ``most`` samples remain.
-
-    Short records stay as they are: all are cut to the same length, if they are longer.
-    """
-    length = _length([len(record) for record in records], most)
-    return [record if len(record) <= length else _most_moving(record, length) for record in records]
-
-
-def _length(counts: Sequence[int], most: int) -> int:
-    """Length to which records with these numbers of samples are cut, so that ``most`` samples remain."""
-    left, longer = most, sorted(counts)
-    while longer and longer[0] * len(longer) <= left:
-        left -= longer.pop(0)
-    return left // len(longer) if longer else max(counts, default=0)
-
-
-def _most_moving(record: Record, length: int) -> Record:
-    """The stretch of ``length`` samples in which the motion changes most from sample to sample."""
-    y = np.where(record.measured, record.y, np.nan)
-    steps = np.nan_to_num(abs(np.diff(y)))
-    travelled = np.concatenate([[0.0], np.cumsum(steps)])
-    within = travelled[length - 1 :] - travelled[: len(travelled) - length + 1]
-    first = int(np.argmax(within))
-    return record.select(slice(first, first + length))

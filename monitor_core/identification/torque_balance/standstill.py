@@ -15,7 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
-from monitor_core.identification.records.measured_record import Record, open_pieces
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.record_parts import open_pieces
 from monitor_core.identification.torque_balance.rigid_body import resting_torque, rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import (
     AROUND,

@@ -13,7 +13,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from monitor_core.arrays import Bools, Floats
 from monitor_core.drive.structure import Output
-from monitor_core.identification.records.measured_record import Record, open_pieces
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.record_parts import open_pieces
 from monitor_core.identification.records.uniform_grid import mean_torque
 
 TorqueTerm = Literal["viscous", "coulomb", "offset", "angle", "angle^2", "angle^3", "stribeck", "drag", "signal"]

@@ -10,7 +10,7 @@ import pytest
 from monitor_core.arrays import Bools, Floats
 from monitor_core.identification import Record, contact_force, rigid_fit
 from monitor_core.identification.predictor.prepared_record import series
-from monitor_core.identification.records.measured_record import open_pieces
+from monitor_core.identification.records.record_parts import open_pieces
 from monitor_core.identification.records.uniform_grid import on_grid, resample
 
 STEP_S, SECONDS = 0.004, 120.0

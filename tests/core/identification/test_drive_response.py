@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from monitor_core.arrays import Complexes
 from monitor_core.excitation import multisine
-from monitor_core.identification.assessment.bode import drive_response, held_response
+from monitor_core.identification.assessment.drive_response import drive_response, held_response
 from monitor_core.identification.black_boxes.frequency_response import DECIBEL, by_gradient, root_of
 from monitor_core.identification.predictor.held_drive import LinearDrive
 from monitor_core.modeling.simulated_axis import simulate_linear

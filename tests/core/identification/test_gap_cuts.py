@@ -18,7 +18,7 @@ from monitor_core.identification import (
     cut_at_gaps,
     identify,
 )
-from monitor_core.identification.records.gap_cuts import long_pieces
+from monitor_core.identification.records.record_parts import long_pieces
 from monitor_core.modeling import REFERENCE_VALUES, three_mass
 from monitor_core.samples import SampleBlock
 from tests.core.identification.problems import EIGHT

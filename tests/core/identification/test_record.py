@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import most_moving_parts
-from monitor_core.identification.records.measured_record import Record, between, pieces
+from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.records.record_parts import between, pieces
 from monitor_core.identification.records.uniform_grid import PASS, mean_torque, resample
 from monitor_core.samples import SampleBlock
 from tests.core.identification.record_cases import records, same

@@ -9,7 +9,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.identification import Record
-from monitor_core.identification.records.measured_record import between
+from monitor_core.identification.records.record_parts import between
 from monitor_core.identification.torque_balance.repeated_motion import repeated_after
 
 H, PERIOD_S = 0.004, 10.0

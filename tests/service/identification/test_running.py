@@ -8,7 +8,8 @@ import pytest
 from scipy.stats import chi2
 
 from monitor_core.identification import FitQuality, Record
-from monitor_core.identification.assessment.bode import band, drive_response
+from monitor_core.identification.assessment.bode import band
+from monitor_core.identification.assessment.drive_response import drive_response
 from monitor_core.identification.greybox import colour_of, traces_of
 from monitor_core.identification.identification_result import ParameterRow, Start
 from monitor_core.identification.parameter_selection import ParameterSelection, select_parameters

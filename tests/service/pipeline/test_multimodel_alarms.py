@@ -15,7 +15,8 @@ from service.config.schema_model import DetectorConfig
 from service.pipeline.alarm_recording import AlarmRecorder
 from service.pipeline.axis_alarms import AxisAlarm, quantities
 from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.restoring import restore
 from service.simulation.axis import SimulatedSample
 from service.simulation.robot import Moment, SimulatedFault
 from service.store.alarm_filter import AlarmFilter

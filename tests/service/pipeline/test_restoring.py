@@ -15,7 +15,8 @@ from service.can.frames import FrameBlock
 from service.config import Config
 from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.checkpointing import Checkpointer, LostState, Restored, loss_messages, restore
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.restoring import LostState, Restored, loss_messages, restore
 from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoints, MonitorState

@@ -12,7 +12,8 @@ from service.config import Config
 from service.pipeline.alarm_recording import AlarmRecorder
 from service.pipeline.axis_alarms import AxisAlarm, quantities
 from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer, restore
+from service.pipeline.checkpointing import Checkpointer
+from service.pipeline.restoring import restore
 from service.pipeline.trends import Trends
 from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoints, MonitorState
