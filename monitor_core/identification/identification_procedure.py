@@ -1,7 +1,6 @@
 """The complete identification of a drive: starting values, fit, comparison with the records and with a black box."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,7 +22,6 @@ from monitor_core.identification.identification_result import (
     Rejection,
     Start,
 )
-from monitor_core.identification.parameter_selection import ScheduledTerm, with_terms
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.record_checks.known_axis import drive_time_constant
 from monitor_core.identification.records.measured_record import Record
@@ -37,16 +35,8 @@ from monitor_core.identification.starting import (
     grow,
     hold_balanced_inertia,
 )
-from monitor_core.identification.thermal.measured_temperature import following_temperature, is_of_the_gear
-from monitor_core.identification.thermal.temperature_source import follows_motion, temperature_courses
-from monitor_core.identification.thermal.warm_up import (
-    LEAST_MOTION_S,
-    FoundWarmUp,
-    find_warm_up,
-    following,
-    heated_as,
-    moving_s,
-)
+from monitor_core.identification.thermal.warm_up import LEAST_MOTION_S, moving_s
+from monitor_core.identification.thermal.warmed_fit import warmed_fit
 from monitor_core.identification.torque_balance.standstill import find_standstill
 from monitor_core.identification.torque_balance.torque_windows import moves_one_way
 from monitor_core.identification.weight.weight_balance import with_torque_of_links
@@ -196,6 +186,10 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
             problem = replace(problem, min_speed=standstill.speed)
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
+
+    def refit(other: Problem, own: Sequence[Record]) -> Estimate:
+        return _fit(other, own, report)
+
     try:
         estimate = _first(problem, records, options, report)
         if options.interval_mean:
@@ -203,7 +197,10 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
             averaged = estimate.problem.drive.with_mean_speed()
             estimate = _fit(replace(estimate.problem, drive=averaged), records, report)
         warmed, searched = None, _may_follow_heat(estimate, records, options)
-        if searched and (warmed := _warmed(estimate, records, searched, options, report)):
+        if options.thermal is not None and searched:
+            report("warm-up", 0, 1)
+            warmed = warmed_fit(estimate, records, searched, refit, options.thermal, options.begins_s)
+        if warmed is not None:
             estimate, records = warmed.estimate, warmed.records
             validation = warmed.validation(validation)
             options = replace(options, scheduled=(*options.scheduled, *warmed.terms))
@@ -262,72 +259,6 @@ def _may_follow_heat(found: Estimate, records: Sequence[Record], options: Identi
     free = set(found.problem.free) - set(found.problem.varying)
     friction = friction_of(found.drive)
     return tuple(name for name in (*friction.viscous, *friction.coulomb) if name in free and name in watched)
-
-
-class _Warmed(NamedTuple):
-    """A fit with friction that falls as the axis warms up, the records for it, and what follows the temperature."""
-
-    estimate: Estimate
-    records: Sequence[Record]
-    terms: Sequence[ScheduledTerm]
-    warm_up: FoundWarmUp | None
-    """Of an axis whose heat is not measured; None: its temperature is"""
-    errors: Mapping[str, float]
-    """What the followers of a measured temperature are off by beside it; empty: they follow the heat"""
-    share: float | None = None
-    """What the measured temperature explains of what the heat explains; None: the records show one of both at most"""
-    follows_motion: bool | None = None
-    """Whether the measured temperature follows the motion; None: the records do not tell"""
-
-    @property
-    def followers(self) -> tuple[str, ...]:
-        """The parameters that follow it."""
-        return tuple(term.parameter for term in self.terms)
-
-    def validation(self, records: Sequence[Record]) -> Sequence[Record]:
-        """Further records with what the parameters follow."""
-        if self.warm_up is not None:
-            return heated_as(self.estimate, self.warm_up, self.terms, records)
-        return tuple(with_terms(record, self.terms) for record in records)
-
-
-def _warmed(
-    found: Estimate,
-    records: Sequence[Record],
-    followers: Sequence[str],
-    options: IdentificationOptions,
-    report: IdentificationProgress,
-) -> _Warmed | None:
-    """The fit with friction that follows the measured temperature or the heat; None: the records show neither.
-
-    The temperature is taken unless it explains little of what the heat explains: it may be that of the winding or of a
-    board, or, if it does not follow the motion, that of a cabinet.
-    """
-    assert options.thermal is not None
-    report("warm-up", 0, 1)
-
-    def refit(problem: Problem, own: Sequence[Record]) -> Estimate:
-        return _fit(problem, own, report)
-
-    measured, heated = None, None
-    # A fit that explains nothing, or all, has no errors to learn from.
-    with suppress(ValueError, np.linalg.LinAlgError):
-        if follows := following_temperature(found, records, followers, refit):
-            of_axis = follows_motion(temperature_courses(found, records), options.thermal == "cold")
-            measured = _better(_Warmed(*follows[:3], None, follows.errors, follows_motion=of_axis), found)
-    with suppress(ValueError, np.linalg.LinAlgError):
-        if warm_up := find_warm_up(found, records, followers, options.thermal, options.begins_s):
-            heated = _better(_Warmed(*following(found, warm_up, records, refit), warm_up, {}), found)
-    if measured is None or heated is None:
-        return measured or heated
-    share = (found.cost - measured.estimate.cost) / (found.cost - heated.estimate.cost)
-    taken = measured if is_of_the_gear(share, measured.follows_motion) else heated
-    return taken._replace(share=share, follows_motion=measured.follows_motion)
-
-
-def _better(fit: _Warmed, found: Estimate) -> _Warmed | None:
-    """A fit that explains more than that with constant friction; None: it does not."""
-    return fit if fit.estimate.converged and fit.estimate.cost < found.cost else None
 
 
 class _Watch(NamedTuple):

@@ -10,10 +10,11 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.thermal_state import TEMPERATURE
-from monitor_core.identification import IdentificationOptions, IdentificationResult, identification_procedure, identify
+from monitor_core.identification import IdentificationOptions, IdentificationResult, identify
 from monitor_core.identification.greybox import Estimate, fit
 from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.thermal import warmed_fit
 from monitor_core.identification.thermal.measured_temperature import following_temperature, is_of_the_gear
 from monitor_core.identification.thermal.temperature_source import follows_motion, temperature_courses
 from monitor_core.modeling.standard_drives import three_mass
@@ -144,7 +145,7 @@ def test_a_break_shows_whether_it_follows_the_motion(thermometer: Thermometer, e
 def test_friction_follows_what_does_not_follow_the_motion_only_if_that_explains_more(
     seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(identification_procedure, "follows_motion", lambda _courses, _begins_cold: False)
+    monkeypatch.setattr(warmed_fit, "follows_motion", lambda _courses, _begins_cold: False)
     found = identified(recorded(seed, QUICK, Lagging(60.0)))
     assert found.temperature_share is not None
     assert found.temperature_share > 0.5
