@@ -13,7 +13,8 @@ from itertools import pairwise
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.thermal.warm_up_search import GROUP, Windows
+from monitor_core.identification.thermal.warm_up_search import GROUP
+from monitor_core.identification.thermal.warm_up_windows import Windows
 
 PARTS = 3
 """Number of parts of a record, which are judged separately"""

@@ -27,7 +27,8 @@ from monitor_core.identification.parameter_selection import ScheduledTerm, sched
 from monitor_core.identification.problem import IdentificationError, Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.thermal.law_errors import PARTS, deviations_in_groups, worst_error
-from monitor_core.identification.thermal.warm_up_search import LEAST_FALL, Windows, windows_of
+from monitor_core.identification.thermal.warm_up_search import LEAST_FALL
+from monitor_core.identification.thermal.warm_up_windows import Windows, windows_of
 
 _SURE = 5.0
 """Standard deviations of a slope that chance does not reach, also where neighbouring errors are correlated"""

@@ -17,7 +17,8 @@ from monitor_core.drive.friction_roles import braking
 from monitor_core.drive.thermal_state import TEMPERATURE, ThermalModel
 from monitor_core.identification.greybox import Estimate
 from monitor_core.identification.records.measured_record import Record
-from monitor_core.identification.thermal.warm_up_search import WINDOW_S, heat_course, speeds_of
+from monitor_core.identification.thermal.warm_up_search import heat_course
+from monitor_core.identification.thermal.warm_up_windows import WINDOW_S, speeds_of
 
 _TIMES = 12
 """Number of time constants that are tried"""

@@ -36,14 +36,12 @@ from monitor_core.identification.thermal.warm_up_search import (
     HeatProportions,
     Search,
     WarmUpFit,
-    Windows,
     chosen,
     heat_course,
     kept_by,
     left_of,
-    speeds_of,
-    windows_of,
 )
+from monitor_core.identification.thermal.warm_up_windows import Windows, speeds_of, windows_of
 
 LEAST_MOTION_S = 60.0
 """Records with less motion are not searched for a warm-up."""

@@ -1,4 +1,4 @@
-"""The search for a warm-up in records: sums over short windows, and least squares for each time constant.
+"""The search for a warm-up in records, by least squares over short windows for each time constant.
 
 No model is exact, so its friction seems to vary a little with the speed.  The heat of the last minutes is correlated
 with the present speed, so part of that variation would look like a warm-up.  Therefore each friction may also follow
@@ -22,12 +22,8 @@ from scipy.optimize import Bounds, minimize
 from scipy.special import fdtrc  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Bools, Floats
-from monitor_core.drive.measured_speed import MeasuredSpeed
 from monitor_core.drive.thermal_state import Fast, ThermalModel, ThermalStart
-from monitor_core.identification.greybox import Estimate
-from monitor_core.identification.greybox.criterion import fit_starts
-from monitor_core.identification.predictor.prediction_errors import RecordPredictor
-from monitor_core.identification.records.measured_record import Record
+from monitor_core.identification.thermal.warm_up_windows import WINDOW_S, Windows
 
 
 class HeatProportions(NamedTuple):
@@ -44,7 +40,6 @@ class HeatProportions(NamedTuple):
 
 
 ONE = HeatProportions()
-WINDOW_S = 10.0
 LEAST_FALL = 0.04
 """Friction follows the heat only if it changes by at least this share from the smallest to the largest heat."""
 _CHANCE = 1e-4
@@ -68,62 +63,6 @@ _SHORTEST_FAST_S = 30.0
 _TERMS = 3
 """Terms fitted to the groups for each parameter: a constant, one proportional to the power, one following the heat"""
 _RIDGE = 1e-9
-
-
-class Windows(NamedTuple):
-    """Sums over the windows (W) of one record."""
-
-    middle_s: Floats  # (W,) since its first sample
-    power: Floats  # (W,) mean friction power, W
-    information: Floats  # (W, p, p) sums of psi psi'
-    score: Floats  # (W, p) sums of psi eps
-
-
-def speeds_of(record: Record) -> tuple[Floats, Floats]:
-    """Speeds (N,) and the intervals [s] that they are of."""
-    t_us = np.rint(record.t * 1e6).astype(np.int64)
-    steps = MeasuredSpeed(record.quantity).take(t_us, record.y)
-    speed: Floats = np.where(np.isfinite(steps.speed), steps.speed, 0.0)
-    return speed, np.asarray(steps.interval_us * 1e-6, np.float64)
-
-
-def windows_of(found: Estimate, records: Sequence[Record], unit: ThermalModel) -> tuple[list[str], list[Windows]]:
-    """Names of what psi is of, and the windows of each record; power by the friction of ``unit``.
-
-    Raises:
-        ValueError: the errors of a record are zero or not finite, or a parameter is.
-    """
-    problem = found.problem
-    predictor = RecordPredictor(problem, records, problem.disturbance)
-    xi = fit_starts(predictor)
-    p = len(predictor.layout.names)
-    rates = predictor.layout.rates(xi)[:p]
-    out = list[Windows]()
-    for record, errors in zip(records, predictor.errors(xi), strict=True):
-        since = record.t - record.t[0]
-        which = (since // WINDOW_S).astype(np.int64)
-        count = int(which[-1]) + 1
-        edges = np.searchsorted(which, np.arange(count + 1))
-        # Records that the drive explains less well count less.
-        level = math.sqrt(float(np.mean(errors.eps**2)))
-        if not (0 < level < math.inf and np.isfinite(rates).all() and rates.all()):
-            raise ValueError(f"{record.name or 'record'}: the prediction errors are zero or not finite")
-        psi, eps = errors.psi[:, :p] / (rates * level), errors.eps / level
-        speed, h = speeds_of(record)
-        energy = np.bincount(which, unit.power(speed) * h, count)
-        parts = [slice(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
-        out.append(
-            Windows(
-                np.asarray((np.arange(count) + 0.5) * WINDOW_S, np.float64),
-                energy / WINDOW_S,
-                np.array([psi[part].T @ psi[part] for part in parts]),
-                np.array([psi[part].T @ eps[part] for part in parts]),
-            )
-        )
-    return list(predictor.layout.names), out
-
-
-# --- The search -------------------------------------------------------------------------------------------------------
 
 
 def kept_by(model: ThermalModel, seconds: Floats) -> Floats:

@@ -7,7 +7,7 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.thermal.measured_temperature import temperature_errors
-from monitor_core.identification.thermal.warm_up_search import WINDOW_S, Windows
+from monitor_core.identification.thermal.warm_up_windows import WINDOW_S, Windows
 
 CHANCE = 0.03
 """Standard deviation of a parameter in one window; 0.012 in a group of six."""

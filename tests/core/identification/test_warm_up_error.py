@@ -7,7 +7,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.identification.thermal.warm_up import model_errors
-from monitor_core.identification.thermal.warm_up_search import WINDOW_S, Search, Windows, heat_course
+from monitor_core.identification.thermal.warm_up_search import Search, heat_course
+from monitor_core.identification.thermal.warm_up_windows import WINDOW_S, Windows
 
 CHANCE = 0.03
 """Standard deviation of a parameter in one window."""

@@ -9,14 +9,8 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification.thermal.warm_up_search import (
-    WINDOW_S,
-    Search,
-    WarmUpFit,
-    Windows,
-    chosen,
-    heat_course,
-)
+from monitor_core.identification.thermal.warm_up_search import Search, WarmUpFit, chosen, heat_course
+from monitor_core.identification.thermal.warm_up_windows import WINDOW_S, Windows
 
 TAU_S = 300.0
 CHANCE = 0.02
