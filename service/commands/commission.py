@@ -22,9 +22,9 @@ from service.commands.command_line.options import LOG_KINDS, ConfigPath, axis_na
 from service.commands.command_line.output_files import write
 from service.commands.command_line.progress import axes_bars
 from service.config import Config
-from service.config.commissioned import commissioned, corrected, relocated
-from service.config.commissioning_files import RECORDS, REPORT
-from service.config.corrections import Correction
+from service.config.written.commissioned import commissioned, corrected, relocated
+from service.config.written.commissioning_files import RECORDS, REPORT
+from service.config.written.corrections import Correction
 from service.reports.commissioning_report import Outcome, as_html, motion_step, next_step, recording_s
 from service.reports.formats import Provenance
 

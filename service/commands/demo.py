@@ -22,9 +22,9 @@ from service.commands.daemon.daemon_logs import configure_logs
 from service.commands.init import init
 from service.commands.simulate import FaultAfter, FaultAxis, FaultOption, factors, in_words
 from service.config import Config
-from service.config.commissioned import connected, relocated
 from service.config.drive_sources import shipped
 from service.config.schema import WebConfig
+from service.config.written.commissioned import connected, relocated
 from service.simulation.robot import SimulatedFault, SimulatedRobot, run_robot, sender, table_lines
 
 log = structlog.get_logger(__name__)

@@ -3,13 +3,11 @@
 * The keys: ``schema`` and ``schema_*`` on ``base_table``; ``canopen_axis`` and ``robot_defaults``: keys that follow
   from others.  ``found_file``: the files of identify and calibrate that it names, ``nominal_file`` and
   ``thresholds_file``.
-* Reading: ``loading``, with ``toml_lines`` (lines of keys), ``schema_errors``, and ``crosschecks``, which runs the
-  rules in ``*_rules``; ``problems``: what is reported.  ``remarks``: notes on a valid file; ``certificates``: when they
-  expire.
+* Reading: ``loading``, with ``toml_lines`` (lines of keys), ``schema_errors``, and the cross-checks in ``rules/``;
+  ``problems``: what is reported.  ``remarks``: notes on a valid file; ``certificates``: when they expire.
 * What an axis is by its keys: ``drive_sources`` and ``drives``, ``conditions``, ``axis_settings``, ``axis_detectors``;
   ``bus_messages``: the messages of a bus; ``epoch_values``: other nominal values while the daemon runs.
-* Its text: ``public_text`` for readers, and what commissioning writes: ``commissioned``, with ``corrections``,
-  ``configuration_text``, ``left_out_axes``, ``named_files`` and ``commissioning_files``.
+* Its text: ``public_text`` for readers; ``written/``: what commissioning writes.
 * ``unit_names``: units in the names of columns and signals.
 """
 

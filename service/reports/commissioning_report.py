@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from monitor_core.wording import duration, listed, percent
-from service.config.commissioned import Found
-from service.config.commissioning_files import motion_file
-from service.config.corrections import Correction, changes_in
+from service.config.written.commissioned import Found
+from service.config.written.commissioning_files import motion_file
+from service.config.written.corrections import Correction, changes_in
 from service.reports.formats import Provenance, TextTable, render
 
 READY = "ready"

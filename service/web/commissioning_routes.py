@@ -12,7 +12,7 @@ from fastapi import APIRouter
 from pydantic import Field
 
 from service.config import NamedAxis
-from service.config.commissioning_files import RECORDS, REPORT, motion_file, pages_of
+from service.config.written.commissioning_files import RECORDS, REPORT, motion_file, pages_of
 from service.web.access import IsAdmin
 from service.web.app_state import AppState, is_silent
 from service.web.models import Body, TextOrNull

@@ -11,7 +11,7 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse
 from starlette.exceptions import HTTPException
 
-from service.config.commissioning_files import REPORT, pages_of
+from service.config.written.commissioning_files import REPORT, pages_of
 
 _PREFIX = "/reports"
 PAGE_HEADERS = {

@@ -179,7 +179,7 @@ def bus_named(text: str, messages: Path | None = None) -> BusConfig:
         typer.BadParameter: the text has another form, or the interface does not exist.
     """
     from service.config.base_table import ReadingContext
-    from service.config.bus_rules import usable_bus
+    from service.config.rules.bus_rules import usable_bus
     from service.config.schema_buses import BusConfig
 
     (where, *further), options = text.split(","), dict[str, object]()

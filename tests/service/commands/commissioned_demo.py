@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.signals.signal_proposals import Review
-from service.config.corrections import Correction
+from service.config.written.corrections import Correction
 from service.reports.commissioning_report import Outcome
 from tests.conftest import ROOT
 

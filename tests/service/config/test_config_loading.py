@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from service.config import ConfigErrors, load
-from service.config.commissioned import relocated
+from service.config.written.commissioned import relocated
 from tests.service.config.config_texts import BASE, furnish
 
 

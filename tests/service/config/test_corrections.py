@@ -1,6 +1,6 @@
 """Corrections as a reader sees them."""
 
-from service.config.corrections import Correction, changes_in
+from service.config.written.corrections import Correction, changes_in
 
 
 def test_the_keys_of_a_signal_are_one_change() -> None:

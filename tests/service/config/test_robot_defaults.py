@@ -11,9 +11,9 @@ import tomlkit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.config.commissioned import Found, commissioned, connected, corrected, monitoring, with_drive
-from service.config.corrections import Correction
 from service.config.robot_defaults import completed
+from service.config.written.commissioned import Found, commissioned, connected, corrected, monitoring, with_drive
+from service.config.written.corrections import Correction
 
 law = settings(deadline=None, max_examples=8)
 FOUND = {

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from service.config import load
-from service.config.commissioned import Found, commissioned, corrected
-from service.config.corrections import Correction
+from service.config.written.commissioned import Found, commissioned, corrected
+from service.config.written.corrections import Correction
 
 ROBOT = """\
 [[robot]]

@@ -18,7 +18,7 @@ from service.commands.commissioning.axis import axis_calibration, identification
 from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config import drive_of, given_values, load
 from service.config.axis_settings import AxisError
-from service.config.commissioned import Found, commissioned
+from service.config.written.commissioned import Found, commissioned
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
 from tests.end_to_end.processes import edit

@@ -20,8 +20,8 @@ from service.can.decoder import SyncCycle
 from service.can.frames import Frame, FrameBlock
 from service.can.messages import DescriptionError, find_signal
 from service.config import ConfigErrors, load
-from service.config.commissioned import Found, commissioned
 from service.config.remarks import remarks
+from service.config.written.commissioned import Found, commissioned
 from service.ingest.bus_samples import Ingest
 from service.ingest.drive_objects import nodes_in
 from service.ingest.encode import FrameEncoder

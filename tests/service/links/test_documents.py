@@ -28,7 +28,7 @@ def test_examples_load(example: str, tmp_path: Path) -> None:
 
 
 def test_a_link_whose_package_is_missing_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("service.config.link_rules.find_spec", lambda _name: None)
+    monkeypatch.setattr("service.config.rules.link_rules.find_spec", lambda _name: None)
     (tmp_path / "a.toml").write_text(TABLES + LINKS_TEXT, encoding="utf-8")
     with pytest.raises(ConfigErrors) as caught:
         load(tmp_path / "a.toml", {})

@@ -8,9 +8,9 @@ from monitor_core.wording import rounded_down
 from service.commands.command_line.output_files import replace_text
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress, as_found, within
 from service.commands.commissioning.axis.calibration_task import as_identified, calibrate_axis
-from service.config.commissioning_files import pages_of
 from service.config.conditions import needed
-from service.config.corrections import Correction
+from service.config.written.commissioning_files import pages_of
+from service.config.written.corrections import Correction
 from service.ingest.loaded_records import samples_in
 from service.reports import calibration_files
 from service.reports.commissioning_report import Outcome

@@ -21,8 +21,8 @@ from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.load_search import LoadSearches
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import AxisConfig
-from service.config.commissioning_files import motion_file
-from service.config.corrections import Correction
+from service.config.written.commissioning_files import motion_file
+from service.config.written.corrections import Correction
 from service.ingest.axis_records import sha256_of
 from service.ingest.record_ranges import wanted
 from service.reports.commissioning_report import Outcome

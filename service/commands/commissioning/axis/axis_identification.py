@@ -30,8 +30,8 @@ from service.commands.commissioning.axis.identification_task import Request, dra
 from service.commands.commissioning.axis.load_search import LoadSearch, LoadSearches
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion, within_arm
 from service.config import NamedAxis
-from service.config.commissioning_files import pages_of
-from service.config.corrections import SIGNAL
+from service.config.written.commissioning_files import pages_of
+from service.config.written.corrections import SIGNAL
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_files import as_toml

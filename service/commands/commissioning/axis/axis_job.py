@@ -14,8 +14,8 @@ from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.config import Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
-from service.config.commissioned import Found, commissioned, configured, corrected, uncoupled
-from service.config.corrections import Correction
+from service.config.written.commissioned import Found, commissioned, configured, corrected, uncoupled
+from service.config.written.corrections import Correction
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
 

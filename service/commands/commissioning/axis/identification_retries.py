@@ -8,8 +8,8 @@ from monitor_core.identification import Effect, FitQuality, Rejection, TurningWe
 from monitor_core.wording import listed
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.config import AxisConfig, NamedAxis
-from service.config.commissioned import corrected, monitoring, with_drive
-from service.config.corrections import Correction, changes_in
+from service.config.written.commissioned import corrected, monitoring, with_drive
+from service.config.written.corrections import Correction, changes_in
 from service.reports.identification_report import IdentificationReport
 
 _SEVERAL_MASSES = ("two-mass", "three-mass", "five-mass")

@@ -28,9 +28,9 @@ from monitor_core.identification import (
     recorded_signals,
 )
 from service.config import Config, NamedAxis, gear_ratio
-from service.config.commissioned import configured, corrected
-from service.config.corrections import GATE, SIGNAL, Correction
 from service.config.unit_names import unit_in
+from service.config.written.commissioned import configured, corrected
+from service.config.written.corrections import GATE, SIGNAL, Correction
 from service.ingest.loaded_records import load
 
 _SETTLE_S = 0.1

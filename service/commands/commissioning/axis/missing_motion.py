@@ -12,8 +12,8 @@ from monitor_core.identification import Obstacle, Record, top_speed
 from service.commands.command_line.output_files import replace_text
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob
 from service.commands.commissioning.axis.planned_motion import MotionRequest, angle_columns, planned, torque_columns
-from service.config.commissioned import Found
-from service.config.commissioning_files import motion_file
+from service.config.written.commissioned import Found
+from service.config.written.commissioning_files import motion_file
 from service.ingest.loaded_records import load
 from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv

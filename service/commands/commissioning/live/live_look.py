@@ -19,7 +19,7 @@ from service.commands.commissioning.signals.exchanged_torques import exchanged
 from service.commands.commissioning.signals.signal_proposals import Review, review
 from service.config import Config
 from service.config.bus_messages import messages_of
-from service.config.commissioned import corrected
+from service.config.written.commissioned import corrected
 from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import Loaded, load
 

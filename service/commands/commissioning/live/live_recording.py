@@ -17,7 +17,7 @@ from service.commands.commissioning.live.axis_look import AxisLook
 from service.commands.commissioning.live.bus_recording import record_buses
 from service.commands.commissioning.live.live_look import LiveLook, look_at
 from service.config import Config
-from service.config.commissioning_files import RECORDS, motion_file
+from service.config.written.commissioning_files import RECORDS, motion_file
 
 LEAST_S, MOST_S = 30.0, 86400.0
 """Duration of a record: the shortest that may identify an axis, and a day"""

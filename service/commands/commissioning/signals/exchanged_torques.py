@@ -5,8 +5,8 @@ from pathlib import Path
 
 from monitor_core.identification import matching_torques
 from service.config import Config, NamedAxis
-from service.config.commissioned import configured
-from service.config.corrections import Correction
+from service.config.written.commissioned import configured
+from service.config.written.corrections import Correction
 from service.ingest.loaded_records import load
 
 

@@ -14,8 +14,8 @@ from service.commands.commissioning.signals.signal_faults import faults, uncheck
 from service.commands.commissioning.signals.signal_times import clock, interval, unit_of_time
 from service.commands.commissioning.signals.signal_units import by_inertia, by_name, by_ratio, by_speed, by_weight
 from service.config import Config, NamedAxis
-from service.config.commissioned import configured, corrected
-from service.config.corrections import Correction
+from service.config.written.commissioned import configured, corrected
+from service.config.written.corrections import Correction
 from service.ingest.loaded_records import load as load_record
 from service.ingest.record_ranges import wanted
 from service.ingest.records import is_table

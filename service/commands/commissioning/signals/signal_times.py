@@ -11,7 +11,7 @@ from monitor_core.wording import sentence
 from service.can.messages import find_counter
 from service.commands.commissioning.axis.identification_records import SAME_INTERVAL, TIME_UNITS
 from service.commands.commissioning.signals.recorded_axis import RecordedAxis
-from service.config.corrections import Correction
+from service.config.written.corrections import Correction
 from service.ingest.bus_samples import Ingest
 from service.ingest.loaded_records import RecordOrigin
 from service.ingest.records import LogRecord

@@ -12,8 +12,8 @@ from monitor_core.identification import TurningWeight, is_about_nominal, top_spe
 from monitor_core.wording import Sentence
 from service.commands.commissioning.signals import unit_words
 from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis
-from service.config.corrections import Correction
 from service.config.unit_names import unit_in, unit_passed_over
+from service.config.written.corrections import Correction
 from service.ingest.recorded_units import Signal
 
 _MAX_NOMINAL_RATIO = 2.0

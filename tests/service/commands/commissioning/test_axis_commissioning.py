@@ -41,8 +41,8 @@ from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import AxisConfig
-from service.config.commissioned import configured
-from service.config.corrections import Correction
+from service.config.written.commissioned import configured
+from service.config.written.corrections import Correction
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome, as_html, next_step, overview
 from service.reports.formats import Provenance

@@ -17,7 +17,7 @@ from service.commands.command_line.exit_codes import NOT_TESTED
 from service.commands.commissioning.axis import axis_identification
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.config import NamedAxis, load
-from service.config.commissioned import configured, corrected
+from service.config.written.commissioned import configured, corrected
 from service.ingest.loaded_records import load as load_record
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit

@@ -13,7 +13,7 @@ import scipy.io
 
 from monitor_core.arrays import Floats
 from service.commands.commissioning.signals.signal_proposals import Review, review
-from service.config.corrections import Correction
+from service.config.written.corrections import Correction
 from tests.service.commands.moving_axes import RATIO, H, axis_text, moves
 from tests.shares import soaked
 

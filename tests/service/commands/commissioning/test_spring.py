@@ -9,7 +9,7 @@ from service.commands.commissioning.axis.axis_commissioning import commission_ax
 from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.axis.identification_retries import Retry, with_spring
 from service.commands.commissioning.signals.signal_proposals import Review
-from service.config.commissioned import configured
+from service.config.written.commissioned import configured
 from service.reports.formats import Provenance
 from tests.conftest import no_pictures
 from tests.service.commands.commissioning.two_mass_tables import FEW, table

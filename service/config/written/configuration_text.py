@@ -7,8 +7,8 @@ import tomlkit
 from tomlkit import TOMLDocument
 from tomlkit.items import Array, InlineTable, Table
 
-from service.config.corrections import NAMED_BY
 from service.config.robot_defaults import DEFAULTS
+from service.config.written.corrections import NAMED_BY
 
 
 def parsed_configuration(text: str) -> TOMLDocument:

@@ -3,9 +3,9 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from service.config.configuration_text import listed_table
-from service.config.corrections import SIGNAL
 from service.config.robot_defaults import COUPLING, DEFAULTS, completed
+from service.config.written.configuration_text import listed_table
+from service.config.written.corrections import SIGNAL
 
 _PLACE = ("message", "signal", "column")
 """Keys that say where a signal is"""

@@ -13,10 +13,10 @@ from service.config.axis_settings import unidentifiable_pairs
 from service.config.base_table import Undecidable
 from service.config.drives import plain_drive_of
 from service.config.found_file import alike
-from service.config.model_rules import usable_drive, with_merged
 from service.config.nominal_file import NominalFile, structure_of
 from service.config.problems import CheckFinding
 from service.config.robot_defaults import COUPLING
+from service.config.rules.model_rules import usable_drive, with_merged
 from service.config.schema import AxisConfig
 from service.config.thresholds_file import ThresholdsFile
 from service.config.toml_lines import Keys

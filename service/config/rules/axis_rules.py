@@ -9,8 +9,8 @@ from monitor_core.monitoring import MIN_MEMORY_SAMPLES, REOPEN_MEMORIES
 from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
 from service.config.drives import not_identified, watched_values
-from service.config.model_rules import usable_drive
 from service.config.problems import CheckFinding
+from service.config.rules.model_rules import usable_drive
 from service.config.schema import AxisConfig, RobotConfig
 from service.config.toml_lines import Keys
 from service.texts.alarm_words import SENSORS

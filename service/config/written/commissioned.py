@@ -11,7 +11,11 @@ from typing import Any, NamedTuple
 import tomlkit
 
 from monitor_core.drive import split_name
-from service.config.configuration_text import (
+from service.config.loading import load_text
+from service.config.robot_defaults import COUPLING, DEFAULTS, completed
+from service.config.schema import Config, NamedAxis
+from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
+from service.config.written.configuration_text import (
     axis_named_in,
     edited_text,
     id_in,
@@ -22,13 +26,9 @@ from service.config.configuration_text import (
     parsed_configuration,
     table_in_axis,
 )
-from service.config.corrections import NAMED_BY, Correction
-from service.config.left_out_axes import detach
-from service.config.loading import load_text
-from service.config.named_files import kept_files
-from service.config.robot_defaults import COUPLING, DEFAULTS, completed
-from service.config.schema import Config, NamedAxis
-from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
+from service.config.written.corrections import NAMED_BY, Correction
+from service.config.written.left_out_axes import detach
+from service.config.written.named_files import kept_files
 
 _OF_PARAMETERS = {"model": ("scales", "bounds", "limits"), "alarms": ("priorities", "latched", "suppressed")}
 """Keys of an axis, by table, whose entries name monitored parameters."""
