@@ -296,7 +296,7 @@ def test_every_name_on_a_face_of_the_core_is_taken() -> None:
     assert left == set()
 
 
-RUN_AGAIN = {"tests/core/modeling/test_elimination_laws.py", "tests/core/test_figures.py"}
+RUN_AGAIN = {"tests/core/modeling/test_elimination_laws.py", "tests/core/excitation/test_figures.py"}
 """Of these files tests/soak runs the tests themselves, with more examples."""
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from monitor_core.drive.structure import Output
-from tests.core.figures import Table, figure_6
-from tests.core.honesty import Honesty, honesty, settings_for
-from tests.core.test_figures import (  # noqa: F401 -- they run here on the larger table
+from tests.core.excitation.test_figures import (  # noqa: F401 -- they run here on the larger table
     test_figure_6_delays_and_g,
     test_figure_6_has_hardly_a_false_alarm,
     test_figure_6_names_the_right_parameter,
 )
+from tests.core.figures import Table, figure_6
+from tests.core.honesty import Honesty, honesty, settings_for
 
 pytestmark = pytest.mark.soak
 
