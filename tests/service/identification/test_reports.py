@@ -15,16 +15,13 @@ from rich.console import Console
 
 from monitor_core.drive import ThermalModel
 from monitor_core.identification import Effect, FoundWarmUp, IdentificationResult, Obstacle, Watched
-from monitor_core.wording import percent
 from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config.found_file import read_found
 from service.config.nominal_file import NominalFile, structure_of
-from service.reports.formats import plain
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
 from service.reports.identification_report import IdentificationReport, print_text, residual_words, verdict_line
 from service.reports.outlook_words import missing_words, watched_table
-from service.reports.plot_style import as_svg, figure
 from tests.service.identification.conftest import PROVENANCE, with_estimate
 from tests.service.identification.report_pages import read
 
@@ -169,43 +166,6 @@ def test_the_terminal_has_the_table(found: IdentificationReport) -> None:
         assert row.name in text
     for trace in (*found.result.estimation, *found.result.validation):
         assert f"{trace.fit_simulation:.2f} %" in text
-
-
-@pytest.mark.parametrize(
-    ("value", "digits", "text"),
-    [
-        (281329.51, 5, "281330"),
-        (0.0059321, 3, "0.00593"),
-        (130.2, 2, "130"),
-        (1e9, 5, "1e+09"),
-        (-12345.6, 5, "-12346"),
-        (0, 5, "0"),
-        (99999.7, 5, "100000"),
-    ],
-)
-def test_numbers_as_people_read_them(value: float, digits: int, text: str) -> None:
-    assert plain(value, digits) == text
-
-
-def test_percentages() -> None:
-    assert [percent(0.00123), percent(0.5, signed=True), percent(None)] == ["0.12 %", "+50 %", ""]
-
-
-def test_a_long_line_is_drawn_with_few_points_and_keeps_its_peaks(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    y = rng.standard_normal(50_000)
-    y[rng.integers(1, 49_999, 2)] = 100, -100
-    with figure(2) as drawn:
-        axes = drawn.subplots()
-        axes.plot(y, gid="noise")
-        axes.set_ylim(-100, 100)
-        text = as_svg(drawn, "noise", "noise")
-    found = re.search(r'id="noise">\s*<path d="([^"]*)"', text)
-    assert found is not None
-    heights = np.array(re.findall(r"[ML] \S+ (\S+)", found[1]), float)
-    assert heights.size < 15_000
-    box = axes.get_window_extent()
-    assert np.ptp(heights) == pytest.approx(box.height * 72 / drawn.dpi, abs=0.02)
 
 
 # --- What can be watched is first, then the verdict -------------------------------------------------------------------
