@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from service.can.messages import DescriptionError
-from service.can.user_errors import IngestError, left_out_words
+from service.can.user_errors import left_out_words
 from service.commands.command_line.exit_codes import MISTAKE, NOT_TESTED, explained
 from service.commands.command_line.options import (
     LOG_KINDS,
@@ -22,18 +21,13 @@ from service.commands.command_line.options import (
 from service.commands.command_line.output_files import (
     STDOUT,
     check_writable,
-    replace_text,
     table_console,
     write,
     write_all,
 )
 from service.commands.command_line.progress import progress_bar
 from service.config import Config
-from service.config.axis_settings import AxisError
-from service.config.epoch_values import EpochValuesError, with_epoch
 from service.ingest.record_ranges import RecordRange
-from service.ingest.records import read_record
-from service.pipeline.replay_reports import ReplayOrder, give_way
 
 if TYPE_CHECKING:
     from service.reports.replay_result import Replayed
@@ -79,7 +73,7 @@ def replay(
     if report is not None:
         from service.reports.replay_html import as_html
 
-        if not _can_be_drawn(found):
+        if not found.can_be_drawn:
             names = ", ".join(records)
             print(f"axiswatch: no sample of any axis in {names}: there is nothing to draw", file=sys.stderr)
             raise typer.Exit(MISTAKE)
@@ -104,35 +98,3 @@ def _replay(config: Config, path: Path, records: list[str], drawn: bool) -> Repl
         if record.left_out:
             print(f"axiswatch: {left_out_words(record.path, record.left_out)}", file=sys.stderr)
     return run.result([Path(text).name for text in records], str(path))
-
-
-def _can_be_drawn(found: Replayed) -> bool:
-    return any(axis.course is not None and axis.course.used for axis in found.axes)
-
-
-# --- The replay of the frames around an alarm, in a process of its own that the daemon starts -------------------------
-
-
-def write_report(order: ReplayOrder) -> None:
-    """Write the report.
-
-    Raises:
-        SystemExit: the report cannot be made; with the reason.
-    """
-    give_way()
-    from service.pipeline.axis_monitors import AxisMonitors
-    from service.reports.replay_html import as_html
-    from service.reports.replay_result import Replay
-
-    config, epochs = order.config, order.epochs
-    try:
-        axes = [with_epoch(axis, *epochs[axis.id]) if axis.id in epochs else axis for axis in config.axes]
-        record = read_record(order.record, config)
-        run = Replay(AxisMonitors(axes), config, drawn=True)
-        run.add(record, lambda _done: None)
-        found = run.result([order.record.name], order.named)
-        if not _can_be_drawn(found):
-            sys.exit("no sample of its axes could be used: there is nothing to draw")
-        replace_text(order.page, as_html(found))
-    except (AxisError, DescriptionError, EpochValuesError, IngestError, OSError) as error:
-        sys.exit(str(error))

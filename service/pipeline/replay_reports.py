@@ -26,11 +26,10 @@ LONGEST_S = 900.0
 _MOST_FAILURES = 100
 
 _CHILD = """
-import os, pickle, sys, threading
+import importlib, os, pickle, sys, threading
 order = pickle.load(sys.stdin.buffer)
 threading.Thread(target=lambda: (sys.stdin.read(), os._exit(1)), daemon=True).start()  # its end: the parent has ended
-from service.commands.replay import write_report
-write_report(order)
+importlib.import_module(sys.argv[1]).write_report(order)
 """
 
 log = structlog.get_logger(__name__)
@@ -70,10 +69,14 @@ class ReplayReports:
         config: returns the configuration in force.
         named: name of the configuration file.
         epochs: the epochs of the axes.
+        writer: name of the module whose ``write_report`` makes the report of a ``ReplayOrder``, in the process.
     """
 
-    def __init__(self, folder: RecordingFolder, config: Callable[[], Config], named: str, epochs: Epochs) -> None:
+    def __init__(
+        self, folder: RecordingFolder, config: Callable[[], Config], named: str, epochs: Epochs, writer: str
+    ) -> None:
         self._folder, self._config, self._named, self._epochs = folder, config, named, epochs
+        self._writer = writer
         self._lock = threading.Lock()
         self._running: int | None = None
         self._child: subprocess.Popen[bytes] | None = None
@@ -164,7 +167,7 @@ class ReplayReports:
             if self._stopped:
                 return _ENDED
             child = self._child = subprocess.Popen(
-                [sys.executable, "-P", "-c", _CHILD],
+                [sys.executable, "-P", "-c", _CHILD, self._writer],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,

@@ -94,6 +94,11 @@ class Replayed(NamedTuple):
     config: str
     provenance: Provenance
 
+    @property
+    def can_be_drawn(self) -> bool:
+        """Whether any sample was used, of which the course was collected."""
+        return any(axis.course is not None and axis.course.used for axis in self.axes)
+
 
 class Replay:
     """Runs records through the monitors of the axes of a configuration, and collects the results.

@@ -31,6 +31,9 @@ from service.web.report_pages import ReportPages
 from service.web.robot_setup import RobotSetup
 from service.web.server import Certificate, CertificateError, serve
 
+REPORT_WRITER = "service.commands.daemon.alarm_replay"
+"""By its name: it loads what only its own process needs."""
+
 log = structlog.get_logger(__name__)
 
 
@@ -130,7 +133,7 @@ def _app_state(parts: DaemonParts, access: Access, stop: threading.Event, reload
     worker, baselines, extracts, journal = parts.worker, parts.baselines, parts.extracts, parts.state.journal
     replays = None
     if extracts is not None:
-        replays = ReplayReports(extracts.folder, lambda: reloading.config, str(file), journal.epochs)
+        replays = ReplayReports(extracts.folder, lambda: reloading.config, str(file), journal.epochs, REPORT_WRITER)
     look = SignalLook(lambda: reloading.config, extracts, now_us)
     return AppState(
         lambda: worker.snapshot,

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from service.commands.daemon.lifecycle import REPORT_WRITER
 from service.config import Config, load
 from service.config.epoch_values import content_of, fingerprint_of
 from service.pipeline.recording import Extracts
@@ -52,7 +53,8 @@ class Plant:
         self.client = stage.client()
 
     def replay_reports(self, named: str) -> ReplayReports:
-        return ReplayReports(self.recordings, lambda: self.config, named, self.stage.journal.epochs)
+        epochs = self.stage.journal.epochs
+        return ReplayReports(self.recordings, lambda: self.config, named, epochs, REPORT_WRITER)
 
     def settled(self) -> dict[str, Any]:
         """What has become of the report that is being made."""
