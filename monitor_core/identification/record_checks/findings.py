@@ -5,8 +5,8 @@ from typing import Literal
 
 Severity = Literal["refuse", "warn"]
 FindingKind = Literal[
-    "too-short", "too-slow", "constant-torque", "saturated", "stuck", "exchanged", "unsigned", "wrong-sign", "units",
-    "gaps", "lost", "jitter", "outliers", "missing", "absurd",
+    "too-short", "too-slow", "constant-torque", "saturated", "stuck", "still", "exchanged", "unsigned", "wrong-sign",
+    "units", "gaps", "lost", "jitter", "outliers", "missing", "absurd",
 ]  # fmt: skip
 
 

@@ -1,7 +1,7 @@
 """All checks of a record, and the comparison of torque and motion: signs and units."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ from monitor_core.identification.record_checks.known_axis import KnownAxis
 from monitor_core.identification.record_checks.sample_checks import implausible_values, times
 from monitor_core.identification.record_checks.stuck_signals import signals
 from monitor_core.identification.record_checks.unsigned_torque import unsigned
+from monitor_core.identification.record_checks.value_patterns import stands
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import Rigid, rigid_fit, rigid_fits, speed_scales
 from monitor_core.identification.torque_balance.torque_windows import POSE, USUAL
@@ -62,7 +63,9 @@ def check_record(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> tuple[Rec
     Torque and motion are compared only where each of them is sound by itself.
     """
     found = [*implausible_values(record), *times(record, known), *signals(record)]
-    if not any(finding.severity == "refuse" for finding in found):
+    if not _refused(found):
+        found += _still(record)
+    if not _refused(found):
         if np.count_nonzero(record.measured) > 1:
             found += (
                 list(_exchanged(record))
@@ -73,6 +76,22 @@ def check_record(record: Record, known: KnownAxis = _NOTHING_KNOWN) -> tuple[Rec
         else:
             found += _units(record, known)
     return tuple(sorted(found, key=lambda finding: finding.severity != "refuse"))
+
+
+def _refused(found: Sequence[RecordFinding]) -> bool:
+    return any(finding.severity == "refuse" for finding in found)
+
+
+def _still(record: Record) -> Iterator[RecordFinding]:
+    if stands(record):
+        noise = float(np.nanstd(record.y))
+        yield RecordFinding(
+            "still",
+            "refuse",
+            f"the {record.quantity} shows nothing but noise of {noise:.1g} {record.unit}: the axis does not move;"
+            " record its motion, or leave this axis out",
+            noise,
+        )
 
 
 def exchanged_share(record: Record) -> float | None:

@@ -15,6 +15,8 @@ _MIN_RANGE_PER_STEP = 12.0
 """Range of a moving signal over its usual step; for noise this ratio is six."""
 _OUTLIER_SHARE = 0.005
 """Share of values at either end that may be outliers."""
+_CLOSE_S, _ALIKE = 0.05, 0.5
+"""Interval [s] up to which neighbouring samples of a motion are alike, by this correlation; noise has none."""
 _WHOLE = 1e-6
 """Tolerance for a whole number, as a value that went through a table or a factor is rounded."""
 _MANY = 50
@@ -74,6 +76,15 @@ def moves(values: Floats, quantity: Output) -> bool:
     return bool(
         high - low > _MIN_RANGE_PER_STEP * usual or (quantity == "speed" and abs(middle) > _MIN_RANGE_PER_STEP * usual)
     )
+
+
+def stands(record: Record) -> bool:
+    """Whether the motion is noise only.  Of samples that are far apart a motion looks the same, so it is not asked."""
+    y = record.y[record.measured]
+    if record.interval_s > _CLOSE_S or moves(y, record.quantity):
+        return False
+    off = y - y.mean()
+    return float(off[1:] @ off[:-1]) < _ALIKE * float(off @ off)
 
 
 def whole_numbers(values: Floats) -> bool:

@@ -138,6 +138,37 @@ def test_output_that_never_moves(record: Record) -> None:
     assert (finding.kind, finding.severity, finding.number) == ("stuck", "refuse", 0.25)
 
 
+@pytest.mark.parametrize("quantity", OUTPUTS)
+@pytest.mark.parametrize(("interval_s", "refused"), [(0.005, True), (0.05, True), (0.2, False)])
+def test_an_axis_that_stands_in_its_noise(quantity: Output, interval_s: float, refused: bool, seed: int) -> None:
+    """Of samples that are far apart it is not known: a fast motion looks the same."""
+    rng = np.random.default_rng(seed)
+    u, y = 2.0 + 0.1 * rng.standard_normal(4000), 0.3 * (quantity == "angle") + 1e-5 * rng.standard_normal(4000)
+    y[1000:1003] = np.nan
+    record = Record(interval_s * np.arange(4000.0), u, y, quantity, "still")
+    found = [f.sentence for f in check_record(record) if (f.kind, f.severity) == ("still", "refuse")]
+    assert bool(found) == refused
+    if refused:
+        assert found[0].startswith(f"the {quantity} shows nothing but noise of 1e-05 rad")
+
+
+def test_a_constant_speed_is_not_still(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    record = Record(0.005 * np.arange(4000.0), rng.standard_normal(4000), 100 + rng.standard_normal(4000), "speed", "x")
+    assert "still" not in [kind for kind, _ in kinds(record, KnownAxis())]
+
+
+@pytest.mark.parametrize("kind", ["drifts", "moves once"])
+def test_an_axis_that_hardly_moves_is_not_still(kind: str, seed: int) -> None:
+    rng, t = np.random.default_rng(seed), 0.005 * np.arange(4000.0)
+    y = 1e-5 * rng.standard_normal(4000) + (
+        4e-5 * np.sin(t) if kind == "drifts" else np.where(abs(t - 9) < 0.03, 1.0, 0)
+    )
+    assert "still" not in [
+        kind for kind, _ in kinds(Record(t, rng.standard_normal(4000), y, "angle", "x"), KnownAxis())
+    ]
+
+
 def test_stuck_output(record: Record) -> None:
     """At the largest speed, or where the angle goes far in the meantime."""
     y, frozen = record.y.copy(), 60
@@ -404,10 +435,11 @@ def test_missing_samples(record: Record) -> None:
     assert ("missing", "refuse") in kinds(record.without(slice(100, 1400)))
 
 
-def test_a_motion_that_is_never_measured() -> None:
-    t = 0.5 * np.arange(100.0)
+@pytest.mark.parametrize("interval_s", [0.005, 0.5])
+def test_a_motion_that_is_never_measured(interval_s: float) -> None:
+    t = interval_s * np.arange(100.0)
     never = Record(t, np.sin(t), np.full(100, np.nan), "angle", "never")
-    assert [f.kind for f in check_record(never) if f.kind in ("missing", "too-slow")] == ["missing"]
+    assert [f.kind for f in check_record(never) if f.kind in ("missing", "too-slow", "still")] == ["missing"]
 
 
 def test_absurd_numbers(record: Record) -> None:
