@@ -81,6 +81,12 @@ def init(
     tells what they send; what that is in SI units is in their data sheets.
     """
     described = record.suffix.lower() in (*KINDS, *SUFFIXES)
+    if log is not None and bus is None and not described and not log_suffix(log):
+        raise typer.BadParameter(
+            f"one table is looked at, that in which the axes move most: axiswatch init {record}; `axiswatch commission`"
+            " takes all of them",
+            param_hint="LOG",
+        )
     if log is not None and (bus is not None or not described or not log_suffix(log)):
         raise typer.BadParameter(
             "a log is looked at with the description of its bus, without --bus: axiswatch init robot.dbc robot.log",

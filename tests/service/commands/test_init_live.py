@@ -78,6 +78,7 @@ def test_what_no_log_is_looked_at_with(folder: Path, rows: Path) -> None:
     assert "no CAN frames in it" in refused("init", "robot.dbc", "empty.log")
     for given in (("robot.dbc", rows), (rows, "empty.log"), ("robot.dbc", "empty.log", "--bus", "virtual:a")):
         assert "axiswatch init robot.dbc robot.log" in refused("init", *given)
+    assert "one table is looked at" in refused("init", rows, rows)
 
 
 def test_signs_wraps_intervals_and_what_never_came(folder: Path, rows: Path) -> None:
