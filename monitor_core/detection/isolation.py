@@ -21,6 +21,9 @@ proportion.  The deviations of a payload therefore lie in the plane of the two d
 and T is the chi-square(2) of the best a and b.  A payload adds both, or takes both away: 0 < a / b < MAX_SHARE.  Where
 the motor has most of the inertia, a is small, and ``load`` alone explains a payload.  Where the arm has
 most of it, the plane nearly contains the direction of kT, and friction alone tells a payload from a torque constant.
+
+If the weight is not monitored, theta can follow it in the first direction only: a payload that is heavier by b on an
+axis whose weight it is lowers kT and friction by the share a = b / (1 + b).  It counts as a change of kT.
 """
 
 from collections.abc import Collection, Sequence
@@ -48,14 +51,16 @@ rod it is 1.5, at that of an arm with its mass near the joint 2.5; twice that al
 
 
 class Payload(NamedTuple):
-    """How another payload shows in theta, on an axis where the weight is monitored and no inertia is."""
+    """How another payload shows in theta, on an axis that bears a weight, and where no inertia is monitored."""
 
     load: int
-    """Index of the parameter ``load``"""
+    """Index of the parameter ``load``, or, if that is not monitored, of the torque constant"""
     inertia: Floats
     """(p,) change of theta with an inertia that is larger without limit: minus the nominal torques"""
     cost: float = SECOND_DIRECTION
     """Subtracted from the chi-square of a payload; 0 if the change is known to be a payload"""
+    weighed: bool = True
+    """Whether ``load`` is monitored"""
 
 
 class Causes(NamedTuple):
@@ -71,6 +76,8 @@ class Causes(NamedTuple):
     """Degrees of freedom of ``rest``"""
     payload: float = 0.0
     """Chi-square of another payload that also changes the inertia; 0 where that is not possible"""
+    in_proportion: bool = False
+    """Whether the likeliest cause is a payload that changes all torques in proportion, as no weight is monitored"""
 
     @property
     def best(self) -> int:
@@ -108,7 +115,7 @@ def single_faults(
     """Evidence for single causes of the deviations d (p,) with covariance V (p, p).
 
     ``known``: indices of parameters known to have changed.  ``prior`` (p,): prior odds, equal by default.  ``payload``:
-    how another payload shows beyond its weight; it counts as a change of ``load``.
+    how another payload shows beyond its weight; it counts as a change of ``payload.load``.
     """
     p = len(d)
     rest = [i for i in range(p) if i not in known]
@@ -116,36 +123,41 @@ def single_faults(
     if not rest:
         return Causes(T, size, size_sd, probability, 0.0, 0)
     # Beside a torque that may have changed by any amount, a larger inertia cannot be seen.
-    heavier = _heavier(d, V, payload) if payload and set(known) <= {payload.load} else None
+    possible = payload and set(known) <= ({payload.load} if payload.weighed else set())
+    heavier = _heavier(d, V, payload) if payload and possible else None
     R, scale = _information(V[np.ix_(rest, rest)])
     Rd = R @ (d[rest] / scale)
     if payload and heavier and payload.load in known:
         R, Rd = _without(payload.inertia[rest] / scale, R, Rd)
     R_ii = np.diag(R)
     T[rest], size[rest], size_sd[rest] = Rd**2 / R_ii, scale * Rd / R_ii, scale / np.sqrt(R_ii)
-    explained, directions = T.copy(), np.ones(p, int)
+    explained, directions, in_proportion = T.copy(), np.ones(p, int), False
     if payload and heavier and payload.load in rest and heavier.T - payload.cost > T[payload.load]:
         load = payload.load
         T[load], size[load], size_sd[load] = heavier.T - payload.cost, heavier.weight, heavier.weight_sd
-        explained[load], directions[load] = heavier.T, 2
+        explained[load], directions[load] = heavier.T, 2 if payload.weighed else 1
+        in_proportion = not payload.weighed
     logs = T[rest] / 2 + (0.0 if prior is None else np.log(prior[rest]))
     weight = np.exp(logs - logs.max())
     probability[rest] = weight / weight.sum()
     best = probability.argmax()
     left, freedom = float(d[rest] / scale @ Rd - explained[best]), max(len(rest) - int(directions[best]), 0)
-    return Causes(T, size, size_sd, probability, left, freedom, heavier.T if heavier else 0.0)
+    in_proportion = in_proportion and payload is not None and bool(best == payload.load)
+    return Causes(T, size, size_sd, probability, left, freedom, heavier.T if heavier else 0.0, in_proportion)
 
 
 def sizes(d: Floats, V: Floats, changed: Sequence[int], payload: Payload | None = None) -> tuple[Floats, Floats]:
     """Sizes and standard deviations of the changes of the parameters ``changed``, if no others have changed.
 
-    ``payload``: how a change of ``load`` alone shows beyond the weight.
+    ``payload``: how a change of ``payload.load`` alone shows beyond the weight.
     """
     J = list(changed)
     heavier = _heavier(d, V, payload) if payload and [payload.load] == J else None
-    if heavier:
-        return np.array([heavier.weight]), np.array([heavier.weight_sd])
     R, scale = _information(V)
+    if payload and heavier:
+        T = float((R @ (d / scale))[payload.load] ** 2 / R[payload.load, payload.load])
+        if payload.weighed or heavier.T - payload.cost > T:
+            return np.array([heavier.weight]), np.array([heavier.weight_sd])
     covariance = np.linalg.inv(R[np.ix_(J, J)])
     return scale[J] * (covariance @ (R @ (d / scale))[J]), scale[J] * np.sqrt(np.diag(covariance))
 
@@ -156,7 +168,7 @@ class _Heavier(NamedTuple):
     T: float
     """Chi-square of the deviations that it explains"""
     weight: float
-    """Change of the weight"""
+    """Change of the weight; of the torque constant, if no weight is monitored"""
     weight_sd: float
 
 
@@ -167,6 +179,12 @@ def _heavier(d: Floats, V: Floats, payload: Payload) -> _Heavier | None:
     known that there is another payload, only deviations beyond the tolerance show that.
     """
     R, scale = _information(V)
+    if not payload.weighed:
+        along = payload.inertia / scale
+        length = float(along @ R @ along)
+        share = float(along @ R @ (d / scale)) / length
+        kT = float(payload.inertia[payload.load])
+        return _Heavier(share**2 * length, share * kT, abs(kT) / float(np.sqrt(length)))
     directions = np.column_stack([payload.inertia, np.arange(len(d)) == payload.load]) / scale[:, np.newaxis]
     information, explained = directions.T @ R @ directions, directions.T @ R @ (d / scale)
     covariance = np.linalg.pinv(information, hermitian=True)

@@ -155,10 +155,12 @@ def _second_change(new: Alarm, named: Sequence[Alarm], e: Evidence) -> Iterator[
     others, alone = _causes(e, new, named), _causes(e, new)
     first, *later = named
     likeliest_named = max(alone.probability[e.parameters.index(a.parameter)] for a in named)
+    # A payload also lowers or raises friction, by the same share as kT.
+    payload = alone.in_proportion and e.parameters[alone.best] == first.parameter and alone.explains(e.tolerance)
     if likeliest_named < MIN_NAME_PROBABILITY and alone.explains(e.tolerance):
         yield from (a.ended(e.time_us) for a in (new, *later))
         changed = [_named(first, e, alone, alone=True)]
-    elif others.stands_out(e.tolerance):
+    elif others.stands_out(e.tolerance) and not payload:
         # Each alarm once: a cause that is reopened continues an ended alarm.
         *older, newest = _resized(e, [*named, _named(new, e, others, alone=False)])
         yield from (newest, *older)

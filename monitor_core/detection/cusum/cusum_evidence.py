@@ -68,7 +68,7 @@ class Evidence:
     alike: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """By name of a parameter: causes that are not monitored and look like a change of it"""
     payload: Payload | None = None
-    """How another payload shows, if the weight is monitored and no inertia is"""
+    """How another payload shows, if the axis bears a weight and no inertia is monitored"""
 
     def since(self, t_us: int) -> tuple[Floats, Floats]:
         """Deviations (p,) that explain all samples since ``t_us`` with equal weight, and their covariance (p, p).
@@ -173,7 +173,9 @@ class EvidenceBuilder:
         """How another payload shows at the present nominal values (p,)."""
         if self._torques is None:
             return None
-        return Payload(self._names.index(LOAD), np.where(self._torques, -nominal, 0.0))
+        weighed = LOAD in self._names
+        shown_by = self._names.index(LOAD if weighed else TORQUE_CONSTANT)
+        return Payload(shown_by, np.where(self._torques, -nominal, 0.0), weighed=weighed)
 
     def _held(self, theta: Floats, nominal: Floats, sd: Floats) -> Ints:
         """Flags (p,): -1 at the lower bound, or for friction or damping below zero; 1 at the upper bound; else 0."""
@@ -187,10 +189,13 @@ class EvidenceBuilder:
 def _torques(model: AxisModel) -> NDArray[np.bool_] | None:
     """Which parameters are in proportion to a torque (p,); None: a payload changes nothing beyond ``load``.
 
-    Or it changes theta in another way than these directions describe: if no weight is monitored, if an inertia is
-    monitored, or if another parameter, such as a stiffness, follows the payload.
+    Or it changes theta in another way than these directions describe: if an inertia is monitored, if another parameter,
+    such as a stiffness, follows the payload, or if neither the weight is monitored nor kT, which follows it then.
     """
-    if LOAD not in model.monitored or model.arm_inertia() is None:
+    weighed = LOAD in model.monitored
+    if not weighed and not (TORQUE_CONSTANT in model.monitored and model.carried_weight()):
+        return None
+    if model.arm_inertia() is None:
         return None
     friction = friction_of(model.drive)
     names = {TORQUE_CONSTANT, LOAD, *friction.viscous, *friction.coulomb, *model.drive.constant_torques()}

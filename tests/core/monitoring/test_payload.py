@@ -174,6 +174,16 @@ def test_a_heavier_payload_is_told_by_its_pattern_where_no_load_is_monitored(
     assert (weaker.parameter, weaker.direction) == ("kT", "down")
 
 
+def test_friction_that_seems_to_grow_with_a_lighter_payload_is_no_second_change(
+    weight_not_monitored: tuple[Arm, ArmWatch],
+) -> None:
+    """Half of the payload: beside kT, which follows the weight, friction seems larger by the same share."""
+    alarms = after(weight_not_monitored, {"payload": 0.5})
+    assert names(alarms) == [("named", "kT", "up")] * 2
+    assert {alarm.doubt for alarm in alarms} == {""}
+    assert same_payload(alarms[0], [("elbow", alarms[1])]) == ("elbow",)
+
+
 @pytest.mark.parametrize(
     ("changes", "parameter", "direction"),
     [

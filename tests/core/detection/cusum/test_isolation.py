@@ -194,3 +194,45 @@ def test_given_a_payload_the_scatter_of_its_weight_is_no_other_change(seed: int)
         assert causes.payload == 0
         assert causes.best == KT
         assert causes.stands_out(4.0)
+
+
+UNWEIGHED = Payload(KT, -NOMINAL * (1, 1, 1, 0), weighed=False)
+"""The same where no load is monitored; the last parameter is no torque."""
+
+
+@pytest.mark.parametrize("weight", [1.4, 0.6])
+def test_where_no_weight_is_monitored_a_payload_lowers_all_torques_alike(weight: float, seed: int) -> None:
+    """It counts as a change of kT, which explains all of it, and by the same share."""
+    V = np.diag((0.02 * NOMINAL) ** 2)
+    d = NOMINAL * (1, 1, 1, 0) * (1 / weight - 1)
+    causes = single_faults(d, V, payload=UNWEIGHED)
+    assert (causes.best, causes.in_proportion) == (KT, True)
+    assert causes.explains(4.0)
+    assert causes.freedom == P - 1
+    assert causes.T[KT] == pytest.approx(float(d @ np.linalg.solve(V, d)) - SECOND_DIRECTION, rel=1e-6)
+    assert not single_faults(d, V).explains(4.0)
+    size, size_sd = sizes(d, V, [KT], UNWEIGHED)
+    assert causes.size[KT] == pytest.approx(d[KT])
+    assert (size[0], size_sd[0]) == (pytest.approx(causes.size[KT]), pytest.approx(causes.size_sd[KT]))
+    draws = np.random.default_rng(seed).multivariate_normal(d / SCALE, V / SCALE**2, 2000)
+    z = np.array([(sizes(x * SCALE, V, [KT], UNWEIGHED)[0][0] - d[KT]) / size_sd[0] for x in draws])
+    assert abs(z.std() - 1) < 5 / np.sqrt(2 * len(z))
+
+
+def test_what_is_no_payload_stays_what_it_is_where_no_weight_is_monitored() -> None:
+    V = np.diag((0.02 * NOMINAL) ** 2)
+    for changed in range(P):
+        d = np.where(np.arange(P) == changed, -0.3 * NOMINAL, 0.0)
+        causes = single_faults(d, V, payload=UNWEIGHED)
+        assert (causes.best, causes.in_proportion) == (changed, False)
+        assert causes.T[changed] == pytest.approx(225.0, rel=1e-6)
+        assert causes.explains(4.0)
+    weaker = np.array([-0.3, 0.0, 0.0, 0.0]) * NOMINAL
+    assert sizes(weaker, V, [KT], UNWEIGHED)[0] == pytest.approx(-0.3, rel=1e-6)
+    opposite = np.array([-0.3, 0.3, 0.3, 0.0]) * NOMINAL
+    assert not single_faults(opposite, V, payload=UNWEIGHED).explains(4.0)
+    beside = np.array([-0.3, -0.3, -0.3, 0.3]) * NOMINAL
+    causes = single_faults(beside, V, payload=UNWEIGHED)
+    assert causes.in_proportion
+    assert not causes.explains(4.0)
+    assert single_faults(beside, V, [KT], payload=UNWEIGHED).T == pytest.approx(single_faults(beside, V, [KT]).T)
