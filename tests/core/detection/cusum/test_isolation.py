@@ -235,4 +235,4 @@ def test_what_is_no_payload_stays_what_it_is_where_no_weight_is_monitored() -> N
     causes = single_faults(beside, V, payload=UNWEIGHED)
     assert causes.in_proportion
     assert not causes.explains(4.0)
-    assert single_faults(beside, V, [KT], payload=UNWEIGHED).T == pytest.approx(single_faults(beside, V, [KT]).T)
+    assert pytest.approx(single_faults(beside, V, [KT]).T) == single_faults(beside, V, [KT], payload=UNWEIGHED).T
