@@ -72,5 +72,10 @@ from monitor_core.identification.weight.arm_contact import arm_contact
 from monitor_core.identification.weight.arm_energies import MotionSignals
 from monitor_core.identification.weight.arm_links import ArmSignals, LinkWeights
 from monitor_core.identification.weight.arm_load import ArmLoad, arm_load, motor_angles, recorded_signals
-from monitor_core.identification.weight.motor_coupling import CouplingFactor, MotorCoupling, motor_coupling
+from monitor_core.identification.weight.motor_coupling import (
+    CouplingFactor,
+    MotorCoupling,
+    likely_coupling,
+    motor_coupling,
+)
 from monitor_core.identification.weight.turning_weight import TurningWeight, turning_weight

@@ -57,6 +57,8 @@ _MAX_ERROR = 0.25
 """Half the width of the interval of a factor is at most this share of it, .."""
 _STEPS, _AS_WELL = (0.1, 0.15, 0.2, 0.25, 0.3), 1.02
 """.. and at least the first of these shares of it, and the largest with which the squared errors grow by less."""
+_ALIKE = 0.1
+"""Half the difference between the halves of the records is less than this share of a factor that is likely."""
 _DETERMINED = 1e-8
 
 
@@ -95,12 +97,35 @@ def motor_coupling(
         The factors; None: the friction shows none, or none of the known ones clearly enough.
     """
     load = [Term.read(text) for text in terms]
+    search = _search(records, others, load)
+    return search.found(known) if search else None
+
+
+def likely_coupling(records: Sequence[Record], others: Sequence[str]) -> MotorCoupling | None:
+    """The likeliest factor of one axis, where the load of links is not known, so that friction may not show it yet.
+
+    A large factor hides the load: it makes the friction of the motor, and what the motor takes to accelerate, follow
+    another axis.  With a factor that is about right the load is found, and then ``motor_coupling`` can judge it.
+
+    Args:
+        records: as of ``motor_coupling``.
+        others: as there.
+
+    Returns:
+        The factor, with half the difference between the halves of the records as its error; None: they differ.
+    """
+    search = _search(records, others, ())
+    return search.likeliest() if search else None
+
+
+def _search(records: Sequence[Record], others: Sequence[str], load: Sequence[Term]) -> _CouplingSearch | None:
+    """The search in these records; None: they are too short."""
     names = dict.fromkeys((*others, *(name for term in load for name in term.signals)))
     parts, window = moving_parts(records, list(names))
     if not parts:
         return None
     scales = speed_scales(records)[:3]
-    return _CouplingSearch(parts, window, (_STEEPER * scales[0], *scales), others, load).found(known)
+    return _CouplingSearch(parts, window, (_STEEPER * scales[0], *scales), others, load)
 
 
 _Factors = Mapping[str, float]
@@ -158,6 +183,15 @@ class _CouplingSearch(WeightBalance):
                 return MotorCoupling(factors, self._remaining(chosen, where=self._against))
         factors = self._with_errors(known_alone) if known else None
         return MotorCoupling(factors, self._remaining(known_alone, where=self._against)) if factors else None
+
+    def likeliest(self) -> MotorCoupling | None:
+        """The factor that leaves least, shown or not, if it is about the same in both halves."""
+        best = min((self._with(_NONE, name) for name in self._speeds), key=self._remaining, default=_NONE)
+        for name, first in best[0].items():
+            value, error = (first + best[1][name]) / 2, abs(first - best[1][name]) / 2
+            if error < _ALIKE * abs(value) <= _ALIKE * _LARGEST:
+                return MotorCoupling({name: CouplingFactor(value, error)}, self._remaining(best, where=self._against))
+        return None
 
     def _is_shown(self, factors: _Halves, before: _Halves) -> bool:
         """Whether these factors explain clearly more than those before, of which these have one more."""

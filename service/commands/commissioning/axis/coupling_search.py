@@ -1,11 +1,11 @@
 """What commissioning does about a motor that also moves with other axes: it finds their factors in the records."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from monitor_core.identification import CouplingFactor, MotorCoupling, motor_coupling
+from monitor_core.identification import CouplingFactor, MotorCoupling, Record, likely_coupling, motor_coupling
 from monitor_core.wording import percent
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearches
@@ -57,11 +57,29 @@ def _found(job: AxisJob, given: Mapping[str, float], loads: LoadSearches) -> Mot
     """The factors by the names of axes or signals, found one by one, with the load of links that each makes known."""
     plain, factors, found = job.uncoupled(), dict(given), None
     while True:
-        coupled = plain.corrected([Correction((COUPLING, n), c, "") for n, c in factors.items()])
-        again = _one_more(plain, loads.search(coupled.text).links, list(factors))
+        links = loads.search(_coupled(plain, factors).text).links
+        again = _one_more(plain, links, list(factors))
+        if again is None and links is None and not factors:
+            again = _with_hidden_load(plain, loads)
         if again is None or again.factors.keys() == factors.keys():
             return again or found
         factors, found = _rounded(again), again
+
+
+def _coupled(plain: AxisJob, factors: Mapping[str, float]) -> AxisJob:
+    return plain.corrected([Correction((COUPLING, name), factor, "") for name, factor in factors.items()])
+
+
+def _with_hidden_load(plain: AxisJob, loads: LoadSearches) -> MotorCoupling | None:
+    """The first factor, judged with the load of links that shows only with the likeliest factor."""
+    records, used, _ = _recorded(plain, None, [])
+    likely = likely_coupling(records, list(used.values())) if used else None
+    if likely is None:
+        return None
+    names = {signal: name for name, signal in used.items()}
+    trial = _coupled(plain, {names[signal]: factor.value for signal, factor in likely.factors.items()})
+    links = loads.search(trial.text).links
+    return _one_more(plain, links, []) if links else None
 
 
 def _one_more(plain: AxisJob, links: LinkLoad | None, known: list[str]) -> MotorCoupling | None:
@@ -69,6 +87,18 @@ def _one_more(plain: AxisJob, links: LinkLoad | None, known: list[str]) -> Motor
 
     ``plain``: the job without factors in its configuration; ``links``: the load of links with the known factors.
     """
+    records, used, terms = _recorded(plain, links, known)
+    if not used or not used.keys() >= {*known}:
+        return None
+    found = motor_coupling(records, list(used.values()), terms, [used[name] for name in known])
+    names = {signal: name for name, signal in used.items()}
+    return found and found._replace(factors={names[signal]: factor for signal, factor in found.factors.items()})
+
+
+def _recorded(
+    plain: AxisJob, links: LinkLoad | None, known: list[str]
+) -> tuple[list[Record], dict[str, str], Sequence[str]]:
+    """The records, the signals of the axes that may move the motor, by axis, and the terms of the load of links."""
     config, axis = plain.configured()
     partners = [o for o in config.axes if o.robot == axis.robot and may_be_coupled(axis.config, o.config)]
     signals = {other.config.name: _signal(other.config.name, axis.config) for other in partners}
@@ -78,12 +108,7 @@ def _one_more(plain: AxisJob, links: LinkLoad | None, known: list[str]) -> Motor
     records = [load(name, config, plain.axis_id).record for name in plain.records]
     signals |= {name: name for name in known if name not in signals}
     used = {n: s for n, s in signals.items() if all(np.isfinite(r.signals.get(s, np.nan)).any() for r in records)}
-    if not used or not used.keys() >= {*known}:
-        return None
-    terms = links.weights.terms if links else ()
-    found = motor_coupling(records, list(used.values()), terms, [used[name] for name in known])
-    names = {signal: name for name, signal in used.items()}
-    return found and found._replace(factors={names[signal]: factor for signal, factor in found.factors.items()})
+    return records, used, links.weights.terms if links else ()
 
 
 def _signal(name: str, axis: AxisConfig) -> str:
