@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from monitor_core.arrays import Floats
-from monitor_core.identification import Record, motor_coupling
+from monitor_core.identification import Record, likely_coupling, motor_coupling
 
 H_S, COUNT = 0.02, 30_000
 BEFORE = ("roll", "bend")
@@ -109,6 +109,17 @@ def test_the_factors_of_a_coupled_wrist_are_found(number: int, seed: int) -> Non
 @pytest.mark.parametrize(("points", "terms"), [(12, WEIGHT), (40, ())])
 def test_none_are_found_without_a_coupling(points: int, terms: Sequence[str], number: int, seed: int) -> None:
     assert motor_coupling([Wrist(seed + number, points=points).record], BEFORE, terms) is None
+
+
+@pytest.mark.parametrize("number", range(WRISTS))
+def test_a_large_factor_is_likely_although_the_load_is_not_known(number: int, seed: int) -> None:
+    """Without it nothing is shown in six of eight; with a factor that is about right the load can be found."""
+    found = likely_coupling([Wrist(seed + number, (0.0, 0.8)).record], BEFORE)
+    assert found is not None
+    assert found.factors.keys() == {"bend"}
+    assert found.factors["bend"].value == pytest.approx(0.8, rel=0.12)
+    without = likely_coupling([Wrist(seed + number).record], BEFORE)
+    assert without is None or all(abs(factor.value) < 0.1 for factor in without.factors.values())
 
 
 @pytest.mark.parametrize("factor", [-1.0, 1.0])

@@ -13,8 +13,8 @@ import pytest
 
 from monitor_core.arrays import Floats
 from monitor_core.calibration import CalibrationOptions
-from monitor_core.identification import ArmLoad, ArmSignals, Effect, FitQuality, Record, arm_load
-from service.commands.commissioning.axis import load_search
+from monitor_core.identification import ArmLoad, ArmSignals, Effect, FitQuality, Record, arm_load, motor_coupling
+from service.commands.commissioning.axis import coupling_search, load_search
 from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.axis.coupling_search import with_coupling
 from service.commands.commissioning.axis.identification_retries import retry
@@ -33,6 +33,7 @@ TRUE = {"J": 0.02, "fm": 0.3, "fc": 0.5}
 WEIGHT = 0.8
 """Torque of the weight [N m]"""
 COUNT, H_S = 5000, 0.005
+COUPLING_KEY = "coupling"
 COUPLING = f"coupling = {{ bend = {FACTOR} }}"
 ROBOT = """\
 [[robot]]
@@ -239,6 +240,31 @@ def test_without_consent_it_is_only_proposed(tmp_path: Path, seed: int) -> None:
 def test_where_the_motor_does_not_move_with_another_axis_nothing_is_set(tmp_path: Path, seed: int) -> None:
     task = job(tmp_path, written(tmp_path, seed, factor=0.0))
     assert coupled(task) == (task, BEFORE)
+
+
+@pytest.mark.parametrize("likely", [True, False])
+def test_a_load_that_shows_with_the_likeliest_factor_only(
+    likely: bool, tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a large factor: without the load the friction does not show it, and without it no load is found."""
+
+    class Hidden(LoadSearches):
+        def search(self, text: str) -> Any:
+            found = super().search(text)
+            return found if COUPLING_KEY in text else SimpleNamespace(links=None)
+
+    def shown(records: Sequence[Record], others: Sequence[str], terms: Sequence[str], known: Sequence[str]) -> Any:
+        return motor_coupling(records, others, terms, known) if terms or known else None
+
+    monkeypatch.setattr(coupling_search, "motor_coupling", shown)
+    if not likely:
+        monkeypatch.setattr(coupling_search, "likely_coupling", lambda *_: None)
+    task = job(tmp_path, written(tmp_path, seed, WEIGHT))
+    found, outcome = with_coupling(task, BEFORE, Hidden(task.axis_id, task.records, task.folder), lambda *_: None)
+    if likely:
+        assert coupling_in(found.text, tmp_path) == pytest.approx({"bend": FACTOR}, rel=0.1)
+    else:
+        assert (found, outcome) == (task, BEFORE)
 
 
 def test_the_load_is_searched_once_for_one_configuration(
