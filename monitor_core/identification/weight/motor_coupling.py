@@ -37,8 +37,9 @@ _LARGEST = 1.5
 _MAX_REMAINING = 0.85
 """Share of the squared errors of each half, with values of the other, that the first factor leaves at most, and also
 where the axis moves"""
-_MAX_AGAINST = 0.95
-"""The same where the motor moves against its axis: without coupling this is much more than 1, as the sign is wrong"""
+_MAX_AGAINST = 0.7
+"""The same where the motor moves against its axis: without coupling this is much more than 1, as the sign is wrong; a
+factor that was twice the true one left 0.83, right ones 0.02 to 0.5"""
 _MAX_FURTHER = 0.9
 """The same as for the first, for a further one"""
 _MIN_EXPLAINED = 0.65
