@@ -122,6 +122,12 @@ def test_a_large_factor_is_likely_although_the_load_is_not_known(number: int, se
     assert without is None or all(abs(factor.value) < 0.1 for factor in without.factors.values())
 
 
+def test_no_factor_is_likely_if_the_halves_of_the_records_differ(seed: int) -> None:
+    records = [Wrist(seed, (0.0, factor)).record for factor in (0.8, 0.4)]
+    assert likely_coupling(records, BEFORE) is None
+    assert likely_coupling(records[:1], ()) is None
+
+
 @pytest.mark.parametrize("factor", [-1.0, 1.0])
 def test_an_elbow_whose_angle_counts_from_the_horizontal(factor: float, seed: int) -> None:
     """Some controllers show it so; its motor turns by the difference to the shoulder."""
