@@ -94,6 +94,8 @@ def _correlation(left: Sequence[Floats], right: Sequence[Floats]) -> Floats:
 # The order is Schwarz's: zero for white errors, which then change nothing.
 
 MOST_ORDERS = 60
+_AT_ONCE = 65_536
+"""Frequencies whose spectra are multiplied at once"""
 
 
 def scores_covariance(eps: Sequence[Floats], psi: Sequence[Floats]) -> tuple[Floats, int]:
@@ -113,7 +115,9 @@ def scores_covariance(eps: Sequence[Floats], psi: Sequence[Floats]) -> tuple[Flo
         S = rfft(J, size, axis=0)
         weight = Phi / size
         weight[1 : (size + 1) // 2] *= 2  # Both signs of the frequency.
-        out += np.real((S.conj() * weight[:, None]).T @ S)
+        for at in range(0, len(S), _AT_ONCE):  # of an hour of samples, all at once take half a gigabyte
+            part = S[at : at + _AT_ONCE]
+            out += np.real((part.conj() * weight[at : at + _AT_ONCE, None]).T @ part)
     return out, a.size - 1
 
 

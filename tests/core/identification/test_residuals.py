@@ -75,15 +75,19 @@ def test_autoregression_finds_the_model(seed: int) -> None:
     assert autoregression([e])[0].size <= 2
 
 
-def test_covariance_of_the_scores_is_the_double_sum(seed: int) -> None:
+@pytest.mark.parametrize("count", [500, 80_000])
+def test_covariance_of_the_scores_is_the_double_sum(count: int, seed: int) -> None:
+    """Of a long record, too, in which only 500 samples depend on the parameters."""
     rng = np.random.default_rng(seed)
-    psi, eps = rng.standard_normal((500, 3)), lfilter([1], [1, -0.7], rng.standard_normal(500))
+    psi, eps = np.zeros((count, 3)), lfilter([1], [1, -0.7], rng.standard_normal(count))
+    excited = psi[count // 2 : count // 2 + 500] if count > 500 else psi
+    excited[:] = rng.standard_normal((500, 3))
     S, order = scores_covariance([eps], [psi])
     a, variance = autoregression([eps])
     assert order == a.size - 1 > 0
     impulse = lfilter([1], a, np.eye(1, 5000)[0])
     R = variance * np.array([impulse[: 5000 - l] @ impulse[l:] for l in range(500)])
-    np.testing.assert_allclose(S, psi.T @ toeplitz(R) @ psi, rtol=1e-6, atol=1e-6 * abs(S).max())
+    np.testing.assert_allclose(S, excited.T @ toeplitz(R) @ excited, rtol=1e-6, atol=1e-6 * abs(S).max())
 
 
 def test_deviations_with_coloured_errors_are_those_that_occur(seed: int) -> None:
