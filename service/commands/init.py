@@ -126,7 +126,7 @@ def _from_table(record: Path, output: Path) -> None:
     from service.ingest.records import is_table
     from service.ingest.signal_roles import summary
     from service.ingest.table_files import open_table
-    from service.reports.proposed_configuration import gears_wanted, table_lines
+    from service.reports.proposed_configuration import degrees_asked, gears_wanted, table_lines
 
     if not is_table(record):
         raise typer.BadParameter(
@@ -160,7 +160,7 @@ def _from_table(record: Path, output: Path) -> None:
     not_read = (f"not used: {why}" for why in filter(None, [apart, *faults.values()]))
     loads = (f"{name or 'all axes'}: load {column}" for name, column in found.loads.items())
     further = [*loads, *_load_words(found.switches), *_temperature_words(found.temperatures)]
-    asked = gears_wanted(found.axes)
+    asked = [*degrees_asked(found.axes), *gears_wanted(found.axes)]
     words = [*table.taken, _time_words(found), *summary(found.axes), *further, *unused, *alone, *not_read, *asked]
     lines = table_lines(found, record.name)
     propose(output, words, lines, f"Next: axiswatch commission {record} --config {output}")

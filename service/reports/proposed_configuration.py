@@ -263,6 +263,17 @@ def gears_wanted(axes: Sequence[AxisRoles]) -> Iterator[str]:
         )
 
 
+def degrees_asked(axes: Sequence[AxisRoles]) -> Iterator[str]:
+    """A question about angles without a unit that are faster than those of arms in rad: they may be in degrees."""
+    unknown = [axis for axis in axes if axis.motion.quantity == "angle" and not axis.motion.unit]
+    fast = [axis for axis in unknown if (axis.fastest or 0.0) > _ARM]
+    if len(axes) > 1 and fast:
+        yield (
+            f"angles without a unit ({listed([axis.name for axis in unknown])}) are taken as rad; if they are in"
+            " degrees, add factor = 0.0174533 to each: otherwise the torque cannot follow the pose"
+        )
+
+
 def _side(fastest: float) -> str:
     """Side of the gear on which this largest speed [rad/s] occurs; empty: it can be either side."""
     if fastest > _MOTOR:
