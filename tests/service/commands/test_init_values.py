@@ -111,19 +111,30 @@ def test_the_gear_ratios_of_a_robot_are_asked_for_where_its_angles_are_those_of_
 
 
 @pytest.mark.parametrize(
-    ("axes", "speed", "unit", "asked"),
-    [(2, 60.0, "", True), (2, 3.0, "", False), (2, 60.0, " [rad]", False), (1, 60.0, "", False)],
+    ("axes", "speed", "motion", "asked"),
+    [(2, 60.0, "Pos", True), (2, 3.0, "Pos", False), (2, 60.0, "Pos [rad]", False), (1, 60.0, "Pos", False)],
 )
-def test_angles_without_a_unit_may_be_in_degrees(record: Path, axes: int, speed: float, unit: str, asked: bool) -> None:
+def test_angles_without_a_unit_may_be_in_degrees(
+    record: Path, axes: int, speed: float, motion: str, asked: bool
+) -> None:
     """Arms are slower in rad; a single axis has no pose."""
     rows = read_rows(record)[:, : 1 + 2 * axes]
     rows[:, 0] -= rows[0, 0]
     fastest = np.quantile(np.abs(rows[10:, 2::2] - rows[:-10, 2::2]), 0.999, axis=0) / 0.05
     rows[:, 2::2] *= speed / fastest
-    names = ["Time", "A1_Trq", f"A1_Pos{unit}", "A2_Trq", f"A2_Pos{unit}"]
+    names = ["Time", "A1_Trq", f"A1_{motion}", "A2_Trq", f"A2_{motion}"]
     write_rows(record, rows, ",".join(names[: 1 + 2 * axes]))
+    found = [line for line in shown("init", record).splitlines() if line.startswith("angles without a unit")]
     words = "angles without a unit (axis1 and axis2) are taken as rad; if they are in degrees, add factor = 0.0174533"
-    assert (words in shown("init", record)) == asked
+    assert [line.partition(" to each")[0] for line in found] == [words] * asked
+
+
+def test_speeds_without_a_unit_are_not_asked_about(record: Path) -> None:
+    rows = read_rows(record)
+    rows[:, 0] -= rows[0, 0]
+    rows[:, 2::2] = 60 * np.gradient(rows[:, 2::2], 0.005, axis=0)
+    write_rows(record, rows, "Time,A1_Trq,A1_Vel,A2_Trq,A2_Vel")
+    assert "angles without a unit" not in shown("init", record)
 
 
 @pytest.mark.parametrize("name", ["Achse 1 Istposition (Grad)", "Pos_deg(:,1)", "Winkel [deg]"])
