@@ -60,10 +60,12 @@ class TorqueTime(NamedTuple):
         """Multiple of half a sample by which to take a later torque; 0: it acts from the sample on, as far as is known.
 
         ``interval_s``: between the samples.  No drive holds its torque for longer than ``_LONGEST_HELD_S``: then half a
-        sample needs no evidence, but evidence against it.
+        sample needs no evidence, but evidence against it.  More is taken only as far as it is sure: what an arm lacks
+        to be rigid may look like some of it.
         """
-        held = self.late - self.sd <= _HALF / 2 if interval_s <= _LONGEST_HELD_S else self.late + self.sd < _HALF / 2
-        return 0.0 if held else max(round(self.late / _HALF) * _HALF, _HALF)
+        least, most = self.late - self.sd, self.late + self.sd
+        held = least <= _HALF / 2 if interval_s <= _LONGEST_HELD_S else most < _HALF / 2
+        return 0.0 if held else max(round(least / _HALF) * _HALF, _HALF)
 
 
 def torque_time(records: Sequence[Record]) -> TorqueTime | None:

@@ -79,6 +79,7 @@ def test_a_long_interval_needs_evidence_for_a_held_torque_and_a_short_one_agains
     assert TorqueTime(0.6, 0.3).halves(0.004) == 0.5
     assert TorqueTime(1.6, 0.3).halves(0.004) == 1.5
     assert TorqueTime(0.26, 0.001).halves(0.004) == 0.5
+    assert TorqueTime(2.0, 0.9).halves(0.012) == 1.0  # only what is sure
 
 
 def test_axes_of_a_robot_share_their_time_unless_one_differs() -> None:
