@@ -23,7 +23,9 @@ from tests.core.chains import one_mass
 
 MONITORED = ("kT", "fm", "fc", "load")
 MEMORY_S, MIN_SPEED = 10.0, 3.0
-SEED_S, HEALTHY_S, WATCH_S = 200.0, 200.0, 170.0
+SEED_S, HEALTHY_S = 200.0, 200.0
+WATCH_S = 400.0
+"""fm +50 % of the elbow is raised after 84 to 214 s: the weights alone leave the coupling of the axes to the noise."""
 
 
 class Found(NamedTuple):
