@@ -37,6 +37,8 @@ class Review(NamedTuple):
     """Values that were taken as configured"""
     standing: tuple[str, ...] = ()
     """Records in which the axis does not move although it does in others; they are left out"""
+    samples: int = 0
+    """Number of samples of the axis in the other records"""
 
 
 def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Review:
@@ -54,7 +56,8 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
         if new is None or len(found) == _MAX_ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
             doubts = () if wrong else tuple(unknown_units(recorded))
             standing = tuple(text for text in records if text not in used)
-            return Review(tuple(found), wrong, doubts, unchecked(recorded), standing)
+            samples = sum(map(len, recorded.records))
+            return Review(tuple(found), wrong, doubts, unchecked(recorded), standing, samples)
         found.append(new)
 
 

@@ -6,9 +6,16 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from service.commands.commissioning.axis import axis_processes
+from service.commands.commissioning.axis.axis_job import AxisJob
+from service.commands.commissioning.axis.axis_processes import needed_memory
+from service.commands.commissioning.signals.signal_proposals import Review
+from service.reports.commissioning_report import Outcome
 from tests.end_to_end.processes import PATIENCE_S
 
 PROGRAM = """
@@ -69,7 +76,8 @@ if __name__ == "__main__":
     orders = [SimpleNamespace(axis_id=name) for name in ("one", "two")]
     shown = lambda step: print(step.axis_id, flush=True)
     try:
-        list(axis_processes.outcomes(orders, {"one": None, "two": None}, shown))
+        reviews = dict.fromkeys(("one", "two"), SimpleNamespace(samples=1000))
+        list(axis_processes.outcomes(orders, reviews, shown))
     except KeyboardInterrupt:
         sys.exit(7)
 """
@@ -89,3 +97,91 @@ def test_an_interrupt_of_the_command_alone_ends_them(tmp_path: Path) -> None:
     finally:
         command.kill()
         command.communicate()
+
+
+KILLED = """
+import os, signal
+from types import SimpleNamespace
+from service.commands.commissioning.axis import axis_processes
+from service.reports.commissioning_report import Outcome
+
+def works(job, review, step):
+    if job.axis_id == "two":
+        os.kill(os.getpid(), signal.SIGKILL)
+    return Outcome(job.axis_id, notes=("found",))
+
+axis_processes.commission_axis = works
+axis_processes.os.cpu_count = lambda: 2
+
+if __name__ == "__main__":
+    jobs = [SimpleNamespace(axis_id=name) for name in ("one", "two", "three")]
+    reviews = dict.fromkeys(("one", "two", "three"), SimpleNamespace(samples=1000))
+    for outcome in axis_processes.outcomes(jobs, reviews, lambda step: None):
+        print(outcome.axis_id, outcome.refusal or outcome.notes[0])
+"""
+
+
+def test_an_axis_whose_process_is_killed_does_not_end_the_others(tmp_path: Path) -> None:
+    """As by a system without memory."""
+    found = dict(line.split(maxsplit=1) for line in lines_of(KILLED, tmp_path))
+    assert found.pop("two").startswith(
+        "not commissioned: its process was ended by SIGKILL, as the system does when memory"
+    )
+    assert found == {"one": "found", "three": "found"}
+
+
+def lines_of(program: str, folder: Path) -> list[str]:
+    """What a program prints."""
+    script = folder / "program.py"
+    script.write_text(program, encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": os.getcwd()}
+    run = subprocess.run([sys.executable, script], env=environment, capture_output=True, timeout=PATIENCE_S, check=True)
+    return run.stdout.decode().splitlines()
+
+
+AT_ONCE = """
+import sys, time
+from types import SimpleNamespace
+from service.commands.commissioning.axis import axis_processes
+from service.reports.commissioning_report import Outcome
+
+def works(job, review, step):
+    begun = time.time()
+    time.sleep(1.0)
+    return Outcome(job.axis_id, notes=(f"{begun} {time.time()}",))
+
+needs = axis_processes.needed_memory(1000)
+axis_processes.commission_axis = works
+axis_processes.free_memory = lambda: int(2.5 * needs)
+axis_processes.os.cpu_count = lambda: 4
+
+if __name__ == "__main__":
+    jobs = [SimpleNamespace(axis_id=name) for name in "abc"]
+    reviews = dict.fromkeys("abc", SimpleNamespace(samples=1000))
+    for outcome in axis_processes.outcomes(jobs, reviews, lambda step: None):
+        print(outcome.notes[0])
+"""
+
+
+def test_no_more_axes_at_once_than_fit_into_the_memory(tmp_path: Path) -> None:
+    """Memory for two and a half, on four processors."""
+    spans = [tuple(map(float, line.split())) for line in lines_of(AT_ONCE, tmp_path)]
+    at_once = [sum(begun <= now < ended for begun, ended in spans) for now, _ in spans]
+    assert len(spans) == 3
+    assert max(at_once) == 2
+
+
+def test_an_axis_for_which_there_is_no_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others are commissioned; where the free memory is not known, all are."""
+    monkeypatch.setattr(axis_processes, "commission_axis", lambda job, *_: Outcome(job.axis_id, notes=("found",)))
+    jobs = [cast("AxisJob", SimpleNamespace(axis_id=name)) for name in ("long", "short")]
+    reviews = {name: Review((), (), (), "", (), samples) for name, samples in (("long", 7_200_000), ("short", 1000))}
+    monkeypatch.setattr(axis_processes, "free_memory", lambda: needed_memory(7_200_000) - 1)
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    long, short = axis_processes.outcomes(jobs, reviews, lambda _: None)
+    assert "7200000 samples" in long.refusal
+    assert "@0:" in long.refusal
+    assert (short.axis_id, short.notes) == ("short", ("found",))
+    for free in (needed_memory(7_200_000), None):
+        monkeypatch.setattr(axis_processes, "free_memory", lambda free=free: free)
+        assert all(outcome.notes for outcome in axis_processes.outcomes(jobs, reviews, lambda _: None))
