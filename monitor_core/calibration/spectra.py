@@ -60,7 +60,7 @@ class Spectra:
             self._samples += len(kept)
             rest = np.concatenate([rest, kept])
             segments = len(rest) // self._length
-            for segment in rest[: segments * self._length].reshape(segments, self._length, -1):
+            for segment in rest[: segments * self._length].reshape(segments, self._length, rest.shape[1]):
                 self._add_segment(segment)
             rest = rest[segments * self._length :]
 

@@ -201,7 +201,7 @@ def information(
         variance: of the errors, lambda_0.
         cells: (N,) of each record, the cell of the motion of each sample (``motion_cells``).
     """
-    scaled = [_unexplained(psi, start) * sizes for psi, start in zip(gradients, starts, strict=True)]
+    scaled = [_unexplained(psi, start, sizes) for psi, start in zip(gradients, starts, strict=True)]
     R = _triangular(scaled)
     accuracy = Accuracy(tuple(names), R, np.sqrt(variance) if variance > 0 else 1e-300)
     S, order = scores_covariance(eps, scaled)
@@ -277,14 +277,14 @@ def _consistent(accuracy: Accuracy, covariance: Floats) -> Accuracy:
     return Accuracy(accuracy.names, root * accuracy.noise, accuracy.noise)
 
 
-def _unexplained(psi: Floats, start: Floats) -> Floats:
-    """The part of the columns of psi that those of ``start`` do not explain."""
+def _unexplained(psi: Floats, start: Floats, sizes: Floats) -> Floats:
+    """The part of the columns of psi that those of ``start`` do not explain, times ``sizes``."""
     if not start.shape[1]:
-        return psi
+        return psi * sizes
     lengths = np.linalg.norm(start, axis=0)
-    left, sizes, _ = np.linalg.svd(start / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
-    left = left[:, sizes > _EXPLAINED * sizes.max(initial=0.0)]
+    left, values, _ = np.linalg.svd(start / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
+    left = left[:, values > _EXPLAINED * values.max(initial=0.0)]
     out, along = np.empty_like(psi), left.T @ psi
     for block in _blocks(len(psi)):
-        out[block] = psi[block] - left[block] @ along
+        out[block] = (psi[block] - left[block] @ along) * sizes
     return out

@@ -128,6 +128,19 @@ def test_records_add_up_and_gaps_are_left_out(seed: int) -> None:
     np.testing.assert_allclose(twice.covariance(), once.covariance() / 2, rtol=0.05)
 
 
+def test_a_record_is_the_same_in_blocks(seed: int) -> None:
+    """Blocks of other lengths than the segments, some of them empty."""
+    rng = np.random.default_rng(seed)
+    eps = rng.standard_normal((N, 3))
+    eps[rng.integers(0, N, 50)] = np.nan
+    at_once, in_blocks = of_variances(1.0, 1.2), of_variances(1.0, 1.2)
+    for rows in (eps, eps[: N // 2]):
+        at_once.add([rows])
+        in_blocks.add(np.split(rows, sorted([*rng.integers(0, len(rows), 60).tolist(), 0])))
+    np.testing.assert_array_equal(in_blocks.covariance(), at_once.covariance())
+    np.testing.assert_array_equal(in_blocks.r(), at_once.r())
+
+
 def test_nothing_is_known_of_what_nothing_speaks_for(seed: int) -> None:
     eps = np.random.default_rng(seed).standard_normal((N, 1))
     spectra = of_variances(1.0, 1.0, 1.0)

@@ -98,8 +98,8 @@ def _in_parallel(
 # --- The memory that an axis takes ------------------------------------------------------------------------------------
 
 
-_PROGRAM_BYTES, _SAMPLE_BYTES = 350_000_000, 500
-"""Memory of a process without samples, and for each sample of the axis"""
+_PROGRAM_BYTES, _SAMPLE_BYTES = 500_000_000, 400
+"""Memory of a process with few samples, and for each sample of the axis: measured, with some room"""
 
 
 def needed_memory(samples: int) -> int:
