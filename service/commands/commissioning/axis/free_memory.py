@@ -48,8 +48,6 @@ def _of_groups(root: Path) -> Iterator[int]:
             continue
         own = mounted / path.lstrip("/")
         for folder in (own, *own.parents):
-            if not folder.is_relative_to(mounted):
-                break
             yield from _left(folder, files)
 
 
