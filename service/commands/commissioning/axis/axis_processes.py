@@ -112,8 +112,8 @@ def _too_long(samples: int, needed: int, free: int) -> str:
     fit = 100 * max(free - _PROGRAM_BYTES, 0) // _SAMPLE_BYTES // samples
     return (
         f"not commissioned: its {samples} samples take about {needed / 1e9:.1f} GB of memory, of which"
-        f" {free / 1e9:.1f} GB are free, enough for {fit} % of them: end other programs, leave records out, or use a"
-        " part of them, such as RECORD@0:3600 for the first hour"
+        f" {free / 1e9:.1f} GB are free, enough for {fit} % of them: end other programs, leave records out, or divide"
+        " long files (a file is read as a whole, also for a range in it)"
     )
 
 
@@ -123,7 +123,7 @@ def _ended(axis_id: str, code: int | None) -> str:
     why = ", as the system does when memory runs out" if by == "SIGKILL" else ""
     return (
         f"not commissioned: its process was ended by {by}{why}: call the command again for this axis alone, --axis"
-        f" {axis_id}, or with a part of the records"
+        f" {axis_id}, or with fewer records"
     )
 
 

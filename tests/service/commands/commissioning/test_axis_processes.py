@@ -180,7 +180,7 @@ def test_an_axis_for_which_there_is_no_memory_is_refused(monkeypatch: pytest.Mon
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     long, short = axis_processes.outcomes(jobs, reviews, lambda _: None)
     assert "7200000 samples" in long.refusal
-    assert "@0:" in long.refusal
+    assert "enough for 99 % of them: end other programs, leave records out" in long.refusal
     assert (short.axis_id, short.notes) == ("short", ("found",))
     for free in (needed_memory(7_200_000), None):
         monkeypatch.setattr(axis_processes, "free_memory", lambda free=free: free)
