@@ -145,6 +145,7 @@ def _steps(axis_id: str, show: Callable[[AxisStep], None]) -> Callable[[str, str
 
 
 def _in_own_process(job: AxisJob, review: Review, sender: Connection) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # a terminal sends it to all: the parent ends this process
     end_with_parent()
     return_freed_memory()
     sender.send(_outcome(job, review, sender.send))

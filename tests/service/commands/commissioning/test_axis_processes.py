@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -70,6 +71,7 @@ def endless(order, review, step):
     time.sleep(600)
 
 axis_processes.commission_axis = endless
+axis_processes.os.cpu_count = lambda: 2
 
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.default_int_handler)  # tests that run in the background ignore it
@@ -83,20 +85,26 @@ if __name__ == "__main__":
 """
 
 
-def test_an_interrupt_of_the_command_alone_ends_them(tmp_path: Path) -> None:
-    """As `kill -INT` or a supervisor sends it; a terminal sends it to all of them."""
+@pytest.mark.parametrize("send", [os.kill, os.killpg], ids=["alone", "all"])
+def test_an_interrupt_ends_them_without_a_word(send: Callable[[int, int], None], tmp_path: Path) -> None:
+    """As `kill -INT` or a supervisor sends it to the command alone; a terminal sends it to all of them."""
     script = tmp_path / "program.py"
     script.write_text(INTERRUPTED, encoding="utf-8")
     environment = os.environ | {"PYTHONPATH": os.getcwd()}
-    command = subprocess.Popen([sys.executable, script], env=environment, stdout=subprocess.PIPE)
+    errors = tmp_path / "errors"
+    with errors.open("wb") as file:
+        command = subprocess.Popen(
+            [sys.executable, script], env=environment, stdout=subprocess.PIPE, stderr=file, start_new_session=True
+        )
     try:
         assert command.stdout is not None
-        assert command.stdout.readline().strip() in (b"one", b"two")
-        command.send_signal(signal.SIGINT)
+        assert {command.stdout.readline().strip() for _ in range(2)} == {b"one", b"two"}
+        send(command.pid, signal.SIGINT)
         assert command.wait(PATIENCE_S) == 7
     finally:
         command.kill()
         command.communicate()
+    assert errors.read_text() == ""
 
 
 KILLED = """
