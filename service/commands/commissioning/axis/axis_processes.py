@@ -45,15 +45,16 @@ def outcomes(
     As many axes are worked on at once as there are processors, and as there is memory for.  An axis that needs more
     memory than there is gets a refusal.
     """
-    free = free_memory()
-    needs = {job.axis_id: needed_memory(reviews[job.axis_id].samples) for job in jobs}
-    fitting = [job for job in jobs if free is None or needs[job.axis_id] <= free]
+    free, fitting, largest = free_memory(), list[AxisJob](), 0
     for job in jobs:
-        if job not in fitting:
-            yield Outcome(job.axis_id, refusal=_too_long(reviews[job.axis_id].samples, needs[job.axis_id], free or 0))
-    largest = max((needs[job.axis_id] for job in fitting), default=1)
-    workers = min(len(fitting), os.cpu_count() or 1, len(fitting) if free is None else free // largest)
-    if workers == 1:
+        samples = reviews[job.axis_id].samples
+        if free is not None and needed_memory(samples) - _LOADED_BYTES > free:
+            yield Outcome(job.axis_id, refusal=_too_long(samples, free))
+        else:
+            fitting.append(job)
+            largest = max(largest, needed_memory(samples))
+    workers = min(len(fitting), os.cpu_count() or 1, len(fitting) if free is None else free // max(largest, 1))
+    if workers <= 1:  # in this process
         for job in fitting:
             yield _outcome(job, reviews[job.axis_id], show)
         return
@@ -100,6 +101,8 @@ def _in_parallel(
 
 _PROGRAM_BYTES, _SAMPLE_BYTES = 500_000_000, 400
 """Memory of a process with few samples, and for each sample of the axis: measured, with some room"""
+_LOADED_BYTES = 250_000_000
+"""Part of it that this process has already, in which an axis is worked on alone"""
 
 
 def needed_memory(samples: int) -> int:
@@ -107,9 +110,10 @@ def needed_memory(samples: int) -> int:
     return _PROGRAM_BYTES + _SAMPLE_BYTES * samples
 
 
-def _too_long(samples: int, needed: int, free: int) -> str:
+def _too_long(samples: int, free: int) -> str:
     """Why an axis with so many samples is refused, and what would do."""
-    fit = 100 * max(free - _PROGRAM_BYTES, 0) // _SAMPLE_BYTES // samples
+    fit = 100 * max(free + _LOADED_BYTES - _PROGRAM_BYTES, 0) // _SAMPLE_BYTES // max(samples, 1)
+    needed = needed_memory(samples) - _LOADED_BYTES
     return (
         f"not commissioned: its {samples} samples take about {needed / 1e9:.1f} GB of memory, of which"
         f" {free / 1e9:.1f} GB are free, enough for {fit} % of them: end other programs, leave records out, or divide"

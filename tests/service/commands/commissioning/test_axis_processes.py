@@ -182,14 +182,23 @@ def test_no_more_axes_at_once_than_fit_into_the_memory(tmp_path: Path) -> None:
 def test_an_axis_for_which_there_is_no_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """The others are commissioned; where the free memory is not known, all are."""
     monkeypatch.setattr(axis_processes, "commission_axis", lambda job, *_: Outcome(job.axis_id, notes=("found",)))
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
     jobs = [cast("AxisJob", SimpleNamespace(axis_id=name)) for name in ("long", "short")]
     reviews = {name: Review((), (), (), "", (), samples) for name, samples in (("long", 7_200_000), ("short", 1000))}
-    monkeypatch.setattr(axis_processes, "free_memory", lambda: needed_memory(7_200_000) - 1)
-    monkeypatch.setattr(os, "cpu_count", lambda: 1)
-    long, short = axis_processes.outcomes(jobs, reviews, lambda _: None)
-    assert "7200000 samples" in long.refusal
-    assert "enough for 99 % of them: end other programs, leave records out" in long.refusal
-    assert (short.axis_id, short.notes) == ("short", ("found",))
-    for free in (needed_memory(7_200_000), None):
-        monkeypatch.setattr(axis_processes, "free_memory", lambda free=free: free)
-        assert all(outcome.notes for outcome in axis_processes.outcomes(jobs, reviews, lambda _: None))
+
+    def refused_with(free: int | None) -> list[str]:
+        monkeypatch.setattr(axis_processes, "free_memory", lambda: free)
+        found = list(axis_processes.outcomes(jobs, reviews, lambda _: None))
+        assert len(found) == 2
+        assert all(outcome.refusal or outcome.notes == ("found",) for outcome in found)
+        return [outcome.refusal for outcome in found if outcome.refusal]
+
+    (words,) = refused_with(needed_memory(3_600_000))
+    assert words.startswith(
+        "not commissioned: its 7200000 samples take about 3.1 GB of memory, of which 1.9 GB are free"
+    )
+    assert "enough for 58 % of them: end other programs, leave records out" in words
+    assert refused_with(needed_memory(7_200_000)) == []
+    assert refused_with(None) == []
+    assert len(refused_with(300_000_000)) == 1  # this process has the program already
+    assert len(refused_with(200_000_000)) == 2
