@@ -3,8 +3,8 @@
 import ctypes
 import platform
 
-_M_MMAP_THRESHOLD = -3
-_LARGE_BYTES = 1 << 20
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
+_LARGE_BYTES, _KEPT_BYTES = 1 << 20, 32 << 20
 
 
 def return_freed_memory() -> None:
@@ -15,4 +15,6 @@ def return_freed_memory() -> None:
     Other libraries are left as they are.
     """
     if platform.libc_ver()[0] == "glibc":
-        ctypes.CDLL(None).mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+        library = ctypes.CDLL(None)
+        library.mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+        library.mallopt(_M_TRIM_THRESHOLD, _KEPT_BYTES)  # else it would fetch and return its last pages all the time
