@@ -67,6 +67,7 @@ from monitor_core.identification.thermal.warm_up import FoundWarmUp
 from monitor_core.identification.torque_balance.contact_force import ContactForce, contact_force
 from monitor_core.identification.torque_balance.late_torque import samples_late
 from monitor_core.identification.torque_balance.rigid_body import rigid_fit, speed_scales
+from monitor_core.identification.torque_balance.torque_time import TorqueTime, times_of_robot, torque_time
 from monitor_core.identification.torque_balance.torque_windows import leaves_much_less
 from monitor_core.identification.weight.arm_contact import arm_contact
 from monitor_core.identification.weight.arm_energies import MotionSignals

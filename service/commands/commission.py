@@ -23,7 +23,7 @@ from service.commands.command_line.options import LOG_KINDS, ConfigPath, axis_na
 from service.commands.command_line.output_files import write
 from service.commands.command_line.progress import axes_bars
 from service.config import Config
-from service.config.written.commissioned import commissioned, corrected, relocated
+from service.config.written.commissioned import commissioned, configured, corrected, relocated
 from service.config.written.commissioning_files import RECORDS, REPORT
 from service.config.written.corrections import Correction
 from service.reports.commissioning_report import Outcome, as_html, motion_step, next_step, recording_s
@@ -200,6 +200,7 @@ def _reviewed(jobs: Sequence[AxisJob], yes: bool, console: Console, command: str
     """Review the signals of each axis; the corrections in it are those to which the user agrees."""
     from service.commands.commissioning.signals.exchanged_torques import exchanged
     from service.commands.commissioning.signals.signal_proposals import review
+    from service.commands.commissioning.signals.torque_times import torque_times
 
     text, folder = jobs[0].text, jobs[0].folder
     proposals = _Proposals(yes, console)
@@ -214,6 +215,12 @@ def _reviewed(jobs: Sequence[AxisJob], yes: bool, console: Console, command: str
         # If commissioning continues, these faults become the refusal of the axis.
         for words in (*looked.doubts, *(() if proposals.can_ask else looked.faults)):
             console.print(f"{axis_id}: {words}.", markup=False)
+    for axis_id, looked in reviews.items():
+        text = corrected(text, axis_id, looked.corrections)
+    times = {axis_id: looked.torque_time for axis_id, looked in reviews.items() if not looked.faults}
+    for axis_id, correction in torque_times(configured(text, None, folder)[0], times).items():
+        agreed = proposals.agreed(axis_id, [correction])
+        reviews[axis_id] = reviews[axis_id]._replace(corrections=(*reviews[axis_id].corrections, *agreed))
     proposals.check(command)
     return reviews
 

@@ -37,8 +37,9 @@ class TorqueConfig(SignalConfig):
 
     kT_Nm_per_A: Real | None = None
     """torque constant, if the signal is the motor current: torque = kT * (factor * signal + offset) [N m/A]"""
-    late_samples: int = Field(0, ge=0, le=MOST_LATE, strict=True)
-    """number of samples by which the signal comes later than the motion that it has caused"""
+    late_samples: Real = Field(0.0, ge=0, le=MOST_LATE, multiple_of=0.5)
+    """number of samples by which the signal comes later than a torque that acts from the sample on: 0.5 if it is the
+    torque at the sample, which the drive changes many times before the next one; more for a filtered current"""
 
     @property
     def scale(self) -> tuple[float, float]:

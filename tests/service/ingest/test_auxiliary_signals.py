@@ -112,7 +112,7 @@ def test_the_motion_of_another_axis(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("first", ["one", "two"])
 def test_the_acceleration_of_another_axis(first: str, tmp_path: Path) -> None:
-    """That at the time of the sample, whichever axis sends first, and whatever the times of receipt."""
+    """That in the middle to the next sample, whichever axis sends first, and whatever the times of receipt."""
     two = axis2(signal=[ACCELERATION], **GATE_TWO)
     sender = axis1()
     sender["angle"] |= {"factor": -2.0}
@@ -124,18 +124,20 @@ def test_the_acceleration_of_another_axis(first: str, tmp_path: Path) -> None:
         of_one = [] if k == lost else pair(early if first == "one" else early + 1500, angle=2.0 + 30.0 * (k * h) ** 3)
         frames += of_one + of_two if first == "one" else of_two + of_one
     found = np.array(fed(config, *frames, axis_id="r.two"))[:, 0]
-    wanted = -6.0 * 180.0 * h * np.arange(count)
+    wanted = -6.0 * 180.0 * h * (np.arange(count) + 0.5)
     # The first two have none; around the lost one the nearest is taken, or none.
-    near, beside = np.arange(count - 3), range(lost - 2, lost + 3)
+    near, beside = np.arange(count - 4), range(lost - 3, lost + 3)
     exact = np.setdiff1d(near[2:], beside)
     # The bus sends the angle in steps, of which some 0.5 make the second difference.
     step = 6.0 * 2.0**-16 / h**2 / 2
     np.testing.assert_allclose(found[exact], wanted[exact], atol=step)
     off = np.abs(found - wanted[: len(found)])
-    assert (off[beside][:-1] < step + 5.0 * abs(wanted[1])).all()
+    given = off[beside][np.isfinite(off[beside])]
+    assert given.size >= len(beside) - 2
+    assert (given < step + 5.0 * 6.0 * 180.0 * h).all()
 
 
-@pytest.mark.parametrize(("h", "waits"), [(0.005, 3), (0.001, 9)])
+@pytest.mark.parametrize(("h", "waits"), [(0.005, 4), (0.001, 10)])
 def test_the_speed_of_the_axis_itself(h: float, waits: int, tmp_path: Path) -> None:
     own = {"name": "speed", "axis": "one", "speed": True, "factor": 2.0}
     sender = axis1(signal=[own], gate=[{"signal": "speed", "above": -1e12}], sample_interval_s=h)
@@ -144,7 +146,7 @@ def test_the_speed_of_the_axis_itself(h: float, waits: int, tmp_path: Path) -> N
     frames = [f for k in range(count) for f in pair(START_US + step_us * k, angle=2.0 + 30.0 * (k * h) ** 2)]
     found = np.array(fed(config, *frames))[:, 0]
     assert len(found) == count - waits  # a sample waits for some more
-    wanted = 2.0 * 60.0 * h * np.arange(count - waits)
+    wanted = 2.0 * 60.0 * h * (np.arange(count - waits) + 0.5)  # in the middle to the next sample
     step = 2.0 * 2.0**-16 / h  # by the steps in which the bus sends the angle
     np.testing.assert_allclose(found[waits - 1 :], wanted[waits - 1 :], atol=step)
 
@@ -255,7 +257,7 @@ def test_the_column_of_another_axis(tmp_path: Path) -> None:
 
 
 def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) -> None:
-    """As on the bus, at the time of the row; blocks change nothing, to the last bit."""
+    """As on the bus, in the middle to the next row; blocks change nothing, to the last bit."""
     rng = np.random.default_rng(seed)
     rows = 60
     t_us: Floats = np.arange(0.0, 5000.0 * rows, 5000.0)
@@ -281,10 +283,10 @@ def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) 
     )
     assert at_once.signals is not None
     np.testing.assert_array_equal(in_blocks.signals, at_once.signals)
-    np.testing.assert_array_equal(at_once.t_us, t_us[:-3])
-    np.testing.assert_array_equal(at_once.u, columns["torque_two"][:-3])
-    second = np.convolve(angle, np.array([2, -1, -2, -1, 2]) / 7, "same") / 0.005**2
-    np.testing.assert_allclose(at_once.signals[2:, 0], source.factor * second[2:-3], rtol=1e-6)
+    np.testing.assert_array_equal(at_once.t_us, t_us[:-4])
+    np.testing.assert_array_equal(at_once.u, columns["torque_two"][:-4])
+    second = np.convolve(angle, np.array([2, 1, -3, -3, 1, 2]) / 14, "valid") / 0.005**2
+    np.testing.assert_allclose(at_once.signals[2:, 0], source.factor * second[:-1], rtol=1e-6)
     angle[30] = math.nan
     held = HeldColumns(sources, 0.005).take(t_us, {"angle_one": angle})[:, 0]
     assert np.flatnonzero(np.isnan(held)).tolist() == [0, 1, 2, 3]  # else the nearest

@@ -34,9 +34,11 @@ from monitor_core.identification import (
     scheduled_terms,
     select_parameters,
     speed_scales,
+    torque_time,
     with_schedule,
 )
 from service.commands.commissioning.axis.identification_records import IdentificationRecords, load_records
+from service.commands.commissioning.signals.torque_times import torque_time_doubts
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
 from service.config.base_table import SUFFIX
 from service.config.conditions import schedules_of, term_of
@@ -134,6 +136,7 @@ def prepare(
     known = known_axis(drive, nominal, len(selection.free), speed_scale, unknown)
     warnings = [*loaded.warnings(known, axis.config.sample_interval_s)]
     warnings += units_as_recorded(config, axis, loaded.estimation[0].source.path)
+    warnings += torque_time_doubts(axis.config, torque_time(loaded.fitted))
     used, cut_words = loaded.without_gaps(known)
     warnings += cut_words
     scheduled = scheduled_terms(schedule, used.fitted)

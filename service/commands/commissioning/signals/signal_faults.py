@@ -78,7 +78,7 @@ def _too_late(recorded: RecordedAxis) -> Iterator[str]:
             "torque too late",
             "the torque comes {samples} samples or more later than the motion that it has caused, and at most {most}"
             " can be corrected: shift it where it is recorded, or record it without the filter",
-            samples=late + more,
+            samples=f"{late + more:g}",
             most=MOST_LATE,
         )
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from monitor_core.identification import check_record, moves, samples_late, wrap_of
+from monitor_core.identification import TorqueTime, check_record, moves, samples_late, torque_time, wrap_of
 from monitor_core.wording import sentence
 from service.commands.commissioning.signals.recorded_axis import RecordedAxis
 from service.commands.commissioning.signals.signal_faults import faults, unchecked, unknown_units
@@ -38,6 +38,8 @@ class Review(NamedTuple):
     """Values that were taken as configured"""
     standing: tuple[str, ...] = ()
     """Records in which the axis does not move although it does in others; they are left out"""
+    torque_time: TorqueTime | None = None
+    """Time of the torque as received; None: the records do not show it"""
     samples: int = 0
     """Number of samples of the axis that its identification has in memory at once"""
 
@@ -57,7 +59,8 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
         if new is None or len(found) == _MAX_ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
             doubts = () if wrong else tuple(unknown_units(recorded))
             standing = tuple(text for text in records if text not in used)
-            return Review(tuple(found), wrong, doubts, unchecked(recorded), standing, _at_once(recorded.sources))
+            at_once = _at_once(recorded.sources)
+            return Review(tuple(found), wrong, doubts, unchecked(recorded), standing, _torque_time(recorded), at_once)
         found.append(new)
 
 
@@ -85,6 +88,11 @@ def _first(recorded: RecordedAxis, used: tuple[str, ...]) -> tuple[Correction | 
         return new, ()
     wrong = tuple(faults(recorded, used))
     return (None if wrong else next(_corrections(_SIGNAL_CHECKS, recorded), None)), wrong
+
+
+def _torque_time(recorded: RecordedAxis) -> TorqueTime | None:
+    found = torque_time(recorded.records)
+    return found and found._replace(late=found.late + recorded.axis.config.torque.late_samples)
 
 
 def _checked(config: Config, axis: NamedAxis, records: Sequence[str]) -> tuple[RecordedAxis, tuple[str, ...]]:

@@ -184,7 +184,9 @@ def test_an_axis_for_which_there_is_no_memory_is_refused(monkeypatch: pytest.Mon
     monkeypatch.setattr(axis_processes, "commission_axis", lambda job, *_: Outcome(job.axis_id, notes=("found",)))
     monkeypatch.setattr(os, "cpu_count", lambda: 1)
     jobs = [cast("AxisJob", SimpleNamespace(axis_id=name)) for name in ("long", "short")]
-    reviews = {name: Review((), (), (), "", (), samples) for name, samples in (("long", 7_200_000), ("short", 1000))}
+    reviews = {
+        name: Review((), (), (), "", samples=samples) for name, samples in (("long", 7_200_000), ("short", 1000))
+    }
 
     def refused_with(free: int | None) -> list[str]:
         monkeypatch.setattr(axis_processes, "free_memory", lambda: free)
