@@ -14,6 +14,7 @@ import numpy as np
 from monitor_core.arrays import Floats, Ints
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.simulated_copies import Innovations, Plants, innovations
+from monitor_core.calibration.surrogate_records import CHUNK
 from monitor_core.drive.assembly import Assembly
 from monitor_core.drive.axis_model import AxisModel
 from monitor_core.drive.structure import DELAY
@@ -81,16 +82,20 @@ def _faulty_outputs(plants: Plants, record: SampleBlock, at: Ints, N: int, befor
 
     The first of the plants is healthy, the second faulty.
     """
-    rows = np.arange(N)[:, np.newaxis] + at
-    u, e = record.u[rows], np.nan_to_num(before.eps[rows])
     healthy, u_before = np.zeros(len(at), np.int64), record.u[at - 1]
     # Until the onset the previous torque acts, on the healthy drive.
     older, nothing = record.u[np.maximum(at - 2, 0)], np.zeros((1, len(at)))
     _, x = plants.run(healthy, before.x, older, u_before[np.newaxis], nothing)
-    weight = None if record.weight is None else record.weight[rows]
-    without, _ = plants.run(healthy, x, u_before, u, e, weight)
-    with_fault, _ = plants.run(healthy + 1, x, u_before, u, e, weight)
-    return np.asarray(record.y[rows] + with_fault - without)
+    out, x_faulty = np.empty((N, len(at))), x
+    for first in range(0, N, CHUNK):
+        rows = np.arange(first, min(first + CHUNK, N))[:, np.newaxis] + at
+        u, e = record.u[rows], np.nan_to_num(before.eps[rows])
+        weight = None if record.weight is None else record.weight[rows]
+        without, x = plants.run(healthy, x, u_before, u, e, weight)
+        with_fault, x_faulty = plants.run(healthy + 1, x_faulty, u_before, u, e, weight)
+        out[first : first + CHUNK] = record.y[rows] + with_fault - without
+        u_before = u[-1]
+    return out
 
 
 def equivalent_load(model: AxisModel, values: Mapping[str, float]) -> EquivalentLoad | None:

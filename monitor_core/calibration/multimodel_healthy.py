@@ -165,18 +165,17 @@ class _Blocks:
 
 def _run_record(
     bank: HypothesisBank, record: SampleBlock, heights: ExcursionPeaks, places: _Blocks, number: int
-) -> Floats:
-    """Run one record from the start; returns its innovations (N, 1 + H)."""
+) -> Iterator[Floats]:
+    """Run one record from the start; yields its innovations (n, 1 + H), part by part."""
     bank.reset()
-    course, found = heights.course(), []
+    course = heights.course()
     for k in range(0, len(record.t_us), _CHUNK_SAMPLES):
         part = record.select(slice(k, k + _CHUNK_SAMPLES))
         _, trace = bank.run_traced(part, reference=True)
         at_places = places.index(number, np.arange(k, k + len(part.t_us)))
         heights.take(trace.g[:, 1:], k, at_places, at_places, course)
         heights.samples += int(np.isfinite(trace.llr[:, 1:]).any(axis=1).sum())
-        found.append(trace.eps)
-    return np.concatenate(found)
+        yield trace.eps
 
 
 def _run_copies(

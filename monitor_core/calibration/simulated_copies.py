@@ -18,6 +18,8 @@ from monitor_core.samples import SampleBlock
 
 _ENDLESS = 1 - 1e-6
 """Forgetting factor with which finding P(0) takes longer than any record, so that theta stays nominal."""
+_AT_ONCE = 10_000
+"""Samples that are run at once: the trace of an hour would take 150 MB"""
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,9 @@ def innovations(axis: MonitoredAxis, record: SampleBlock, at: Sequence[int]) -> 
     monitor = AxisMonitor(axis.model, frozen)
     eps, states, done = [], [], 0
     for end in (*at, len(record.t_us)):
-        part = record.select(slice(done, end))
-        eps.append(monitor.update_traced(part)[1].eps)
+        for first in range(done, end, _AT_ONCE):
+            part = record.select(slice(first, min(first + _AT_ONCE, end)))
+            eps.append(monitor.update_traced(part)[1].eps)
         states.append(monitor.batch.state.x[:, 0].copy())
         done = end
     return Innovations(np.concatenate(eps), np.array(states[:-1]).reshape(len(at), -1))

@@ -16,7 +16,7 @@ The number of periodogram ordinates per frequency band grows with the length of 
 is well known for a hypothesis that uses all frequencies, but not for an offset, which uses only those next to zero.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -52,17 +52,25 @@ class Spectra:
         self._cross = np.zeros((frequencies, hypotheses), complex)
         self._samples = self._segments = 0
 
-    def add(self, eps: Floats) -> None:
-        """Add a record; samples without a finite innovation are left out."""
-        kept = eps[np.isfinite(eps).all(axis=1)]
-        segments = len(kept) // self._length
-        for segment in kept[: segments * self._length].reshape(segments, self._length, -1):
-            wave = np.fft.rfft(segment * self._window[:, np.newaxis], axis=0)
-            own, difference = wave[:, :1], wave[:, 1:] - wave[:, :1]
-            self._eps += np.abs(own) ** 2
-            self._difference += np.abs(difference) ** 2
-            self._cross += own.conj() * difference
-        self._samples, self._segments = self._samples + len(kept), self._segments + segments
+    def add(self, blocks: Iterable[Floats]) -> None:
+        """Add a record, block by block; samples without a finite innovation are left out."""
+        rest = np.zeros((0, len(self._level) + 1))
+        for eps in blocks:
+            kept = eps[np.isfinite(eps).all(axis=1)]
+            self._samples += len(kept)
+            rest = np.concatenate([rest, kept])
+            segments = len(rest) // self._length
+            for segment in rest[: segments * self._length].reshape(segments, self._length, rest.shape[1]):
+                self._add_segment(segment)
+            rest = rest[segments * self._length :]
+
+    def _add_segment(self, segment: Floats) -> None:
+        wave = np.fft.rfft(segment * self._window[:, np.newaxis], axis=0)
+        own, difference = wave[:, :1], wave[:, 1:] - wave[:, :1]
+        self._eps += np.abs(own) ** 2
+        self._difference += np.abs(difference) ** 2
+        self._cross += own.conj() * difference
+        self._segments += 1
 
     def r(self) -> Floats:
         """Slope of each hypothesis (H,): 1 for an exact model; very large if there is never evidence for it."""

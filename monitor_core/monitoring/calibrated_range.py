@@ -31,6 +31,8 @@ NEW_POSES = "share of new poses"
 """Share of the way of the axis over ten memories, 0 to 1; no signal can have this name."""
 MOST_NEW_POSES = 0.1
 """With more of it another program runs, for which the nominal values of the load are an extrapolation."""
+_AT_ONCE = 65_536
+"""Samples of a record that are worked on at once: an hour of them would take several times their memory"""
 MARGIN = 0.1
 """A value counts as inside if it is beyond an end by at most this share of the width and of the ends' magnitudes."""
 
@@ -146,11 +148,16 @@ def ranges(
     That of the top speed begins at zero: an axis that moves slowly does not leave the conditions by that.
     """
     tracker = ConditionTracker(output, settings, signals)
-    conditions = np.concatenate([tracker.take(record) for record in records])
+    low, high = (np.full(len(tracker.names), end) for end in (math.inf, -math.inf))
+    for record in records:
+        for first in range(0, record.size, _AT_ONCE):
+            conditions = tracker.take(record.select(slice(first, first + _AT_ONCE)))
+            low = np.fmin(low, np.fmin.reduce(conditions, axis=0))
+            high = np.fmax(high, np.fmax.reduce(conditions, axis=0))
     return [
-        ConditionRange(name, 0.0 if name == TOP_SPEED else float(np.nanmin(values)), float(np.nanmax(values)))
-        for name, values in zip(tracker.names, conditions.T, strict=True)
-        if np.isfinite(values).any()
+        ConditionRange(name, 0.0 if name == TOP_SPEED else float(least), float(most))
+        for name, least, most in zip(tracker.names, low, high, strict=True)
+        if least <= most
     ]
 
 

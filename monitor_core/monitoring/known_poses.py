@@ -65,7 +65,8 @@ def pose_maps(angles: Sequence[str], signals: Sequence[str], records: Sequence[S
         return
     for pair in combinations(angles, 2) if len(angles) > 1 else [(name, name) for name in angles]:
         columns = [signals.index(name) for name in pair]
-        poses = [values[np.isfinite(values[:, columns]).all(axis=1)][:, columns].T for values in every]
+        angles_of = [values[:, columns] for values in every]
+        poses = [values[np.isfinite(values).all(axis=1)].T for values in angles_of]
         yield PoseMap(pair, _known(poses, FINE if _repeat(poses) else COARSE))
 
 

@@ -10,6 +10,7 @@ import typer
 
 from monitor_core.wording import seconds_in
 from service.commands.command_line.exit_codes import explained
+from service.commands.command_line.freed_memory import return_freed_memory
 from service.commands.command_line.options import (
     AxisName,
     ConfigPath,
@@ -70,6 +71,7 @@ def calibrate(
     parameter are found how soon, and under which name. Records that are too short for the budget, in which the axis
     does not move, or in which something changes, are refused with the place.
     """
+    return_freed_memory()
     files = ResultFiles.chosen(output, report, json)
     files.check(force, "thresholds")
     budget_s, tried = seconds_of(budget), _sizes(sizes)  # before anything is read

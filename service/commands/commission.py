@@ -18,6 +18,7 @@ from monitor_core.wording import duration, listed
 from service.can.user_errors import RecordError
 from service.commands.calibrate import Budget, seconds_of
 from service.commands.command_line.exit_codes import FAULT, MISTAKE, NOT_TESTED, explained
+from service.commands.command_line.freed_memory import return_freed_memory
 from service.commands.command_line.options import LOG_KINDS, ConfigPath, axis_named, configuration
 from service.commands.command_line.output_files import write
 from service.commands.command_line.progress import axes_bars
@@ -91,6 +92,7 @@ def commission(
     from service.commands.commissioning.live.live_recording import record_live, recorded
     from service.ingest.record_ranges import in_order_of_time
 
+    return_freed_memory()
     budget_s = seconds_of(budget)
     _check_source(records, minutes, output)
     read = configuration(config, without_bus=bool(records), thresholds=False)

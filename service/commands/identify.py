@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 import typer
 
 from service.commands.command_line.exit_codes import MISTAKE, explained
+from service.commands.command_line.freed_memory import return_freed_memory
 from service.commands.command_line.options import (
     AxisName,
     ConfigPath,
@@ -118,6 +119,7 @@ def identify(
     says what can be watched with these values, the second one how good the fit is. With a poor fit, or one that does
     not converge, no nominal values are written, and the exit code is 2; --force writes those of a poor fit.
     """
+    return_freed_memory()
     files = ResultFiles.chosen(output, report, json)
     files.check(force, "nominal values")
     read = configuration(config, without_bus=True)

@@ -1,12 +1,12 @@
 """Makes the samples of one axis from the rows of a table."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from monitor_core.arrays import Bools, Floats, Ints
-from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
+from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock, concatenate
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
 from service.config.schema import NamedAxis
@@ -15,6 +15,8 @@ from service.ingest.csv_tables import CsvRows
 from service.ingest.late_values import LateValues
 from service.ingest.quantities import HeldColumns
 
+_AT_ONCE = 65_536
+"""Rows whose signals are worked on at once: those of an hour would take several times their memory"""
 _DAY_US = 86_400e6
 _MIDNIGHT_STEP = 23 / 24
 """A time of day that decreases by more than this part of a day has passed midnight; up to an hour may be missing."""
@@ -104,14 +106,25 @@ class AxisColumns:
         index = index[later]
         # A row without a sample may still hold an auxiliary signal, such as a temperature in a separate row.
         held_us = np.where(timed & looked_at, time_us, np.nan)
-        signals = self._held.take(held_us, rows.columns)[index] if self._held else None
-        if self._coupled:
-            # The motion of all axes in a row is of one time; a value of another row would be a sample off.
-            coupled = np.stack([_si(s, rows.columns[str(s.column)])[index] for s in self._coupled], axis=1)
-            signals = coupled if signals is None else np.hstack([signals, coupled])
-        block = self._late.paired(SampleBlock(t_us[later], torque[index], motion[index], signals=signals))
+        samples = SampleBlock(t_us[later], torque[index], motion[index])
+        parts = []
+        for first in range(0, len(time_us), _AT_ONCE):
+            part = slice(first, first + _AT_ONCE)
+            own = slice(*np.searchsorted(index, [first, first + _AT_ONCE]))
+            columns = {name: column[part] for name, column in rows.columns.items()}
+            signals = self._signals(columns, held_us[part], index[own] - first)
+            parts.append(self._late.paired(samples.select(own)._replace(signals=signals)))
         self.dropped["unpaired"] = self._late.unpaired
-        return block
+        return concatenate(parts)
+
+    def _signals(self, columns: Mapping[str, Floats], held_us: Floats, index: Ints) -> Floats | None:
+        """The auxiliary signals and the coupled motions (M, S) in these rows, ``index`` (M,); None: there are none."""
+        signals = self._held.take(held_us, columns)[index] if self._held else None
+        if not self._coupled:
+            return signals
+        # The motion of all axes in a row is of one time; a value of another row would be a sample off.
+        coupled = np.stack([_si(s, columns[str(s.column)])[index] for s in self._coupled], axis=1)
+        return coupled if signals is None else np.hstack([signals, coupled])
 
     def quantities(self, rows: CsvRows) -> tuple[Floats, Floats]:
         """Torque and motion in these rows, in SI units."""

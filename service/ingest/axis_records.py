@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Bools
+from monitor_core.arrays import Bools, Floats
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.frames import FrameKey, key_of
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
@@ -119,11 +119,12 @@ def _table_record(
     check_columns(path, table, purposes)
     unnamed = () if table.has_names else table.names
     names = list(dict.fromkeys((*purposes, *unnamed)))
-    blocks = []
+    parts: dict[str, list[Floats]] = {name: [np.zeros(0)] for name in names}
     for block in table.rows(names):
-        blocks.append(block)
+        for name in names:
+            parts[name].append(block.columns[name])
         progress(block.done)
-    rows = CsvRows({n: np.concatenate([np.zeros(0), *(b.columns[n] for b in blocks)]) for n in names}, 1.0)
+    rows = CsvRows({name: np.concatenate(parts.pop(name)) for name in names}, 1.0)
     refused = _refused(rows, columns, axis.config.time)
     samples = columns.samples(rows, 0, ~np.any(list(refused.values()), axis=0))
     counts = {reason: int(np.count_nonzero(which)) for reason, which in refused.items()}
@@ -136,8 +137,9 @@ def _refused(rows: CsvRows, columns: AxisColumns, time: TimeConfig) -> dict[str,
     absurd = columns.absurd(*columns.quantities(rows))
     for values in rows.columns.values():
         absurd |= abs(values) > _NO_NUMBER
-    beside = torn(np.column_stack([column for name, column in rows.columns.items() if name != time.column]), absurd)
-    late = np.zeros(len(absurd), np.bool_)
+    beside, late = np.zeros((2, len(absurd)), np.bool_)
+    if absurd.any():
+        beside = torn(np.column_stack([column for name, column in rows.columns.items() if name != time.column]), absurd)
     if time.column is not None:
         times = TimeOfDay().continuous(rows.columns[time.column] * 1e6 * time.factor)
         late = ahead(times, ~absurd & ~beside & np.isfinite(times))

@@ -156,7 +156,7 @@ def samples_in(
     inside = since_s >= (want.start_s or 0.0)
     if want.end_s is not None:
         inside &= since_s <= want.end_s
-    used = block.select(inside)
+    used = block if inside.all() else block.select(inside)
     if used.size < 2:
         raise RecordError(
             f"{text}: {used.size} samples of axis {axis.id} in that range; the record is {since_s[-1]:g} s long"

@@ -1,12 +1,11 @@
 """Tests whether prediction errors are white and independent of the input (Ljung, 16.6); covariance of the estimates."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.fft import next_fast_len, rfft
-from scipy.signal import fftconvolve
+from scipy.signal import lfilter
 from scipy.special import chdtrc, chdtri, ndtri  # not scipy.stats: to import that takes seconds
 
 from monitor_core.arrays import Floats, Ints
@@ -65,8 +64,8 @@ def _p_value(r: Floats, covariance: Floats) -> float:
 
 def _past(u: Floats) -> Floats:
     """u(t - 1) .. u(t - L), zero before the record (N, L)."""
-    padded = np.concatenate([np.zeros(_LAGS), u])
-    return np.stack([padded[_LAGS - l : padded.size - l] for l in range(1, _LAGS + 1)], axis=1)
+    padded = np.concatenate([np.zeros(_LAGS), u[:-1]])
+    return np.lib.stride_tricks.sliding_window_view(padded, _LAGS)[:, ::-1]  # no copy: it would be 25 times u
 
 
 def _power(parts: Sequence[Floats]) -> float:
@@ -81,9 +80,9 @@ def _correlation(left: Sequence[Floats], right: Sequence[Floats]) -> Floats:
     """sum_t left(t) right(t - l) over all records, l = -L .. L."""
     total = np.zeros(2 * _LAGS + 1)
     for a, b in zip(left, right, strict=True):
-        most, middle = min(_LAGS, a.size - 1), b.size - 1
-        full = fftconvolve(a, b[::-1])
-        total[_LAGS - most : _LAGS + most + 1] += full[middle - most : middle + most + 1]
+        most = min(_LAGS, a.size - 1)
+        for l in range(-most, most + 1):
+            total[_LAGS + l] += float(a[max(l, 0) : a.size + min(l, 0)] @ b[max(-l, 0) : b.size - max(l, 0)])
     return total
 
 
@@ -94,31 +93,46 @@ def _correlation(left: Sequence[Floats], right: Sequence[Floats]) -> Floats:
 # The order is Schwarz's: zero for white errors, which then change nothing.
 
 MOST_ORDERS = 60
-_AT_ONCE = 65_536
-"""Frequencies whose spectra are multiplied at once"""
+_AT_ONCE = 16_384
+"""Samples that are worked on at once: of an hour of them, single intermediate results would take half a gigabyte"""
+_RUNG_OUT = 1e-9
+"""Share of its largest value below which the rest of a filtered signal does not matter"""
 
 
 def scores_covariance(eps: Sequence[Floats], psi: Sequence[Floats]) -> tuple[Floats, int]:
     """Covariance (p, p) of sum psi(t) eps(t), for errors that do not depend on psi, and the order of the model.
 
-    sum_ts psi(t) R(t - s) psi(s)' over records, R the errors' autocovariance: in frequency, so that no rounding can
-    make it negative.  Missing errors are zero.
+        sum_ts psi(t) R(t - s) psi(s)' = var e sum_t phi(t) phi(t)',     phi(t) + a_1 phi(t-1) + .. = psi(t)
+
+    over records, R the errors' autocovariance: as a sum of squares, so that no rounding can make it negative.  Missing
+    errors are zero.
     """
     a, variance = autoregression(eps)
     p = psi[0].shape[1]
-    if a.size == 1:
-        return variance * np.sum([J.T @ J for J in psi], axis=0), 0
     out = np.zeros((p, p))
     for J in psi:
-        size = next_fast_len(2 * len(J), real=True)
-        Phi = variance / np.abs(rfft(a, size)) ** 2
-        S = rfft(J, size, axis=0)
-        weight = Phi / size
-        weight[1 : (size + 1) // 2] *= 2  # Both signs of the frequency.
-        for at in range(0, len(S), _AT_ONCE):  # of an hour of samples, all at once take half a gigabyte
-            part = S[at : at + _AT_ONCE]
-            out += np.real((part.conj() * weight[at : at + _AT_ONCE, None]).T @ part)
-    return out, a.size - 1
+        for phi in _filtered(J, a):
+            out += phi.T @ phi
+    return variance * out, a.size - 1
+
+
+def _filtered(J: Floats, a: Floats) -> Iterator[Floats]:
+    """The columns (N, p) filtered by 1 / a, block by block, with what follows until it has rung out: N at most."""
+    state, largest = np.zeros((a.size - 1, J.shape[1])), 0.0
+    for block in _blocks(len(J)):
+        phi, state = lfilter([1.0], a, J[block], axis=0, zi=state)
+        largest = max(largest, float(np.abs(phi).max()))
+        yield phi
+    for block in _blocks(len(J)):
+        if not float(np.abs(state).max(initial=0.0)) > _RUNG_OUT * largest:
+            return
+        phi, state = lfilter([1.0], a, np.zeros((block.stop - block.start, J.shape[1])), axis=0, zi=state)
+        yield phi
+
+
+def _blocks(count: int) -> Iterator[slice]:
+    """Slices of at most ``_AT_ONCE`` of so many samples."""
+    return (slice(at, min(at + _AT_ONCE, count)) for at in range(0, count, _AT_ONCE))
 
 
 def autoregression(eps: Sequence[Floats]) -> tuple[Floats, float]:
@@ -187,9 +201,8 @@ def information(
         variance: of the errors, lambda_0.
         cells: (N,) of each record, the cell of the motion of each sample (``motion_cells``).
     """
-    own = [_unexplained(psi, start) for psi, start in zip(gradients, starts, strict=True)]
-    scaled = [psi * sizes for psi in own]
-    R: Floats = np.asarray(np.linalg.qr(np.concatenate(scaled), mode="r"))
+    scaled = [_unexplained(psi, start, sizes) for psi, start in zip(gradients, starts, strict=True)]
+    R = _triangular(scaled)
     accuracy = Accuracy(tuple(names), R, np.sqrt(variance) if variance > 0 else 1e-300)
     S, order = scores_covariance(eps, scaled)
     white = accuracy.covariance * np.outer(sizes, sizes)
@@ -199,8 +212,7 @@ def information(
     if order:
         covariance[np.ix_(known, known)] = (inverse @ S @ inverse)[np.ix_(known, known)]
     if cells and known.any():
-        changes = [psi @ inverse[:, known] for psi in scaled]
-        excess[known] = _excess(changes, eps, cells, np.diag(covariance)[known])
+        excess[known] = _excess(scaled, inverse[:, known], eps, cells, np.diag(covariance)[known])
     if not order:
         return Information(accuracy, white, white, 0, excess)
     with np.errstate(invalid="ignore"):
@@ -208,7 +220,18 @@ def information(
         return Information(_consistent(accuracy, covariance), coloured, white, order, excess)
 
 
-def _excess(changes: Sequence[Floats], eps: Sequence[Floats], cells: Sequence[Ints], variances: Floats) -> Floats:
+def _triangular(psi: Sequence[Floats]) -> Floats:
+    """R (p, p) of the QR factors of all records together, block by block: the factors of a part replace it."""
+    R = np.zeros((0, psi[0].shape[1]))
+    for J in psi:
+        for block in _blocks(len(J)):
+            R = np.asarray(np.linalg.qr(np.concatenate([R, J[block]]), mode="r"))
+    return R
+
+
+def _excess(
+    psi: Sequence[Floats], inverse: Floats, eps: Sequence[Floats], cells: Sequence[Ints], variances: Floats
+) -> Floats:
     """Ratios (k,) of standard deviations to those expected, where errors depend on the cell; 1: no such excess shows.
 
         variance = sum_c s_c^2 K / (K - 1),     s_c = sum_(t in c) change(t) eps(t),     K = (sum_c w_c)^2 / sum_c w_c^2
@@ -217,15 +240,19 @@ def _excess(changes: Sequence[Floats], eps: Sequence[Floats], cells: Sequence[In
     expected variance, with K - 1 degrees of freedom (Satterthwaite's): an excess must be beyond chance.
 
     Args:
-        changes: (N, k) change of each estimate per unit of the error, of each record.
+        psi: (N, p) gradients of each record.
+        inverse: (p, k) with which they give the change of each estimate per unit of the error.
         eps: (N,) errors of each record.
         cells: (N,) cell of each sample.
         variances: (k,) of the estimates, expected.
     """
-    cell = np.concatenate(cells)
-    change = np.concatenate(changes)
-    scores = _sums(change * np.concatenate(eps)[:, np.newaxis], cell)
-    weights = _sums(change**2, cell)
+    count = 1 + max(int(cell.max()) for cell in cells)
+    scores, weights = np.zeros((2, count, inverse.shape[1]))
+    for J, e, cell in zip(psi, eps, cells, strict=True):
+        for block in _blocks(len(J)):
+            change = J[block] @ inverse
+            scores += _sums(change * e[block, np.newaxis], cell[block], count)
+            weights += _sums(change**2, cell[block], count)
     with np.errstate(invalid="ignore", divide="ignore"):
         freedom = weights.sum(axis=0) ** 2 / (weights**2).sum(axis=0) - 1
         ratio = (scores**2).sum(axis=0) * (freedom + 1) / freedom / variances
@@ -233,9 +260,9 @@ def _excess(changes: Sequence[Floats], eps: Sequence[Floats], cells: Sequence[In
     return np.sqrt(np.where(beyond, ratio, 1.0))
 
 
-def _sums(values: Floats, cell: Ints) -> Floats:
-    """Sums (cells, k) of values (N, k) in each cell."""
-    return np.stack([np.bincount(cell, weights=column) for column in values.T], axis=1)
+def _sums(values: Floats, cell: Ints, count: int) -> Floats:
+    """Sums (count, k) of values (N, k) in each cell."""
+    return np.stack([np.bincount(cell, weights=column, minlength=count) for column in values.T], axis=1)
 
 
 def _consistent(accuracy: Accuracy, covariance: Floats) -> Accuracy:
@@ -250,11 +277,14 @@ def _consistent(accuracy: Accuracy, covariance: Floats) -> Accuracy:
     return Accuracy(accuracy.names, root * accuracy.noise, accuracy.noise)
 
 
-def _unexplained(psi: Floats, start: Floats) -> Floats:
-    """The part of the columns of psi that those of ``start`` do not explain."""
+def _unexplained(psi: Floats, start: Floats, sizes: Floats) -> Floats:
+    """The part of the columns of psi that those of ``start`` do not explain, times ``sizes``."""
     if not start.shape[1]:
-        return psi
+        return psi * sizes
     lengths = np.linalg.norm(start, axis=0)
-    left, sizes, _ = np.linalg.svd(start / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
-    left = left[:, sizes > _EXPLAINED * sizes.max(initial=0.0)]
-    return np.asarray(psi - left @ (left.T @ psi))
+    left, values, _ = np.linalg.svd(start / np.where(lengths > 0, lengths, 1.0), full_matrices=False)
+    left = left[:, values > _EXPLAINED * values.max(initial=0.0)]
+    out, along = np.empty_like(psi), left.T @ psi
+    for block in _blocks(len(psi)):
+        out[block] = (psi[block] - left[block] @ along) * sizes
+    return out

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.drive.structure import OUTPUT_UNITS, Output
 from monitor_core.samples import SampleBlock
 
+_Array = TypeVar("_Array", Floats, Bools)
 _LOST = 1.5
 """An interval longer than this number of median intervals contains a gap or lost samples."""
 GAP = 10.0
@@ -30,7 +32,8 @@ class Record:
     ``u[k]`` could act.  The intervals may differ: a model that is discretised with the actual intervals loses nothing
     by jitter or lost samples, so there is no need to resample.
 
-    ``y`` is NaN exactly where it was not measured, so that it is not used there by mistake.
+    ``y`` is NaN exactly where it was not measured, so that it is not used there by mistake.  The arrays of a record
+    cannot be changed; records made from it share those that are the same.
 
     Args:
         t: (N,) times, s, increasing.
@@ -61,19 +64,19 @@ class Record:
     def __post_init__(self) -> None:
         if self.quantity not in ("speed", "angle"):
             raise ValueError(f"{self._what}: the quantity {self.quantity!r} is neither speed nor angle")
-        t, u, y = (np.array(values, dtype=np.float64) for values in (self.t, self.u, self.y))
-        signals = {name: np.array(values, dtype=np.float64) for name, values in self.signals.items()}
-        valid = np.ones(t.shape, np.bool_) if self.valid is None else np.array(self.valid, dtype=np.bool_)
-        gate = None if self.gate is None else np.array(self.gate, dtype=np.bool_)
+        t, u, y = (_fixed(np.asarray(values, np.float64)) for values in (self.t, self.u, self.y))
+        signals = {name: _fixed(np.asarray(values, np.float64)) for name, values in self.signals.items()}
+        valid = _fixed(np.ones(t.shape, np.bool_) if self.valid is None else np.asarray(self.valid, np.bool_))
+        gate = None if self.gate is None else _fixed(np.asarray(self.gate, np.bool_))
         gated = {} if gate is None else {"gate": gate}
         self._check_shapes({"t": t, "u": u, "y": y, "valid": valid, **signals, **gated})
         self._check_times(t)
         if not np.isfinite(u).all():
             k = _first(~np.isfinite(u))
             raise ValueError(f"{self._what}: the torque of sample {k} is {u[k]}; leave such samples out")
-        if valid.shape == y.shape:
-            valid &= np.isfinite(y)
-            y[~valid] = np.nan
+        if valid.shape == y.shape and not np.array_equal(valid, np.isfinite(y)):
+            valid = _fixed(valid & np.isfinite(y))
+            y = _fixed(np.where(valid, y, np.nan))
         for name, values in {"t": t, "u": u, "y": y, "valid": valid, "signals": signals, "gate": gate}.items():
             object.__setattr__(self, name, values)
 
@@ -180,6 +183,14 @@ class Record:
         if not (np.diff(t) > 0).all():
             k = _first(np.diff(t) <= 0)
             raise ValueError(f"{self._what}: times must increase, but after sample {k} at {t[k]} s comes {t[k + 1]} s")
+
+
+def _fixed(array: _Array) -> _Array:
+    """The array that cannot be changed: itself if nothing can change it, so that records share it; else a copy."""
+    if array.flags.writeable or not array.flags.c_contiguous:
+        array = array.copy()
+        array.setflags(write=False)
+    return array
 
 
 def _first(where: Bools) -> int:

@@ -58,16 +58,18 @@ def windows_of(found: Estimate, records: Sequence[Record], unit: ThermalModel) -
         level = math.sqrt(float(np.mean(errors.eps**2)))
         if not (0 < level < math.inf and np.isfinite(rates).all() and rates.all()):
             raise ValueError(f"{record.name or 'record'}: the prediction errors are zero or not finite")
-        psi, eps = errors.psi[:, :p] / (rates * level), errors.eps / level
         speed, h = speeds_of(record)
         energy = np.bincount(which, unit.power(speed) * h, count)
-        parts = [slice(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
+        information, score = np.zeros((count, p, p)), np.zeros((count, p))
+        for k, (a, b) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
+            psi = errors.psi[a:b, :p] / (rates * level)
+            information[k], score[k] = psi.T @ psi, psi.T @ (errors.eps[a:b] / level)
         out.append(
             Windows(
                 np.asarray((np.arange(count) + 0.5) * WINDOW_S, np.float64),
                 energy / WINDOW_S,
-                np.array([psi[part].T @ psi[part] for part in parts]),
-                np.array([psi[part].T @ eps[part] for part in parts]),
+                information,
+                score,
             )
         )
     return list(predictor.layout.names), out

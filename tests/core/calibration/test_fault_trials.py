@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
+from monitor_core.calibration import injection
 from monitor_core.calibration.fault_trials import PROBES, run_trials
-from monitor_core.calibration.injection import InjectedFault, changed_values, equivalent_load, faulty_torque
+from monitor_core.calibration.injection import InjectedFault, changed_values, equivalent_load, faulty_torque, inject
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.simulated_copies import Plants, innovations
 from monitor_core.detection.multimodel.hypothesis_bank import HypothesisBank
@@ -105,6 +107,32 @@ def test_the_simulated_plant_is_the_model(seed: int) -> None:
     _, x = plants.run(zero, found.x, block.u[298:299], before[np.newaxis], np.zeros((1, 1)))
     y, _ = plants.run(zero, x, before, block.u[300:, np.newaxis], found.eps[300:, np.newaxis])
     assert np.abs(y[:, 0] - block.y[300:]).max() < 1e-9 * np.abs(block.y).max()
+
+
+def test_innovations_do_not_depend_on_where_the_record_is_cut(seed: int) -> None:
+    """A long record is run in parts."""
+    block = record(PLANT, seed, 12_000)
+    found, split = (innovations(AXIS, block, range(300, 12_000, step)) for step in (11_000, 700))
+    np.testing.assert_array_equal(found.eps, split.eps)
+    assert found.eps.shape == (12_000,)
+    np.testing.assert_array_equal(found.x[0], split.x[0])
+
+
+def test_a_simulated_fault_does_not_depend_on_the_parts(healthy: SampleBlock, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The outputs after each onset are simulated in parts; the torque acts late, into the next one."""
+    late = MonitoredAxis(MODEL, replace(SETTINGS, delay_s=0.4 * INTERVAL_S))
+    fault, at = [InjectedFault("1/Ja", 0.3)], np.array([3000, 4000])
+
+    def outputs() -> Floats:
+        ((_, load, _, y),) = inject(late, healthy, fault, at, 1000)
+        assert load is None
+        assert y is not None
+        return y
+
+    at_once = outputs()
+    monkeypatch.setattr(injection, "CHUNK", 70)
+    np.testing.assert_array_equal(outputs(), at_once)
+    assert abs(at_once - np.stack([healthy.y[k : k + 1000] for k in at], axis=1)).max() > 0
 
 
 @pytest.mark.parametrize(("delay_s", "within"), [(0.0, 1e-4), (0.002, 0.06)])

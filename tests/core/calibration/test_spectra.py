@@ -37,7 +37,7 @@ def test_the_covariance_is_that_of_many_records(colour: float, seed: int) -> Non
     for k in range(RECORDS):
         eps = lfilter([1.0], [1, -colour], rng.standard_normal(N))
         spectra = of_variances(1.0, 1.0, 1.0)
-        spectra.add(np.column_stack([eps, eps[:, np.newaxis] + wave]))
+        spectra.add([np.column_stack([eps, eps[:, np.newaxis] + wave])])
         stated.append(spectra.covariance())
         found[k] = np.log(np.abs(np.fft.rfft(eps)) ** 2 @ weight)  # of the whole record at once
     mean = np.mean(stated, axis=0)
@@ -65,12 +65,12 @@ def test_of_an_exact_model_g_falls_with_one(seed: int) -> None:
     """White noise of the variance that is said: the mean of exp(l) is 1, whatever a hypothesis filters and says."""
     rng = np.random.default_rng(seed)
     spectra, eps = of_variances(*FACTORS), rng.standard_normal(20 * N)
-    spectra.add(alternatives(eps, lfilter([0.3], [1, -0.9], rng.standard_normal(20 * N))))
+    spectra.add([alternatives(eps, lfilter([0.3], [1, -0.9], rng.standard_normal(20 * N)))])
     print(spectra.r())
     np.testing.assert_allclose(spectra.r(), 1.0, atol=0.06)
     # With the r of a difference alone twice the power is half of it.
     twice = of_variances(1.0)
-    twice.add(np.stack([np.sqrt(2) * eps, np.sqrt(2) * eps + 0.3 * rng.standard_normal(20 * N)], axis=1))
+    twice.add([np.stack([np.sqrt(2) * eps, np.sqrt(2) * eps + 0.3 * rng.standard_normal(20 * N)], axis=1)])
     np.testing.assert_allclose(twice.r(), 0.5, atol=0.03)
 
 
@@ -80,7 +80,7 @@ def test_of_a_short_record_chance_is_not_taken_for_a_filter(seed: int) -> None:
     for rng in np.random.default_rng(seed).spawn(40):
         eps, moved = rng.standard_normal((2, few)) * [[1.0], [3.0]]
         spectra = of_variances(1.0)
-        spectra.add(np.column_stack([eps, eps + moved]))
+        spectra.add([np.column_stack([eps, eps + moved])])
         stated.append(float(np.sqrt(spectra.covariance()[0, 0])))
     print(f"log r known within {np.median(stated):.3f}, of ordinates of all frequencies {np.sqrt(2 / few):.3f}")
     assert 0.8 * np.sqrt(2 / few) < np.median(stated) < 3 * np.sqrt(2 / few)
@@ -90,7 +90,7 @@ def test_what_is_taken_from_a_ratio_makes_g_fall_faster(seed: int) -> None:
     """Ratios of a move d are -d^2 / 2 in the mean; less as much again, they are twice as far below zero."""
     eps, d = np.random.default_rng(seed).standard_normal((2, 20 * N)) * [[1.0], [0.5]]
     spectra = Spectra(np.ones(2), np.array([np.mean(d * d) / 2]), LENGTH)
-    spectra.add(np.column_stack([eps, eps + d]))
+    spectra.add([np.column_stack([eps, eps + d])])
     np.testing.assert_allclose(spectra.r(), 2.0, rtol=0.04)
 
 
@@ -102,7 +102,7 @@ def test_the_covariance_of_log_r_is_that_of_many_records(colour: float, seed: in
     for _ in range(RECORDS):
         eps = np.sqrt(1 - colour**2) * lfilter([1.0], [1, -colour], rng.standard_normal(N))
         spectra = of_variances(*FACTORS)
-        spectra.add(alternatives(eps, moved))
+        spectra.add([alternatives(eps, moved)])
         found.append(np.log(spectra.r()))
         stated.append(spectra.covariance())
     mean = np.mean(stated, axis=0)
@@ -123,15 +123,28 @@ def test_records_add_up_and_gaps_are_left_out(seed: int) -> None:
     with_gap[-20:, 0] = 1.0
     for spectra, added in ((once, [eps]), (twice, [eps, eps]), (broken, [with_gap, eps])):
         for rows in added:
-            spectra.add(rows)
+            spectra.add([rows])
     np.testing.assert_allclose(broken.covariance(), twice.covariance())
     np.testing.assert_allclose(twice.covariance(), once.covariance() / 2, rtol=0.05)
+
+
+def test_a_record_is_the_same_in_blocks(seed: int) -> None:
+    """Blocks of other lengths than the segments, some of them empty."""
+    rng = np.random.default_rng(seed)
+    eps = rng.standard_normal((N, 3))
+    eps[rng.integers(0, N, 50)] = np.nan
+    at_once, in_blocks = of_variances(1.0, 1.2), of_variances(1.0, 1.2)
+    for rows in (eps, eps[: N // 2]):
+        at_once.add([rows])
+        in_blocks.add(np.split(rows, sorted([*rng.integers(0, len(rows), 60).tolist(), 0])))
+    np.testing.assert_array_equal(in_blocks.covariance(), at_once.covariance())
+    np.testing.assert_array_equal(in_blocks.r(), at_once.r())
 
 
 def test_nothing_is_known_of_what_nothing_speaks_for(seed: int) -> None:
     eps = np.random.default_rng(seed).standard_normal((N, 1))
     spectra = of_variances(1.0, 1.0, 1.0)
-    spectra.add(np.column_stack([eps, eps, 2 * eps, eps + 0.5]))
+    spectra.add([np.column_stack([eps, eps, 2 * eps, eps + 0.5])])
     covariance = spectra.covariance()
     assert not covariance[0].any()
     assert covariance[1, 1] < 1e-4
@@ -143,5 +156,5 @@ def test_of_a_short_record_no_more_is_said_than_holds(seed: int) -> None:
     """One segment tells an offset from two ordinates, the first of half a band: log r to sqrt(2/3) at the very best."""
     eps = np.random.default_rng(seed).standard_normal(LENGTH)
     spectra = of_variances(1.0)
-    spectra.add(np.column_stack([eps, eps + 0.5]))
+    spectra.add([np.column_stack([eps, eps + 0.5])])
     assert np.sqrt(spectra.covariance()[0, 0]) == pytest.approx(0.5)

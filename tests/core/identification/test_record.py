@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -248,3 +249,28 @@ def test_short_records_stay() -> None:
     assert [len(part) for part in parts] == [400, 100, 400]
     assert parts[1] is records[1]
     assert [part is own for part, own in zip(most_moving_parts(records, 1700), records, strict=True)] == [True] * 3
+
+
+def test_records_share_the_arrays_that_are_the_same() -> None:
+    """Nothing can change them, neither through the record nor through what it was made from."""
+    t = np.arange(6.0)
+    first = Record(t, np.ones(6), np.zeros(6), "speed", signals={"load": np.zeros(6)})
+    t[0] = -1.0
+    assert first.t[0] == 0.0
+    for values in (first.t, first.u, first.y, first.measured, first.signals["load"]):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 5.0
+    other = replace(first, u=np.zeros(6), signals={**first.signals, "heat": np.ones(6)})
+    assert other.t is first.t
+    assert other.y is first.y
+    assert other.signals["load"] is first.signals["load"]
+    assert np.shares_memory(first.select(slice(2, 5)).t, first.t)
+    every_second = first.select(slice(0, None, 2)).t
+    assert every_second.flags.c_contiguous  # as sums depend on it, in the last bit
+    assert every_second.tolist() == [0.0, 2.0, 4.0]
+
+
+def test_what_is_not_measured_is_neither_valid_nor_a_number() -> None:
+    found = Record(np.arange(4.0), np.ones(4), np.array([0.0, np.inf, 2.0, 3.0]), "speed", valid=np.arange(4) < 3)
+    assert found.measured.tolist() == [True, False, True, False]
+    np.testing.assert_array_equal(found.y, [0.0, np.nan, 2.0, np.nan])

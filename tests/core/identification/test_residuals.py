@@ -90,6 +90,35 @@ def test_covariance_of_the_scores_is_the_double_sum(count: int, seed: int) -> No
     np.testing.assert_allclose(S, excited.T @ toeplitz(R) @ excited, rtol=1e-6, atol=1e-6 * abs(S).max())
 
 
+def test_the_information_is_that_of_all_records(seed: int) -> None:
+    """Of a long one and a short one, of white errors; what the initial state explains is taken out of each."""
+    rng = np.random.default_rng(seed)
+    gradients = [rng.standard_normal((count, 3)) for count in (40_000, 300)]
+    starts = [np.exp(-np.arange(len(psi)) / 50)[:, np.newaxis] for psi in gradients]
+    eps = [rng.standard_normal(len(psi)) for psi in gradients]
+    found = information("abc", np.array([1.0, 0.1, 30.0]), gradients, starts, eps, 2.0)
+    own = [
+        psi - start @ np.linalg.lstsq(start, psi, rcond=None)[0] for psi, start in zip(gradients, starts, strict=True)
+    ]
+    expected = 2.0 * np.linalg.inv(sum(psi.T @ psi for psi in own))
+    np.testing.assert_allclose(found.white, expected, rtol=1e-9, atol=1e-9 * expected.max())
+
+
+def test_errors_that_come_back_in_a_long_record_and_in_its_parts(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    psi, cell = rng.standard_normal((40_000, 2)), rng.integers(0, 20, 40_000)
+    psi[:, 0] += np.sin(cell)
+    eps = rng.standard_normal(40_000) + 0.3 * (-1.0) ** cell
+
+    def excess(*cuts: int) -> Floats:
+        gradients, starts, errors = ([*np.split(values, cuts)] for values in (psi, np.zeros((40_000, 0)), eps))
+        cells = [*np.split(cell, cuts)]
+        return information("ab", np.ones(2), gradients, starts, errors, float(eps.var()), cells).excess
+
+    assert excess()[0] > 2
+    np.testing.assert_allclose(excess(9000, 11_000), excess(), rtol=1e-9)
+
+
 def test_deviations_with_coloured_errors_are_those_that_occur(seed: int) -> None:
     """Linear regression, so that all of it is known: least squares on slow regressors with slow errors."""
     rng = np.random.default_rng(seed)

@@ -82,6 +82,21 @@ def test_outside_is_what_the_records_did_not_have_with_a_margin(seed: int) -> No
     assert calibrated.outside[0].startswith("rms speed = ")
 
 
+def test_the_ranges_of_a_long_record_are_those_of_its_conditions(seed: int) -> None:
+    """However the samples are cut; of a signal that is never known there is no range."""
+    rng = np.random.default_rng(seed)
+    record = block(seed, 150_000, 3.0, rng.uniform(10, 40, (150_000, 1)))
+    conditions = tracker().take(record)
+    found = ranges("speed", SETTINGS, ("temperature",), [record])
+    assert [(r.low, r.high) for r in found] == [
+        (np.nanmin(conditions[:, 0]), np.nanmax(conditions[:, 0])),
+        (0.0, np.nanmax(conditions[:, 1])),
+        (conditions[:, 2].min(), conditions[:, 2].max()),
+    ]
+    unknown = record._replace(signals=np.full((150_000, 1), np.nan))
+    assert [r.condition for r in ranges("speed", SETTINGS, ("temperature",), [unknown])] == [RMS_SPEED, TOP_SPEED]
+
+
 def test_a_faster_program_with_longer_stops_is_outside_at_once() -> None:
     """Its root mean square of the speed is that of the records, and the first fast move is beyond their top speed."""
     t_us = np.arange(8000) * round(H * 1e6)

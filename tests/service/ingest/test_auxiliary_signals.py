@@ -292,6 +292,35 @@ def test_the_acceleration_of_another_axis_in_a_table(tmp_path: Path, seed: int) 
     assert np.flatnonzero(np.isnan(held)).tolist() == [0, 1, 2, 3]  # else the nearest
 
 
+def test_a_long_table_has_the_signals_of_its_parts(tmp_path: Path, seed: int) -> None:
+    """Rows are worked on in blocks, which change nothing, to the last bit: an axis that also moves with the other."""
+    rng, rows = np.random.default_rng(seed), 140_000
+    config = make_config(
+        tmp_path,
+        axis1(time={"column": "t"}),
+        axis2(time={"column": "t"}, signal=[ACCELERATION], **GATE_TWO),
+    )
+    columns: dict[str, Floats] = {
+        "t": np.asarray(5e-3 * np.arange(rows), np.float64),
+        "torque_two": rng.normal(size=rows),
+        "speed_two": rng.normal(size=rows),
+        "angle_one": np.cumsum(rng.normal(size=rows)),
+    }
+    columns["torque_two"][rng.integers(0, rows, 30)] = np.nan
+    at_once, in_parts = (
+        concatenate(
+            [
+                taken.samples(CsvRows({n: c[k : k + length] for n, c in columns.items()}, 1.0), k)
+                for k in range(0, rows, length)
+            ]
+        )
+        for taken, length in ((AxisColumns(config.axes[1], config.axes[1].sources), n) for n in (rows, 9000))
+    )
+    assert rows - 40 < at_once.size < rows - 20
+    for name in ("t_us", "u", "y", "signals"):
+        np.testing.assert_array_equal(getattr(in_parts, name), getattr(at_once, name))
+
+
 def test_a_column_that_is_missing_is_named(tmp_path: Path) -> None:
     path = written(tmp_path, ["0,1,2"], "t,torque_one,angle_one")
     with pytest.raises(RecordError, match=r'no column "warm" for the signal heat of axis r\.one'):

@@ -87,7 +87,7 @@ class LoadSearch:
         motions, candidates = self._candidates
         if not motions and not candidates.loads:
             return None
-        records, signals = self._recorded
+        records, signals = self._recorded()
         found = arm_load(records, signals)
         if found is None:
             return None
@@ -104,7 +104,7 @@ class LoadSearch:
         motions, candidates = self._candidates
         if not candidates.loads:
             return None
-        records, signals = self._recorded
+        records, signals = self._recorded()
         found = contact_force(records, signals.loads)
         if found is not None:
             return PressingGate(found, _gate(found, "one mass explains"))
@@ -126,7 +126,7 @@ class LoadSearch:
         if any(gear_ratio(other.config) != 1.0 for other in arm.values()):
             return ()
         motions, _ = self._candidates
-        motors = motor_angles(*self._recorded)
+        motors = motor_angles(*self._recorded())
         names = (motion.axis for motion in motions if motion.name in motors)
         return tuple(name for name in names if not _is_linear(arm[name]))
 
@@ -134,9 +134,11 @@ class LoadSearch:
     def _candidates(self) -> tuple[Sequence[_MotionSignal], ArmSignals]:
         return _candidates(*self.configuration)
 
-    @cached_property
     def _recorded(self) -> tuple[list[Record], ArmSignals]:
-        """The records, read with the angles and the accelerations of other axes, and the candidates that they have."""
+        """The records, read with the angles and the accelerations of other axes, and the candidates that they have.
+
+        Each search reads them: kept, they would take as much memory again while the axis is identified.
+        """
         motions, signals = self._candidates
         read = {*signals.angles, *signals.accelerations}
         searched = [change for motion in motions if motion.name in read for change in motion.changes]

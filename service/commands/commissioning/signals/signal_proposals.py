@@ -16,6 +16,7 @@ from service.commands.commissioning.signals.signal_units import by_inertia, by_n
 from service.config import Config, NamedAxis
 from service.config.written.commissioned import configured, corrected
 from service.config.written.corrections import Correction
+from service.ingest.loaded_records import RecordOrigin
 from service.ingest.loaded_records import load as load_record
 from service.ingest.record_ranges import wanted
 from service.ingest.records import is_table
@@ -39,6 +40,8 @@ class Review(NamedTuple):
     """Records in which the axis does not move although it does in others; they are left out"""
     torque_time: TorqueTime | None = None
     """Time of the torque as received; None: the records do not show it"""
+    samples: int = 0
+    """Number of samples of the axis that its identification has in memory at once"""
 
 
 def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Review:
@@ -56,8 +59,14 @@ def review(text: str, axis_id: str, records: Sequence[str], folder: Path) -> Rev
         if new is None or len(found) == _MAX_ROUNDS or (new.key, new.value) in [(c.key, c.value) for c in found]:
             doubts = () if wrong else tuple(unknown_units(recorded))
             standing = tuple(text for text in records if text not in used)
-            return Review(tuple(found), wrong, doubts, unchecked(recorded), standing, _torque_time(recorded))
+            at_once = _at_once(recorded.sources)
+            return Review(tuple(found), wrong, doubts, unchecked(recorded), standing, _torque_time(recorded), at_once)
         found.append(new)
+
+
+def _at_once(sources: Sequence[RecordOrigin]) -> int:
+    """Number of samples that are in memory at once: those that are used, and one file of which they are a part."""
+    return sum(source.used for source in sources) + max(source.samples - source.used for source in sources)
 
 
 def first_review(config: Config, axis: NamedAxis, record: str) -> Review:

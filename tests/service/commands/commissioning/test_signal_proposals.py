@@ -98,6 +98,18 @@ def test_a_torque_that_comes_late_is_taken_with_its_motion(
     )
 
 
+def test_the_samples_that_are_in_memory_at_once(tmp_path: Path, seed: int) -> None:
+    """Those that are used, and of the other ones those of one file: files are read one after the other."""
+    records = [changed(table(tmp_path / f"{k}.csv", seed + k, 12.0), lambda _: None) for k in range(2)]
+    both, parts, alone = (
+        review(ROBOT + known(), "cell.a1", names, tmp_path).samples
+        for names in (records, [f"{record}@2:8" for record in records], records[:1])
+    )
+    assert alone == round(12.0 / H)
+    assert both == 2 * alone
+    assert parts == pytest.approx(1.5 * alone, abs=5)
+
+
 def test_a_record_in_which_the_axis_stands_is_left_out(
     tmp_path: Path, seed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
