@@ -8,8 +8,6 @@ from service.config.schema_signals import MOST_LATE
 from service.config.written.corrections import Correction
 
 _IN_BETWEEN = 0.5
-_SURE = 3.0
-"""An axis alone is believed against its robot beyond so many standard deviations."""
 
 
 def torque_times(config: Config, times: Mapping[str, TorqueTime | None]) -> dict[str, Correction]:
@@ -29,14 +27,13 @@ def torque_times(config: Config, times: Mapping[str, TorqueTime | None]) -> dict
 
 
 def torque_time_doubts(config: AxisConfig, shown: TorqueTime | None) -> Iterator[str]:
-    """Remark that the torque of an axis belongs to another time than configured; ``shown``: by its own records."""
-    late, interval_s = config.torque.late_samples, config.sample_interval_s
-    if shown is None:
+    """Remark that the torque of an axis is late if none is configured to be; ``shown``: by its own records."""
+    interval_s = config.sample_interval_s
+    if shown is None or config.torque.late_samples:  # that is by all axes of the robot together
         return
-    right = min(shown._replace(late=shown.late + late).halves(interval_s), MOST_LATE)
-    if right != late and (late == 0 or abs(shown.late) > _SURE * shown.sd):
-        why = _reason(right, interval_s)
-        yield f"{why[0].upper()}{why[1:]}. Set late_samples = {right:g} in [robot.axis.torque], and identify again."
+    if late := min(shown.halves(interval_s), MOST_LATE):
+        why = _reason(late, interval_s)
+        yield f"{why[0].upper()}{why[1:]}. Set late_samples = {late:g} in [robot.axis.torque], and identify again."
 
 
 def _reason(late: float, interval_s: float) -> str:

@@ -61,13 +61,11 @@ def test_what_is_right_stays_and_what_is_configured_wrongly_is_named() -> None:
         (0.0, TorqueTime(0.3, 0.2), "0.5"),  # at 12 ms it needs no evidence
         (0.0, TorqueTime(0.0, 0.1), None),
         (0.0, None, None),
-        (0.5, TorqueTime(0.0, 0.1), None),
-        (0.5, TorqueTime(0.5, 0.1), "1"),
-        (0.5, TorqueTime(0.5, 0.2), None),  # the robot may know better
-        (1.0, TorqueTime(-1.0, 0.1), "0"),
+        (0.0, TorqueTime(14.0, 0.1), "10"),
+        (0.5, TorqueTime(1.5, 0.1), None),  # the robot knows better
     ],
 )
-def test_an_axis_alone_is_doubted_where_its_records_are_sure(
+def test_an_axis_alone_is_doubted_where_nothing_is_configured(
     late: float, shown: TorqueTime | None, right: str | None
 ) -> None:
     found = list(torque_time_doubts(robots(a=late).axes[0].config, shown))
