@@ -10,15 +10,8 @@ import numpy as np
 
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
-from monitor_core.identification.torque_balance.torque_windows import (
-    USUAL,
-    GridPart,
-    least_speed,
-    moving_windows,
-    residual_torque,
-    windowed_equations,
-    windowed_parts,
-)
+from monitor_core.identification.torque_balance.torque_time import unexplained_changes
+from monitor_core.identification.torque_balance.torque_windows import GridPart, least_speed, windowed_parts
 
 _MOST = 10
 """Largest delay in samples, as in the configuration: a PLC may filter over several of its slow samples."""
@@ -61,18 +54,6 @@ def _earlier(part: GridPart, samples: int) -> GridPart:
 
 
 def _unexplained(parts: Sequence[GridPart], scale: float, least: float) -> float:
-    """Mean square of the change of the torque from window to window that a rigid mass does not explain.
-
-    Of the changes: what depends on the pose changes slowly.
-    """
-    rows, torque = [np.zeros((0, 1 + len(USUAL)))], [np.zeros(0)]
-    for part in parts:
-        if len(part.u) > _WINDOW:
-            columns, right = windowed_equations(part, _WINDOW, scale, USUAL)
-            moves = moving_windows(part, _WINDOW, least)
-            both = moves[1:] & moves[:-1]
-            rows.append(np.diff(columns, axis=0)[both])
-            torque.append(np.diff(right)[both])
-    if sum(map(len, torque)) < _FEWEST:
-        return np.inf
-    return float(np.mean(residual_torque(np.concatenate(rows), np.concatenate(torque)) ** 2))
+    """Mean square of the change of the torque from window to window that a rigid mass does not explain."""
+    left = unexplained_changes(parts, _WINDOW, scale, least)
+    return float(np.mean(left**2)) if left.size >= _FEWEST else np.inf

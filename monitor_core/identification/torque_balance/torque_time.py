@@ -114,7 +114,7 @@ def _mean(times: Sequence[TorqueTime]) -> TorqueTime:
 def _in_windows(parts: Sequence[GridPart], window: int, scale: float, least: float) -> TorqueTime | None:
     """The vertex with its standard deviation from windows of this length; None: too few windows, or no vertex."""
     shifts = range(-1, _LATEST + 2)
-    left = [_unexplained([_shifted(part, k) for part in parts], window, scale, least) for k in shifts]
+    left = [unexplained_changes([_shifted(part, k) for part in parts], window, scale, least) for k in shifts]
     if left[0].size < _FEWEST:
         return None
     sums = np.stack([[np.sum(block**2) for block in np.array_split(each, _BLOCKS)] for each in left])
@@ -142,7 +142,7 @@ def _shifted(part: GridPart, samples: int) -> GridPart:
     return part._replace(u=part.u[1 + samples : last + samples], y=part.y[1:last], signals={})
 
 
-def _unexplained(parts: Sequence[GridPart], window: int, scale: float, least: float) -> Floats:
+def unexplained_changes(parts: Sequence[GridPart], window: int, scale: float, least: float) -> Floats:
     """Changes of the torque (M,) from window to window that a rigid mass does not explain.
 
     Of the changes: what depends on the pose changes slowly.
