@@ -100,7 +100,7 @@ def _in_parallel(
 
 
 _PROGRAM_BYTES, _SAMPLE_BYTES = 500_000_000, 400
-"""Memory of a process with few samples, and for each sample of the axis: measured, with some room"""
+"""Memory of a process with few samples, and for each sample of the axis: measured every .2 s, with some room"""
 _LOADED_BYTES = 250_000_000
 """Part of it that this process has already, in which an axis is worked on alone"""
 
