@@ -1,11 +1,13 @@
 """Columns that may be the torque, or the motion, of an axis: those with such a name, or those whose values allow it."""
 
+import re
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from monitor_core.arrays import Floats
 from service.ingest.column_values import commanded_columns, correlation, roughness, slope_of, speeds_of_angles
-from service.ingest.roles_by_name import is_of_sensor
+from service.ingest.roles_by_name import is_of_sensor, words_in
 
 _SAME = 0.99
 """Least correlation of two columns with the same motion"""
@@ -74,10 +76,11 @@ def candidate_columns(columns: NamedColumns) -> CandidateColumns:
     ]
     commanded = commanded_columns(values, by_role.get("", []))
     unnamed = [n for n in by_role.get("", []) if n not in commanded]
-    angles = _with_alike(columns, by_role.get("angle", []))
+    angles = _of_kind(_with_alike(columns, by_role.get("angle", [])), torques)
     # If an axis sends angle and speed, use the angle: it gives the better estimates.
     numbers = {named[name].number for name in angles}
-    speeds = _with_alike(columns, [n for n in by_role.get("speed", []) if named[n].number not in numbers])
+    alike = _with_alike(columns, [n for n in by_role.get("speed", []) if named[n].number not in numbers])
+    speeds = _of_kind(alike, torques)
     motions = angles | speeds
     if torques and motions:
         return CandidateColumns(columns, torques, motions, {})
@@ -115,3 +118,26 @@ def _with_alike(columns: NamedColumns, motions: Sequence[str]) -> dict[str, list
         if noisier is not None:
             found[noisier].append(name)
     return {name: found[name] for name in motions if name in found}
+
+
+def _of_kind(alike: Mapping[str, Sequence[str]], torques: Sequence[str]) -> dict[str, list[str]]:
+    """The same motions, with the same kind of column for all axes: the kind of most; of equals, that of the torques.
+
+    Of motions with about the same noise, as of motor and joint, chance would choose another kind for each axis.
+    """
+    beside = {word for torque in torques for word in words_in(torque)}
+    chosen = Counter(_kind(name) for name in alike)
+
+    def rank(name: str) -> tuple[int, int]:
+        return chosen[_kind(name)], len(beside.intersection(words_in(name)))
+
+    found: dict[str, list[str]] = {}
+    for name, others in alike.items():
+        best = max((name, *others), key=rank)
+        found[best] = [other for other in (name, *others) if other != best]
+    return found
+
+
+def _kind(name: str) -> str:
+    """The name of a column without the number of its axis."""
+    return re.sub(r"\d+", "", name)

@@ -295,3 +295,22 @@ def test_two_torques_that_may_be_measured_are_both_named(record: Path, seed: int
     write_rows(record, np.column_stack(columns), "")
     text = shown("init", record)
     assert "torque 5, angle 1: likely; or torque 7" in text or "torque 7, angle 1: likely; or torque 5" in text
+
+
+@pytest.mark.parametrize(("noise", "kind"), [((0.5, 2.0), "motor"), ((2.0, 0.5), "motor"), ((2.0, 2.0), "joint")])
+def test_angles_of_motor_and_joint(noise: tuple[float, float], kind: str, record: Path, seed: int) -> None:
+    """All axes take the kind of angle that most have the better one of; of equals, that of the torques."""
+    rng = np.random.default_rng(seed)
+    rows = read_rows(record)
+    names, columns = ["Time"], [rows[:, 0]]
+    for axis, of_joint in enumerate(noise, 1):
+        torque, angle = rows[:, 2 * axis - 1], rows[:, 2 * axis]
+        rough = 1e-5 * np.ptp(angle) * rng.standard_normal(len(angle))
+        names += [f"motor_torque_{axis}", f"motor_position_{axis}", f"joint_position_{axis}"]
+        columns += [torque, angle + rough, angle + of_joint * rough]
+    write_rows(record, np.column_stack(columns), ",".join(names))
+    text = shown("init", record)
+    other = "joint" if kind == "motor" else "motor"
+    for axis in (1, 2):
+        expected = f"torque motor_torque_{axis}, angle {kind}_position_{axis}: likely; or angle {other}_position_{axis}"
+        assert expected in text
