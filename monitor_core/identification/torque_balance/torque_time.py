@@ -22,8 +22,10 @@ from monitor_core.arrays import Floats
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
 from monitor_core.identification.torque_balance.torque_windows import (
+    POSE,
     USUAL,
     GridPart,
+    TorqueTerm,
     least_speed,
     moving_windows,
     residual_torque,
@@ -32,8 +34,10 @@ from monitor_core.identification.torque_balance.torque_windows import (
 )
 
 _WINDOWS_S = (0.4, 0.6, 0.9)
-"""Lengths of the windows.  In shorter ones the arm does not yet follow the motor; the scatter over these lengths is
-part of the uncertainty."""
+"""Lengths of the windows.  In shorter ones the arm does not yet follow the motor."""
+_MANY_TERMS: tuple[TorqueTerm, ...] = (*POSE, "stribeck", "drag")
+"""A second model of the torque.  The scatter of the time over both models, and over the windows, is part of its
+uncertainty: what no model explains is hardly random, so longer records do not make it smaller."""
 _SHORTEST = 24
 """Least number of samples in a window, so that sums equal integrals to 1e-3."""
 _FEWEST = 200
@@ -74,12 +78,17 @@ def torque_time(records: Sequence[Record]) -> TorqueTime | None:
     if not scale > 0:
         return None
     least, h = least_speed(parts) or 0.0, float(np.median([part.h for part in parts]))
-    lengths = dict.fromkeys(max(_SHORTEST, round(seconds / h)) for seconds in _WINDOWS_S)
-    found = [found for length in lengths if (found := _in_windows(parts, length, scale, least))]
-    if len(found) < len(lengths):
+    lengths = list(dict.fromkeys(max(_SHORTEST, round(seconds / h)) for seconds in _WINDOWS_S))
+
+    def times(terms: Sequence[TorqueTerm], lengths: Sequence[int]) -> list[TorqueTime]:
+        return [time for length in lengths if (time := _in_windows(parts, length, scale, least, terms))]
+
+    few = times(USUAL, lengths)
+    if len(few) < len(lengths):
         return None
-    best = min(found, key=lambda each: each.sd)
-    scatter = max(abs(each.late - best.late) for each in found)
+    both = [*few, *times(_MANY_TERMS, lengths[:-1])]  # the longest windows tell little of many terms
+    best = min(both, key=lambda time: time.sd)
+    scatter = max(abs(time.late - best.late) for time in both)
     return TorqueTime(best.late, math.hypot(best.sd, scatter / 2))
 
 
@@ -111,10 +120,12 @@ def _mean(times: Sequence[TorqueTime]) -> TorqueTime:
     return TorqueTime(mean, math.sqrt(variance * max(scatter, 1.0)))
 
 
-def _in_windows(parts: Sequence[GridPart], window: int, scale: float, least: float) -> TorqueTime | None:
+def _in_windows(
+    parts: Sequence[GridPart], window: int, scale: float, least: float, terms: Sequence[TorqueTerm]
+) -> TorqueTime | None:
     """The vertex with its standard deviation from windows of this length; None: too few windows, or no vertex."""
     shifts = range(-1, _LATEST + 2)
-    left = [unexplained_changes([_shifted(part, k) for part in parts], window, scale, least) for k in shifts]
+    left = [unexplained_changes([_shifted(part, k) for part in parts], window, scale, least, terms) for k in shifts]
     if left[0].size < _FEWEST:
         return None
     sums = np.stack([[np.sum(block**2) for block in np.array_split(each, _BLOCKS)] for each in left])
@@ -142,15 +153,17 @@ def _shifted(part: GridPart, samples: int) -> GridPart:
     return part._replace(u=part.u[1 + samples : last + samples], y=part.y[1:last], signals={})
 
 
-def unexplained_changes(parts: Sequence[GridPart], window: int, scale: float, least: float) -> Floats:
-    """Changes of the torque (M,) from window to window that a rigid mass does not explain.
+def unexplained_changes(
+    parts: Sequence[GridPart], window: int, scale: float, least: float, terms: Sequence[TorqueTerm] = USUAL
+) -> Floats:
+    """Changes of the torque (M,) from window to window that a rigid mass with these terms does not explain.
 
     Of the changes: what depends on the pose changes slowly.
     """
-    rows, torque = [np.zeros((0, 1 + len(USUAL)))], [np.zeros(0)]
+    rows, torque = [np.zeros((0, 1 + len(terms)))], [np.zeros(0)]
     for part in parts:
         if len(part.u) > window:
-            columns, right = windowed_equations(part, window, scale, USUAL)
+            columns, right = windowed_equations(part, window, scale, terms)
             moves = moving_windows(part, window, least)
             both = moves[1:] & moves[:-1]
             rows.append(np.diff(columns, axis=0)[both])

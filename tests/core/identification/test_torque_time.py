@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -48,6 +49,28 @@ def test_the_torque_of_an_axis_at_rest_does_not_count(seed: int) -> None:
     found = torque_time([Record(0.012 * np.arange(u.size, dtype=np.float64), u, y, "angle", "x")])
     assert found is not None
     assert found.halves(0.004) == 0.5
+
+
+@pytest.mark.parametrize("interval_s", [0.004, 0.012])
+def test_friction_that_is_not_viscous_does_not_pass_for_time(interval_s: float, seed: int) -> None:
+    """With viscous friction alone the torque seems held at 12 ms, with a standard deviation of a tenth of a sample."""
+    record = record_of("at the sample", interval_s, np.random.default_rng(seed))
+    speed = np.gradient(record.y, interval_s)
+    found = torque_time([replace(record, u=record.u + 2e-3 * np.abs(speed) * speed)])
+    assert found is not None
+    assert abs(found.late - 0.5) < 2 * found.sd
+    assert found.halves(interval_s) == 0.5
+
+
+def test_models_that_disagree_make_the_time_uncertain(seed: int) -> None:
+    """Noise hides which is right."""
+    record = record_of("at the sample", 0.012, np.random.default_rng(seed), noise=0.3)
+    speed = np.gradient(record.y, 0.012)
+    drag = replace(record, u=record.u + 6e-4 * np.abs(speed) * speed)
+    plain, other = torque_time([record]), torque_time([drag])
+    assert plain is not None
+    assert other is not None
+    assert other.sd > 1.3 * plain.sd
 
 
 def test_an_elastic_axis_shows_none_that_is_not_there(seed: int) -> None:
