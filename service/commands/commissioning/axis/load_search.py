@@ -28,10 +28,12 @@ from monitor_core.identification import (
     recorded_signals,
 )
 from service.config import Config, NamedAxis, gear_ratio
+from service.config.schema_signals import FurtherSignalConfig
 from service.config.unit_names import unit_in
 from service.config.written.commissioned import configured, corrected
 from service.config.written.corrections import GATE, SIGNAL, Correction
 from service.ingest.loaded_records import load
+from service.ingest.roles_by_name import is_temperature
 
 _SETTLE_S = 0.1
 """Time after a signal says that an axis does not press any more until it moves freely [s]."""
@@ -186,11 +188,11 @@ def _candidates(config: Config, axis: NamedAxis) -> tuple[Sequence[_MotionSignal
     """The signals on which the load may depend: angles, speeds and accelerations of the arm; all, by what they are.
 
     No arm, unless the axis itself is in it, with others or with something that may be a load.  Signals that gates use
-    are no loads: a gate leaves out what they tell.
+    are no loads: a gate leaves out what they tell.  Nor are temperatures, which rise while the friction falls.
     """
     arm, own = list(_arm(config, axis)), axis.config.name
     known = {gate.signal for gate in axis.config.gate}.union(axis.config.coupling)
-    loads = [s.name for s in axis.config.signal if s.axis is None and s.name not in known]
+    loads = [s.name for s in axis.config.signal if s.axis is None and s.name not in known and not _is_temperature(s)]
     if axis.id not in {other.id for other in arm} or (len(arm) < 2 and not loads and not axis.config.coupling):
         arm = []
     angles = {other.config.name: _angle(axis, other) for other in arm}
@@ -206,6 +208,10 @@ def _candidates(config: Config, axis: NamedAxis) -> tuple[Sequence[_MotionSignal
         turning.union(signal.name for signal in axis.config.signal),
     )
     return [*angles.values(), *chain.from_iterable(derivatives.values())], signals
+
+
+def _is_temperature(signal: FurtherSignalConfig) -> bool:
+    return any(is_temperature(name, "") for name in (signal.name, signal.column or "", signal.signal or ""))
 
 
 def _arm(config: Config, axis: NamedAxis) -> Iterator[NamedAxis]:

@@ -447,9 +447,8 @@ GANTRY = arm_of("across", "lift").replace(
 )
 
 
-def test_what_a_gantry_grips_is_weight_and_inertia(tmp_path: Path, seed: int) -> None:
-    """The angle of the motor of a linear axis is none of an arm."""
-    rng = np.random.default_rng(seed)
+def gripping(rng: np.random.Generator, path: Path) -> None:
+    """A table of a gantry whose lift carries something half of the time."""
     swing = Swing.drawn(rng, 240.0, 60.0, 30.0)
     w = swing.w * np.sin(np.pi * swing.t / 4) ** 2  # a rest at multiples of 4 s, where the gripper acts
     q, a = np.cumsum(w, axis=1) * 0.01, np.gradient(w, 0.01, axis=1)
@@ -457,7 +456,12 @@ def test_what_a_gantry_grips_is_weight_and_inertia(tmp_path: Path, seed: int) ->
     u = np.array([0.1 * a[0], (0.02 + 0.01 * grip) * a[1] + 2 + 1.5 * grip])
     u += 0.01 * w + 0.3 * np.tanh(w / 0.2) + rng.normal(0, 0.03, q.shape)
     columns = np.column_stack([swing.t, u[0], q[0], u[1], q[1], grip])
-    np.savetxt(tmp_path / "a.csv", columns, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2,grip", comments="")
+    np.savetxt(path, columns, fmt="%.9g", delimiter=",", header="t,u1,y1,u2,y2,grip", comments="")
+
+
+def test_what_a_gantry_grips_is_weight_and_inertia(tmp_path: Path, seed: int) -> None:
+    """The angle of the motor of a linear axis is none of an arm."""
+    gripping(np.random.default_rng(seed), tmp_path / "a.csv")
     found = load_of(GANTRY, "arm.lift", tmp_path / "a.csv")
     assert set(found.weights.terms) == {"DO3", "DO3 * lift-acceleration"}
     assert found.weights.explains_much_more
@@ -466,3 +470,15 @@ def test_what_a_gantry_grips_is_weight_and_inertia(tmp_path: Path, seed: int) ->
         ("lift-acceleration", "acceleration"): True,
     }
     assert LoadSearch(GANTRY, "arm.across", [str(tmp_path / "a.csv")], tmp_path).links is None
+
+
+@pytest.mark.parametrize(("name", "column"), [("temperature", "grip"), ("DO3", "Temp_Gear"), ("Temp_Gear", "grip")])
+def test_a_temperature_is_no_load(name: str, column: str, tmp_path: Path, seed: int) -> None:
+    """Friction may follow it, whatever the torque looks like: it would take the place of a warm-up."""
+    record = tmp_path / "a.csv"
+    gripping(np.random.default_rng(seed), record)
+    record.write_text(record.read_text(encoding="utf-8").replace("grip", column, 1), encoding="utf-8")
+    text = GANTRY.replace("DO3", name).replace("grip", column)
+    search = LoadSearch(text, "arm.lift", [str(record)], tmp_path)
+    assert search.links is None
+    assert search.pressing is None
