@@ -8,6 +8,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats
 from monitor_core.drive.axis_model import AxisModel
+from monitor_core.drive.parameter_names import slope_name
 from monitor_core.drive.structure import Drive
 from monitor_core.excitation.accuracy import Accuracy
 from monitor_core.identification.greybox.criterion import OUTLIER_SIGMAS
@@ -154,9 +155,7 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
     if not found.converged:
         yield f"The search has not converged after {found.iterations} evaluations."
     yield from _singular(found.accuracy)
-    for finding in found.accuracy.findings():
-        if not finding.hidden and not any(name.startswith(LEVEL) for name in finding.names):
-            yield finding.sentence
+    yield from _uncertain(found.accuracy, found.drive.constant_torques())
     yield from _at_bounds(layout, xi)
     if not 0 <= found.delay_s <= found.interval_s:
         how = "late" if found.delay_s > 0 else "early"
@@ -168,6 +167,28 @@ def sentences(found: Estimate, layout: Layout, xi: Floats) -> Iterator[str]:
     if count := sum(found.outliers):
         yield f"{count} outputs are outliers, beyond {OUTLIER_SIGMAS:g} standard deviations: they are not used."
     yield from _residuals(found)
+
+
+def _uncertain(accuracy: Accuracy, constant: Sequence[str]) -> Iterator[str]:
+    """Parameters that the record does not determine.  Of the terms of a load it says only how many: their sum counts.
+
+    ``constant``: names of the constant torques, whose slopes these terms are.
+    """
+    terms = {name: torque for name in accuracy.names for torque in constant if name.startswith(slope_name(torque, ""))}
+    uncertain = set[str]()
+    for finding in accuracy.findings():
+        if finding.hidden or any(name.startswith(LEVEL) for name in finding.names):
+            continue
+        if len(terms) > 1 and terms.keys() >= {*finding.names}:
+            uncertain.update(finding.names)
+        else:
+            yield finding.sentence
+    if uncertain:
+        follows = listed(sorted({terms[name] for name in uncertain}))
+        yield (
+            f"{len(uncertain)} of the {len(terms)} terms that {follows} follows cannot be determined one by one: only"
+            " their sum is known, in the poses and motions of these records."
+        )
 
 
 def _singular(accuracy: Accuracy) -> Iterator[str]:

@@ -127,6 +127,22 @@ def test_a_motion_that_is_repeated_is_reported_with_the_verdict(seed: int) -> No
     assert found([again]).verdict.repeats_s == pytest.approx(once.duration_s + H, rel=0.01)
 
 
+def test_terms_of_a_load_that_are_alike_are_counted_not_listed(seed: int) -> None:
+    """Each of them may be anything, but their sum is known; friction that is uncertain is still named."""
+    plain = record(seed)
+    rng = np.random.default_rng(seed)
+    turning = np.sin(0.7 * plain.t)
+    signals = {name: turning + 1e-5 * rng.standard_normal(turning.size) for name in ("a", "b", "c")}
+    loaded = replace(plain, u=plain.u + 2 * turning, signals={**signals, "d": np.cos(0.3 * plain.t)})
+    nominal = {**VALUES, "tau0": 0.0}
+    problem = Problem(one_mass(), nominal, ALL, speed_scale=SCALE, varying={"tau0": ("a", "b", "c", "d")})
+    words = fit(problem, [loaded]).words
+    assert [w for w in words if "tau0 per" in w] == []
+    assert any(" of the 4 terms that tau0 follows cannot be determined one by one" in w for w in words)
+    alone = fit(replace(problem, varying={"fv": ("a", "b")}), [loaded]).words
+    assert any(w.startswith("fv per a") and "cannot" in w for w in alone)
+
+
 @pytest.mark.parametrize(("size", "ringing"), [(3.0, 0.0), (1.0, 0.5)], ids=["several times", "half as large again"])
 def test_an_axis_is_not_moved_by_its_own_measured_acceleration(size: float, ringing: float) -> None:
     """The inertia follows the pose of another axis, beside a torque of other links that no term describes.
