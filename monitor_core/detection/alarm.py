@@ -307,19 +307,28 @@ def same_payload(alarm: Alarm, others: Iterable[tuple[str, Alarm]]) -> tuple[str
     """The other axes whose alarms the same change of the payload explains.
 
     One change of the payload is likelier than a fault of each drive.  A payload that an axis no longer showed when the
-    change of another one began is not the same.
+    change of another one began is not the same.  Where the alarm itself does not tell of a payload, these are the axes
+    that surely show one, if their changes and its own began together: what a base feels of the payload that it turns
+    may look like any fault.
 
     Args:
         alarm: alarm of an axis.
         others: alarms of the other axes of its robot, each with its axis.
     """
-    change = payload_change(alarm)
+    within_us, change = PAYLOAD_WITHIN_S * 1e6, payload_change(alarm)
+    near = [(axis, other) for axis, other in others if abs(other.raised_us - alarm.raised_us) <= within_us]
     if change is None:
-        return ()
-    within_us = PAYLOAD_WITHIN_S * 1e6
-    near = ((axis, other) for axis, other in others if abs(other.raised_us - alarm.raised_us) <= within_us)
+        sure = ((axis, other) for axis, other in near if other.parameter in (LOAD, INERTIA) and payload_change(other))
+        return tuple(sorted({axis for axis, other in sure if _began_together(alarm, other)}))
     same = ((axis, other) for axis, other in near if payload_change(other) == change)
     return tuple(sorted({axis for axis, a in same if not (_is_over_before(a, alarm) or _is_over_before(alarm, a))}))
+
+
+def _began_together(alarm: Alarm, other: Alarm) -> bool:
+    """Whether both began at once, as far as their onsets are known: a drift has no such second."""
+    begins = [(a.onset_low_us, a.onset_high_us) for a in (alarm, other) if a.kind in ("", "step")]
+    lows, highs = [low for low, _ in begins if low is not None], [high for _, high in begins if high is not None]
+    return len(lows) == len(highs) == 2 and max(lows) <= min(highs)
 
 
 def _is_over_before(earlier: Alarm, later: Alarm) -> bool:

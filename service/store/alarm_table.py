@@ -139,7 +139,7 @@ def select_alarms(
 ) -> list[RecordedAlarm]:
     """The alarms that a query finds; ``rest``: its WHERE, ORDER BY and LIMIT; ``values``: values for these."""
     found = [_alarm(row) for row in connection.execute(f"SELECT {_COLUMNS} FROM alarm {rest}", values)]
-    return [_with_payload(connection, a) if payload_change(a) else a for a in found]
+    return [_with_payload(connection, a) if payload_change(a) or a.onset_low_us is not None else a for a in found]
 
 
 def _with_payload(connection: sqlite3.Connection, a: RecordedAlarm) -> RecordedAlarm:

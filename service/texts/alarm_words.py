@@ -58,9 +58,8 @@ def episode_words(e: Alarm, nominal: float, unit: str, same_payload: Sequence[st
     """
     also = ""
     if same_payload:
-        verb = "shows" if len(same_payload) == 1 else "show"
         likelier = "another payload is likelier than a fault of each"
-        also = f"; {listed(same_payload)} {verb} the same at that time: {likelier}"
+        also = f"; {listed(same_payload)} changed at that time, too: {likelier}"
     outside = "; raised outside the conditions of the calibration" if e.inside_calibration is False else ""
     return f"{_episode_words(e, nominal, unit)}{also}{outside}"
 

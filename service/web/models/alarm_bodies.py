@@ -73,7 +73,8 @@ class Alarm(Body):
     )
     same_payload: list[str] = Field(
         description="the other axes of its robot whose alarms, raised within ten minutes, the same change of the"
-        " payload explains: that is likelier than a fault of each drive; empty: there are none"
+        " payload explains: that is likelier than a fault of each drive; of an alarm that does not tell of a payload,"
+        " those that name a load or an inertia and began together with it; empty: there are none"
     )
     parameter: str = Field(
         description="the most probable name now; causes states how certain it is. A monitored parameter, or, from"

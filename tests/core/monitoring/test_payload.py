@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import copy
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
 
-from monitor_core.detection import Alarm, same_payload
+from monitor_core.detection import PAYLOAD_WITHIN_S, Alarm, Cause, same_payload
 from monitor_core.drive import AxisModel, Conditions, NominalSchedule, Operating, Term
 from monitor_core.monitoring import AxisMonitor, MonitoringOptions, recommended_settings
 from monitor_core.samples import SampleBlock
@@ -206,3 +206,31 @@ def test_a_payload_that_was_over_before_another_change_began_is_not_the_same(beg
     later = Alarm("load", "up", 310, 320, 320, None, 0.2, 0.01, 1, "named", onset_low_us=begin_us)
     assert same_payload(later, [("elbow", over)]) == (("elbow",) if same else ())
     assert same_payload(over, [("shoulder", later)]) == (("shoulder",) if same else ())
+
+
+@pytest.mark.parametrize(
+    ("of_base", "of_arm", "same"),
+    [
+        ({}, {}, True),
+        ({"parameter": "kT"}, {"parameter": "inertia"}, True),
+        ({"onset_low_us": 320, "onset_high_us": 400}, {}, True),
+        ({"onset_low_us": 321, "onset_high_us": 400}, {}, False),
+        ({"onset_low_us": 200, "onset_high_us": 299}, {}, False),
+        ({"onset_low_us": None}, {}, False),
+        ({}, {"onset_high_us": None}, False),
+        ({"kind": "drift"}, {}, False),
+        ({}, {"kind": "drift"}, False),
+        ({}, {"parameter": "kT", "causes": (Cause("kT", 0.97, ("load",)),)}, False),
+        ({}, {"stage": "changed"}, False),
+        ({"raised_us": 340 + round(PAYLOAD_WITHIN_S * 1e6)}, {}, True),
+        ({"raised_us": 341 + round(PAYLOAD_WITHIN_S * 1e6)}, {}, False),
+    ],
+)
+def test_a_fault_that_begins_with_a_payload_of_other_axes_is_part_of_it(
+    of_base: dict[str, Any], of_arm: dict[str, Any], same: bool
+) -> None:
+    """A base that turns a heavier arm: its friction seems smaller.  The other axis must show it surely."""
+    base = Alarm("fc", "down", 310, 340, 340, None, -0.2, 0.01, 1, "named", onset_low_us=300, onset_high_us=330)
+    arm = Alarm("load", "up", 310, 340, 340, None, 0.2, 0.01, 1, "named", onset_low_us=300, onset_high_us=320)
+    axes = same_payload(replace(base, **of_base), [("elbow", replace(arm, **of_arm))])
+    assert axes == (("elbow",) if same else ())

@@ -355,6 +355,15 @@ def test_axes_of_a_robot_that_show_the_same_payload_name_each_other(journal: Jou
     assert len(others) == 5
 
 
+def test_what_a_base_feels_of_a_payload_names_the_axes_that_show_it(journal: Journal) -> None:
+    at = 1000 * SECOND
+    onset = {"onset_us": at, "onset_low_us": at - SECOND, "onset_high_us": at + SECOND}
+    named = replace(RAISED, stage="named", raised_us=at, updated_us=at, doubt="", **onset)  # type: ignore[arg-type]
+    base, arm = replace(named, parameter="fc", direction="down"), replace(named, parameter="load", direction="up")
+    journal.record([AlarmEntry("cell.base", "1", 1.0, base), AlarmEntry("cell.arm", "1", 1.0, arm)])
+    assert {a.axis: a.same_payload for a in journal.query()[0]} == {"cell.base": ("cell.arm",), "cell.arm": ()}
+
+
 def test_the_first_of_a_group_is_first_out_whatever_their_robots(journal: Journal) -> None:
     for second, axis in enumerate(("cell.a", "cell2.b", "cell.c")):
         alarm = replace(RAISED, raised_us=second * SECOND, updated_us=second * SECOND)
