@@ -201,25 +201,22 @@ def moving_parts(records: Sequence[Record], angles: Sequence[str]) -> tuple[list
 
 
 def _parts(records: Sequence[Record], signals: Sequence[str], most: int, share: float) -> tuple[list[GridPart], int]:
-    parts = [
-        _thinned(part, most)
-        for part in windowed_parts(records)
-        if all(np.isfinite(part.signals[name]).all() for name in signals)
-    ]
-    window = _window(records, parts, share)
+    parts = [part for part in windowed_parts(records) if all(np.isfinite(part.signals[name]).all() for name in signals)]
+    window_s = share * _usual_period(records, parts)
+    parts = [_thinned(part, most, window_s) for part in parts]
+    window = max(_MIN_WINDOW, round(window_s / parts[0].h)) if parts else _MIN_WINDOW
     parts = [part for part in parts if len(part.u) > window]
     enough = sum(len(part.u) for part in parts) >= _LEAST_WINDOWS * window
     return (parts if enough else []), window
 
 
-def _window(records: Sequence[Record], parts: Sequence[GridPart], share: float) -> int:
-    """Length of the window of the torque balance, in samples; ``share``: of the usual period of the motion."""
+def _usual_period(records: Sequence[Record], parts: Sequence[GridPart]) -> float:
+    """The usual period of the motion [s]: that of a sine with its speed and its way; 0: there is none."""
     speed = rms_speed(records)
     if not parts or not speed > 0:
-        return _MIN_WINDOW
+        return 0.0
     turned = np.concatenate([_turned(part) for part in parts])
-    period_s = 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
-    return max(_MIN_WINDOW, round(share * period_s / parts[0].h))
+    return 2 * np.pi * float(np.sqrt(np.mean(turned**2))) / speed
 
 
 def _turned(part: GridPart) -> Floats:
@@ -228,10 +225,10 @@ def _turned(part: GridPart) -> Floats:
     return np.asarray(angle - angle.mean())
 
 
-def _thinned(part: GridPart, most: int) -> GridPart:
-    """Means over blocks of samples, if there are too many."""
-    block = -(-len(part.u) // most)
-    if block == 1:
+def _thinned(part: GridPart, most: int, window_s: float) -> GridPart:
+    """Means over blocks of samples, if there are too many, but so few that a window still has its samples."""
+    block = min(-(-len(part.u) // most), int(window_s / (_MIN_WINDOW * part.h)))
+    if block <= 1:
         return part
     count = len(part.u) // block
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.identification import samples_late, shown_inertia
 from monitor_core.identification.assessment.explained_torque import (
     explained_torque,
@@ -21,6 +22,7 @@ from monitor_core.identification.problem import Problem
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import rigid_fits
 from monitor_core.identification.torque_balance.torque_windows import USUAL, TorqueTerm
+from monitor_core.identification.weight.weight_balance import WeightBalance, slow_parts
 from tests.core.chains import chain, one_mass, values
 from tests.core.identification.record_cases import picks
 
@@ -197,3 +199,27 @@ def test_what_stands_or_is_noise_shows_no_delay(seed: int) -> None:
     assert samples_late([Record(TIMES, rng.standard_normal(N), np.zeros(N), "angle", "x")]) == 0
     assert samples_late([Record(TIMES, rng.standard_normal(N), rng.standard_normal(N), "angle", "x")]) == 0
     assert samples_late([Record(TIMES[:100], rng.standard_normal(100), TIMES[:100], "angle", "x")]) == 0
+
+
+def test_a_long_record_has_windows_as_short_as_its_motions(seed: int) -> None:
+    """Forty minutes of motions of a second: with longer windows friction at low speed passes for less inertia."""
+    rng = np.random.default_rng(seed)
+    h, J, fm, fc = 0.016, 0.05, 0.25, 0.35
+    angles, place = list[Floats](), 0.0
+    while sum(map(len, angles)) * h < 2400.0:
+        x = np.linspace(0.0, 1.0, round(rng.uniform(0.6, 1.2) / h))
+        goal = rng.uniform(-1.5, 1.5)
+        angles.append(place + (goal - place) * x**3 * (10 - 15 * x + 6 * x**2))
+        angles.append(np.full(round(rng.uniform(0.1, 0.6) / h), goal))
+        place = goal
+    angle = np.concatenate(angles)
+    speed = np.gradient(angle, h)
+    stribeck = 1 + 0.5 * np.exp(-((speed / 0.08) ** 2))
+    torque = J * np.gradient(speed, h) + fm * speed + fc * np.tanh(speed / 0.01) * stribeck
+    torque += 0.02 * rng.standard_normal(angle.size)
+    t = h * np.arange(angle.size, dtype=np.float64)
+    record = Record(t, torque, angle + 1e-5 * rng.standard_normal(angle.size), "angle", "x")
+    parts, window = slow_parts([record], ())
+    found = WeightBalance(parts, window, 0.01).rigid_mass(())
+    assert found is not None
+    assert found == pytest.approx((J, fm), rel=0.055)
