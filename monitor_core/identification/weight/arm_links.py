@@ -96,6 +96,11 @@ class LinkWeights(NamedTuple):
         return leaves_much_less(self.explained, self.before)
 
     @property
+    def explains_clearly_more(self) -> bool:
+        """Whether clearly less of the torque remains than without these terms, though perhaps not much less."""
+        return (1 - self.explained) ** 2 < _CLEARLY_LESS * (1 - self.before) ** 2
+
+    @property
     def signals(self) -> set[str]:
         """Names of the signals in the terms."""
         return {signal for term in self.terms for signal in Term.read(term).signals}

@@ -16,6 +16,7 @@ from service.commands.commissioning.axis.axis_job import (
     within,
 )
 from service.commands.commissioning.axis.identification_retries import (
+    ONE_MASS,
     Retry,
     followers_monitored,
     memories_of,
@@ -31,7 +32,7 @@ from service.commands.commissioning.axis.load_search import LoadSearch, LoadSear
 from service.commands.commissioning.axis.missing_motion import motion_for, with_motion, within_arm
 from service.config import NamedAxis
 from service.config.written.commissioning_files import pages_of
-from service.config.written.corrections import SIGNAL
+from service.config.written.corrections import SIGNAL, Correction
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_files import as_toml
@@ -197,6 +198,7 @@ def lacks_of(report: IdentificationReport, before: str) -> str:
 def _with_results(fit: _Fit, progress: CommissioningProgress) -> Outcome:
     """The outcome of this fit, with its files."""
     job, outcome = fit.attempt.job, fit.attempt.outcome
+    outcome = replace(outcome, corrections=(*outcome.corrections, *_poses(fit)))
     outcome = _with_values(fit, replace(outcome, notes=(*outcome.notes, *_unknown_gears(fit))))
     motion = motion_for(fit.report, fit.records)
     if motion is None:
@@ -235,6 +237,18 @@ def _unknown_gears(fit: _Fit) -> Iterator[str]:
             " ratios are not known. Without them only a weight is looked for that follows the pose of the arm, not the"
             f" inertia. {_GIVE_RATIOS}"
         )
+
+
+def _poses(fit: _Fit) -> tuple[Correction, ...]:
+    """The angles that the load may follow as signals, where one mass does without the terms of the load.
+
+    They explain clearly more, as the inertia of a base that follows the pose, but too little for terms that hold in
+    other programs.  So the values hold in the poses of the records.
+    """
+    if not fit.attempt.job.shorten or fit.attempt.schedule or fit.axis.config.model.drive != ONE_MASS.name:
+        return ()
+    load = fit.search.links
+    return load.poses if load is not None and load.weights.explains_clearly_more else ()
 
 
 def _with_values(fit: _Fit, outcome: Outcome) -> Outcome:

@@ -26,7 +26,7 @@ class _Drive(NamedTuple):
     """Values of parameters that no record determines, used if the configuration has none"""
 
 
-_ONE_MASS = _Drive("one-mass", ("kT", "fc", "fm"), {"kT": 1.0})
+ONE_MASS = _Drive("one-mass", ("kT", "fc", "fm"), {"kT": 1.0})
 _TWO_MASS = _Drive("two-mass", ("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
 _THREE_MASS = _Drive("three-mass", ("kT", "1/Ja", "fm"), {"kT": 1.0, "r": 1.0})
 _FAST_S = 0.006
@@ -79,7 +79,7 @@ def retry(
     watched = watched_in(report)
     unfit = bool(report.rejection) or not watched
     used = axis.config.model.drive
-    one_mass, fair = used == _ONE_MASS.name, report.result.verdict.quality is FitQuality.FAIR
+    one_mass, fair = used == ONE_MASS.name, report.result.verdict.quality is FitQuality.FAIR
     replaceable = unfit and used.removesuffix(_WEIGHT) in _LIBRARY
     load = search.links if (replaceable or one_mass) and not tried else None
     gate = search.pressing if (unfit or fair) and not tried else None
@@ -142,9 +142,9 @@ def with_spring(text: str, axis: NamedAxis, refusal: str) -> Retry | None:
     """
     config, nominal = axis.config, axis.config.model.nominal_file
     links = nominal is not None and any(table.parameter == OFFSET for table in nominal.schedule)
-    if config.model.drive != _ONE_MASS.name or config.coupling or links or config.sample_interval_s > _FAST_S:
+    if config.model.drive != ONE_MASS.name or config.coupling or links or config.sample_interval_s > _FAST_S:
         return None
-    change = Correction(("model", "drive"), _TWO_MASS.name, f"as {_ONE_MASS.name} it was {refusal}")
+    change = Correction(("model", "drive"), _TWO_MASS.name, f"as {ONE_MASS.name} it was {refusal}")
     return Retry(with_drive(text, axis.id, *_TWO_MASS), (change,))
 
 
@@ -159,7 +159,7 @@ def _with_other_drive(
     config, missing = axis.config, report.result.verdict.missing
     if missing == (Effect.SLOW,):
         return None  # another drive has no other friction
-    three = config.model.drive == _ONE_MASS.name and config.sample_interval_s <= _FAST_S
+    three = config.model.drive == ONE_MASS.name and config.sample_interval_s <= _FAST_S
     springs_first = three and missing[:1] == (Effect.FAST,)
     arm = config.output == "angle" and not config.coupling  # else the angle in the drive is not that of the arm
     bears_weight = Effect.POSE in missing and arm and not springs_first
@@ -183,10 +183,10 @@ def _gear_ratio(found: TurningWeight | None) -> float | None:
 
 def _with_links(text: str, axis: NamedAxis, load: LinkLoad, gate: Sequence[Correction] = ()) -> Retry:
     """One mass with a torque offset that follows the pose of the arm; ``gate``: changes that this text has already."""
-    text = with_drive(text, axis.id, *_ONE_MASS)
+    text = with_drive(text, axis.id, *ONE_MASS)
     changes = [*gate, *load.changes]
-    if axis.config.model.drive != _ONE_MASS.name:
-        changes.insert(0, Correction(("model", "drive"), _ONE_MASS.name, "the torque shows a weight"))
+    if axis.config.model.drive != ONE_MASS.name:
+        changes.insert(0, Correction(("model", "drive"), ONE_MASS.name, "the torque shows a weight"))
     motions = {change.key[1] for change in load.changes if change.key[-1] in ("speed", "acceleration")}
     terms = [Term.read(term) for term in load.weights.terms]
     loads = {signal.name for signal in axis.config.signal if signal.axis is None}
@@ -209,10 +209,10 @@ def _other_drive(axis: AxisConfig, bears_weight: bool, tried: Collection[str]) -
     weight = _WEIGHT if axis.model.drive.endswith(_WEIGHT) else ""
     if bears_weight and not weight and before in _LIBRARY:
         weight = _WEIGHT
-        drive = _ONE_MASS if before == _ONE_MASS.name else _THREE_MASS._replace(name=before)
+        drive = ONE_MASS if before == ONE_MASS.name else _THREE_MASS._replace(name=before)
     elif before in _SEVERAL_MASSES:
-        drive = _ONE_MASS
-    elif before == _ONE_MASS.name and axis.sample_interval_s <= _FAST_S:
+        drive = ONE_MASS
+    elif before == ONE_MASS.name and axis.sample_interval_s <= _FAST_S:
         drive = _THREE_MASS
     else:
         return None

@@ -35,6 +35,7 @@ from service.config.written.corrections import GATE, SIGNAL, Correction
 from service.ingest.loaded_records import load
 from service.ingest.roles_by_name import is_temperature
 
+_TOO_LITTLE = "no term of the load is needed in these records, but in other poses it may follow the angle of"
 _SETTLE_S = 0.1
 """Time after a signal says that an axis does not press any more until it moves freely [s]."""
 
@@ -48,6 +49,16 @@ class LinkLoad(NamedTuple):
 
     weights: LinkWeights
     changes: tuple[Correction, ...]
+
+    @property
+    def poses(self) -> tuple[Correction, ...]:
+        """Only the angles, as signals without a term: in poses that no record has nothing is tested then."""
+        moving = {change.key[1] for change in self.changes if change.key[-1] in ("speed", "acceleration")}
+        angles = [change for change in self.changes if change.key[0] == SIGNAL and change.key[1] not in moving]
+        return tuple(
+            change._replace(reason=f"{_TOO_LITTLE} {change.value}") if change.key[-1] == "axis" else change
+            for change in angles
+        )
 
 
 class PressingGate(NamedTuple):

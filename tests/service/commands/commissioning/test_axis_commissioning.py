@@ -393,20 +393,43 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
     assert outcome.refusal == ("" if settles or fair else "not identified: the fit has not converged")
 
 
+def commissioned_from(
+    reports: list[Any],
+    load: LinkLoad,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    consent: bool = True,
+    text: str = TWO,
+) -> Outcome:
+    """The outcome of an axis whose identifications have these reports, and whose torque shows this load of links.
+
+    ``consent``: --yes.
+    """
+    task = SimpleNamespace(records=SimpleNamespace(fitted=[()]), run=lambda *_: reports.pop(0))
+    task.with_most_moving_parts = lambda: task
+    monkeypatch.setattr(axis_identification, "prepare", lambda *_: task)
+    search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=("a1", "a2"))
+    monkeypatch.setattr(axis_commissioning, "LoadSearches", lambda *_: SimpleNamespace(search=lambda _: search))
+    monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
+    monkeypatch.setattr(identification_html, "as_html", lambda _: "")
+    monkeypatch.setattr(axis_identification, "verdict_line", lambda _: "")
+    monkeypatch.setattr(axis_identification, "as_toml", lambda _: "")
+    (folder / "a.csv").touch()
+    job = AxisJob(text, NAME, (str(folder / "a.csv"),), folder, CalibrationOptions(600.0), Provenance.now(), consent)
+    return commission_axis(job, Review((), (), (), ""))
+
+
 @pytest.mark.parametrize("with_links", [report(KT), report(KT, rejection="poor"), report(NO_FM)])
 def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
     with_links: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     alone = report(KT, FM, quality=FitQuality.FAIR)
     reports = [alone, alone, with_links, with_links]  # a first look at part of the records, and all of them
-    task = SimpleNamespace(records=SimpleNamespace(fitted=[()]), run=lambda *_: reports.pop(0))
-    task.with_most_moving_parts = lambda: task
-    signals = (Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),)
-    load = load_of(signals, "a2-acceleration")
-    monkeypatch.setattr(axis_identification, "prepare", lambda *_: task)
-    search = SimpleNamespace(links=load, pressing=None, motors_without_ratio=("a1", "a2"))
-    monkeypatch.setattr(axis_commissioning, "LoadSearches", lambda *_: SimpleNamespace(search=lambda _: search))
-    monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
+    signals = (
+        Correction(("signal", "a2", "axis"), "a2", "links"),
+        Correction(("signal", "a2-acceleration", "axis"), "a2", "links"),
+        Correction(("signal", "a2-acceleration", "acceleration"), True, "links"),
+    )
     taken = list[Any]()
 
     def memory_change(*given: Any) -> tuple[()]:
@@ -414,24 +437,36 @@ def test_a_fair_fit_is_kept_where_that_with_links_cannot_be_watched(
         return ()
 
     monkeypatch.setattr(axis_identification, "memory_change", memory_change)
-    monkeypatch.setattr(identification_html, "as_html", lambda _: "")
-    monkeypatch.setattr(axis_identification, "verdict_line", lambda _: "")
-    monkeypatch.setattr(axis_identification, "as_toml", lambda _: "")
-    (tmp_path / "a.csv").touch()
-    records = (str(tmp_path / "a.csv"),)
-    job = AxisJob(TWO, NAME, records, tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
-    outcome = commission_axis(job, Review((), (), (), ""))
+    outcome = commissioned_from(reports, load_of(signals, "a2-acceleration"), tmp_path, monkeypatch)
     assert outcome.refusal.startswith("not calibrated: "), "no values are in that file"
     ((chosen, axis),) = taken
     better = with_links.rejection is None and with_links.result.watched == (KT,)
     assert chosen is (with_links if better else alone)
     assert outcome.watched == (("kT",) if better else ("kT", "fm"))
-    assert [s.axis for s in axis.signal] == (["a2"] if better else [])
+    assert [s.name for s in axis.signal] == (["a2", "a2-acceleration"] if better else [])
     # Of a fair fit, and where the motion of another axis counts, the pose of the arm would do so, too.
     assert outcome.notes[-1].startswith(
         "The angles of a1 and a2 turn by more than two turns, so they are those of motors"
     )
-    assert (len(outcome.corrections), len(outcome.notes) - 1) == ((1, 1) if better else (0, 0))
+    assert (len(outcome.corrections), len(outcome.notes) - 1) == ((3, 1) if better else (1, 0))
+
+
+@pytest.mark.parametrize(
+    ("explained", "consent", "text", "poses"),
+    [(0.93, True, TWO, ["a2"]), (0.921, True, TWO, []), (0.93, False, TWO, []), (0.93, True, TEXT, [])],
+)
+def test_where_links_explain_little_more_their_angles_are_signals_without_a_term(
+    explained: float, consent: bool, text: str, poses: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The inertia of a base may follow them: in poses that no record has nothing is tested then."""
+    good = report(KT, FM)
+    angle = Correction(("signal", "a2", "axis"), "a2", "links")
+    moving: dict[str, Any] = {"axis": "a2", "acceleration": True}
+    signals = [Correction(("signal", "a2-acceleration", key), value, "links") for key, value in moving.items()]
+    load = load_of((angle, *signals), "a2-acceleration * cos(a2)", explained=explained, before=0.92)
+    outcome = commissioned_from([good, good], load, tmp_path, monkeypatch, consent, text)
+    changes = {c.key: c.value for c in outcome.corrections if c.key[0] == "signal"}
+    assert changes == {("signal", name, "axis"): name for name in poses}
 
 
 @pytest.mark.parametrize("links", [True, False])
