@@ -84,6 +84,11 @@ LAYERS = re.findall(
     """,
 )
 
+INNER_LAYERS = {
+    "service.ingest": "roles_by_name tables samples records roles",
+}
+"""The same inside a package: its folders, and its files beside these, each imports only from those before it."""
+
 
 def python_files(folder: str) -> list[Path]:
     return sorted((ROOT / folder).rglob("*.py"))
@@ -177,9 +182,9 @@ def test_library_is_imported_only_at_home() -> None:
     assert strays == []
 
 
-def layer_of(module: str) -> str:
+def layer_of(module: str, parts: int = 2) -> str:
     """The first two parts of a module's name; the core's face, ``monitor_core`` itself, is a layer of its own."""
-    return ".".join(module.split(".")[:2])
+    return ".".join(module.split(".")[:parts])
 
 
 def programs_in(path: Path) -> list[str]:
@@ -217,6 +222,23 @@ def file_graph() -> dict[str, set[str]]:
             elif isinstance(node, ast.Import):
                 found |= {alias.name for alias in node.names} & modules
     return graph
+
+
+@pytest.mark.parametrize("package", INNER_LAYERS)
+def test_imports_inside_a_package_go_one_way(package: str) -> None:
+    layers = [package, *(f"{package}.{name}" for name in INNER_LAYERS[package].split())]
+    rank = {layer: place for place, layer in enumerate(layers)}
+    parts = package.count(".") + 2
+    inside = {module: found for module, found in file_graph().items() if layer_of(module, parts) in rank}
+    others = {module for module in file_graph() if f"{module}.".startswith(f"{package}.")} - set(inside)
+    assert others == set()
+    edges = {
+        (layer_of(module, parts), layer_of(name, parts))
+        for module, found in inside.items()
+        for name in found
+        if f"{name}.".startswith(f"{package}.")
+    }
+    assert {(a, b) for a, b in edges if rank[a] < rank[b]} == set()
 
 
 def test_no_files_import_each_other() -> None:

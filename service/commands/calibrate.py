@@ -80,7 +80,7 @@ def calibrate(
     with explained():
         from monitor_core.calibration import CalibrationOptions
         from service.commands.commissioning.axis.calibration_task import as_identified, calibrate_axis
-        from service.ingest.record_ranges import in_order_of_time
+        from service.ingest.records.record_ranges import in_order_of_time
         from service.reports.calibration_files import as_html, as_json, as_toml
         from service.reports.calibration_report import print_text
         from service.reports.formats import Provenance

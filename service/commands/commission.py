@@ -90,7 +90,7 @@ def commission(
     """
     from service.commands.commissioning.axis.axis_job import AxisJob
     from service.commands.commissioning.live.live_recording import record_live, recorded
-    from service.ingest.record_ranges import in_order_of_time
+    from service.ingest.records.record_ranges import in_order_of_time
 
     return_freed_memory()
     budget_s = seconds_of(budget)
@@ -168,8 +168,8 @@ def _jobs(shared: AxisJob, config: Config, chosen: Collection[str]) -> tuple[lis
 
     ``shared``: what all jobs have in common, with all records.
     """
-    from service.ingest.axis_records import silent_in
-    from service.ingest.record_ranges import wanted
+    from service.ingest.records.axis_records import silent_in
+    from service.ingest.records.record_ranges import wanted
 
     silent = {record: silent_in(wanted(record).path, config) for record in shared.records}
     jobs: list[AxisJob] = []

@@ -21,7 +21,7 @@ from service.commands.init import ListenFor, Output, propose
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
-    from service.ingest.unknown_messages import UnknownMessage
+    from service.ingest.roles.unknown_messages import UnknownMessage
 
 Log = Annotated[Path | None, typer.Argument(metavar="RECORD", help=f"A CAN log ({LOG_KINDS}) of the moving robot.")]
 Channel = Annotated[
@@ -49,8 +49,8 @@ def discover(
         raise typer.BadParameter("give either a CAN log or --bus INTERFACE:CHANNEL", param_hint="RECORD")
     check_new(output, force)
     with explained():
-        from service.ingest.signal_roles import summary
-        from service.ingest.unknown_messages import discover_axes, used_messages
+        from service.ingest.roles.signal_roles import summary
+        from service.ingest.roles.unknown_messages import discover_axes, used_messages
         from service.reports.proposed_configuration import unknown_bus_lines
 
         source: BusConfig | None = None

@@ -131,7 +131,7 @@ def identify(
             drawing_of,
             prepare,
         )
-        from service.ingest.record_ranges import in_order_of_time
+        from service.ingest.records.record_ranges import in_order_of_time
         from service.reports.formats import Provenance
         from service.reports.identification_files import as_json, as_toml
         from service.reports.identification_html import as_html

@@ -23,10 +23,10 @@ from service.commands.command_line.output_files import check_new, write_all
 from service.config.schema_buses import BusConfig
 
 if TYPE_CHECKING:
-    from service.ingest.column_roles import TableRoles
-    from service.ingest.live_roles import BusRoles
-    from service.ingest.signal_roles import FurtherSignals
-    from service.ingest.table_files import TableFile
+    from service.ingest.roles.column_roles import TableRoles
+    from service.ingest.roles.live_roles import BusRoles
+    from service.ingest.roles.signal_roles import FurtherSignals
+    from service.ingest.tables.table_files import TableFile
 from service.commands.command_line.received_frames import heard_on, logged
 
 RecordFile = Annotated[
@@ -121,11 +121,11 @@ def propose(output: Path, found: Iterable[str], lines: Iterable[str], next_step:
 
 def _from_table(record: Path, output: Path) -> None:
     """Write a configuration for a table."""
-    from service.ingest.column_roles import roles
-    from service.ingest.column_values import changes
-    from service.ingest.records import is_table
-    from service.ingest.signal_roles import summary
-    from service.ingest.table_files import open_table
+    from service.ingest.records.record_files import is_table
+    from service.ingest.roles.column_roles import roles
+    from service.ingest.roles.column_values import changes
+    from service.ingest.roles.signal_roles import summary
+    from service.ingest.tables.table_files import open_table
     from service.reports.proposed_configuration import degrees_asked, gears_wanted, table_lines
 
     if not is_table(record):
@@ -168,7 +168,7 @@ def _from_table(record: Path, output: Path) -> None:
 
 def _from_description(description: Path, output: Path) -> None:
     """Write a configuration for the bus that a file describes."""
-    from service.ingest.signal_roles import axes_in, further_in, summary
+    from service.ingest.roles.signal_roles import axes_in, further_in, summary
     from service.reports.proposed_configuration import bus_lines
 
     known = read_messages(description).messages
@@ -198,7 +198,7 @@ def _from_bus(description: Path, bus: BusConfig, seconds: float, output: Path) -
 
 def _from_log(description: Path, log: Path, output: Path) -> None:
     """Write a configuration for the bus in a log that carries most of the described messages."""
-    from service.ingest.live_roles import roles_on_bus
+    from service.ingest.roles.live_roles import roles_on_bus
     from service.reports.proposed_configuration import bus_lines
 
     known, buses = read_messages(description), logged(log)
@@ -215,7 +215,7 @@ def _from_log(description: Path, log: Path, output: Path) -> None:
 
 def _further_in(found: BusRoles, known: MessageSet) -> FurtherSignals:
     """Signals of the received messages beside torque and motion."""
-    from service.ingest.signal_roles import further_in
+    from service.ingest.roles.signal_roles import further_in
 
     return further_in([message for message in known.messages if message.name in found.received], found.axes)
 
@@ -237,7 +237,7 @@ def _temperature_words(names: Mapping[str, str]) -> Iterator[str]:
 
 def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str) -> BusRoles:
     """What these frames show of the axes that the file describes."""
-    from service.ingest.live_roles import roles_on_bus
+    from service.ingest.roles.live_roles import roles_on_bus
 
     found = roles_on_bus(known, frames)
     if not found.received:
@@ -252,7 +252,7 @@ def _roles(known: MessageSet, frames: FrameBlock, description: Path, where: str)
 
 
 def _bus_words(found: BusRoles, description: Path) -> Iterator[str]:
-    from service.ingest.signal_roles import summary
+    from service.ingest.roles.signal_roles import summary
 
     yield from summary(found.axes)
     for what, names in (("not received", found.missing), (f"not in {description.name}", found.undescribed)):
@@ -264,7 +264,7 @@ def _from_drives(
     eds: Path, nodes: list[int] | None, log: Path | None, bus: BusConfig | None, seconds: float, output: Path
 ) -> None:
     """Write a configuration for CANopen drives: the given ones, or those in a log, or heard on the bus."""
-    from service.ingest.drive_objects import nodes_in, objects_of
+    from service.ingest.roles.drive_objects import nodes_in, objects_of
     from service.reports.proposed_configuration import drive_lines
 
     if nodes is None and bus is None and log is None:
@@ -306,7 +306,7 @@ _NEARLY = 0.5
 
 def _read(table: TableFile) -> tuple[Mapping[str, Floats], float | None, Mapping[str, str]]:
     """The long numeric columns; the sample interval, if a variable states it; faults of the other columns."""
-    from service.ingest.table_files import MatTable
+    from service.ingest.tables.table_files import MatTable
 
     found, faults = dict[str, Floats](), dict[str, str]()
     for name in table.names:

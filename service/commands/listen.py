@@ -17,8 +17,8 @@ from service.commands.command_line.options import ConfigPath, Seconds, configura
 from service.commands.command_line.signal_handling import stopped_by_signals
 from service.config import Config
 from service.config.unit_names import UNITS
-from service.ingest.bus_samples import Carried, QuantityValues
-from service.ingest.timestamp_jitter import Stamps, in_words, remarks
+from service.ingest.samples.bus_samples import Carried, QuantityValues
+from service.ingest.samples.timestamp_jitter import Stamps, in_words, remarks
 from service.texts.instants import now_us
 
 _LINES_S = 1.0

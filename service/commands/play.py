@@ -18,8 +18,8 @@ from service.commands.command_line.options import LOG_KINDS, ConfigPath, SendYes
 from service.commands.command_line.progress import progress_bar
 from service.commands.command_line.signal_handling import stopped_by_signals
 from service.config import Config
-from service.ingest.encode import FrameEncoder, SampleValues
-from service.ingest.records import FileRecord, LogRecord, RecordStep, read_record
+from service.ingest.records.record_files import FileRecord, LogRecord, RecordStep, read_record
+from service.ingest.samples.encode import FrameEncoder, SampleValues
 
 RecordPath = Annotated[
     Path, typer.Argument(metavar="RECORD", help=f"Table (.csv .parquet .mat) or CAN log ({LOG_KINDS}).")

@@ -27,7 +27,7 @@ from service.commands.command_line.output_files import (
 )
 from service.commands.command_line.progress import progress_bar
 from service.config import Config
-from service.ingest.record_ranges import RecordRange
+from service.ingest.records.record_ranges import RecordRange
 
 if TYPE_CHECKING:
     from service.reports.replay_result import Replayed

@@ -12,7 +12,7 @@ from service.can.frames import FrameBlock
 from service.config import Config, NamedAxis
 from service.config.axis_detectors import detectors_of
 from service.config.axis_settings import axis_settings, monitored_model
-from service.ingest.bus_samples import Ingest
+from service.ingest.samples.bus_samples import Ingest
 from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_pipeline import AxisPipeline
 from service.pipeline.live_signals import LiveSignals

@@ -11,7 +11,7 @@ from service.can.bus_reader import BusSnapshot, CanReader
 from service.can.frames import FrameBlock
 from service.can.user_errors import BusError
 from service.config import Config
-from service.ingest.bus_samples import Ingest
+from service.ingest.samples.bus_samples import Ingest
 from service.pipeline.recording import Recording
 
 log = structlog.get_logger(__name__)

@@ -19,7 +19,7 @@ from service.config import Config, NamedAxis
 from service.config.axis_settings import AxisError
 from service.config.bus_messages import FileVersions, files_of
 from service.config.drive_sources import Modelled, model_of_axis
-from service.ingest.bus_samples import Ingest
+from service.ingest.samples.bus_samples import Ingest
 from service.pipeline.axis_alarms import alarm_groups
 from service.pipeline.axis_monitors import AxisMonitors
 from service.pipeline.baselines import Baselines

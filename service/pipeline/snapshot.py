@@ -11,7 +11,7 @@ from monitor_core.wording import sentence
 from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
 from service.config.certificates import Expiry
-from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
+from service.ingest.samples.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.alarm_recording import NO_ALARMS, AlarmRecorder, AlarmsSnapshot
 from service.pipeline.axis_monitors import FramePipeline
 from service.pipeline.axis_pipeline import AxisPipeline, Heat, MonitoredDrive
@@ -42,7 +42,7 @@ class AxisSnapshot:
     dropped: Mapping[str, int]
     """Values that did not become a sample, by reason (monitor_core.sampling.DROP_REASONS)"""
     clock: Mapping[str, int]
-    """How often the time axis of the samples restarted, by cause (service.ingest.axis_input.AxisInput.events)"""
+    """How often the time axis of the samples restarted, by cause: see AxisInput.events of service.ingest"""
     gated_by: str = ""
     """The operating condition that kept the last sample from being used, e.g. mode = 2; empty: it was used"""
     outside_calibration: tuple[str, ...] = ()

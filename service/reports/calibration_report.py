@@ -16,7 +16,7 @@ from monitor_core.monitoring import MOST_NEW_POSES, RMS_SPEED, ConditionRange, P
 from monitor_core.samples import SampleBlock
 from monitor_core.wording import duration, listed, percent
 from service.config import NamedAxis
-from service.ingest.loaded_records import RecordOrigin
+from service.ingest.records.loaded_records import RecordOrigin
 from service.reports.formats import Provenance, TextTable, for_terminal, labelled, plain
 
 

@@ -16,7 +16,7 @@ from monitor_core.identification import (
 from monitor_core.wording import percent
 from service.config.found_file import FORMAT
 from service.config.nominal_file import structure_of
-from service.ingest.loaded_records import RecordOrigin
+from service.ingest.records.loaded_records import RecordOrigin
 from service.reports.formats import Fact, Json, fields_of, json_text, one_line, toml_table
 from service.reports.identification_report import IdentificationReport, residual_words, verdict_line
 

@@ -22,7 +22,7 @@ from monitor_core.identification import (
 )
 from monitor_core.settings import MODEL_ERRORS
 from monitor_core.wording import duration, listed, percent
-from service.ingest.loaded_records import RecordOrigin
+from service.ingest.records.loaded_records import RecordOrigin
 from service.reports.formats import Provenance, TextTable, for_terminal, labelled, plain
 from service.reports.outlook_words import missing_words, obstacle_words, outlook_words, verdict_words
 

@@ -10,10 +10,10 @@ from monitor_core.wording import listed
 from service.config.canopen_axis import CURRENT, VELOCITY
 from service.config.schema_buses import BusConfig
 from service.config.unit_names import UNITS, unit_in
-from service.ingest.column_roles import TableRoles
-from service.ingest.drive_objects import DriveObjects
-from service.ingest.signal_roles import AxisRoles, FurtherSignal, FurtherSignals, SignalRole
-from service.ingest.unknown_messages import UnknownMessage
+from service.ingest.roles.column_roles import TableRoles
+from service.ingest.roles.drive_objects import DriveObjects
+from service.ingest.roles.signal_roles import AxisRoles, FurtherSignal, FurtherSignals, SignalRole
+from service.ingest.roles.unknown_messages import UnknownMessage
 from service.reports.formats import toml_value
 
 _MODEL = 'model = { drive = "one-mass", monitor = ["kT", "fc", "fm"], nominal = { kT = 1 } }'

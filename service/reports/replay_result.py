@@ -12,9 +12,9 @@ from monitor_core.detection import Alarm, AlarmKey, same_payload
 from monitor_core.monitoring import AxisStatus, AxisTrace, NotTested
 from monitor_core.samples import SampleBlock
 from service.config import Config, NamedAxis
-from service.ingest.record_ranges import RecordRange
-from service.ingest.records import FileRecord
-from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps, remarks
+from service.ingest.records.record_files import FileRecord
+from service.ingest.records.record_ranges import RecordRange
+from service.ingest.samples.timestamp_jitter import NOT_KNOWN, Stamps, remarks
 from service.pipeline.alarm_recording import as_recorded
 from service.pipeline.axis_alarms import JournalQuantity, quantities
 from service.pipeline.axis_monitors import AxisMonitors

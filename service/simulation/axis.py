@@ -17,7 +17,7 @@ from service.config import NamedAxis, conditions_of, drive_of, given_values, nee
 from service.config.axis_settings import AxisError, check_known
 from service.config.conditions import weight_of
 from service.config.drives import axis_model, not_identified
-from service.ingest.motion_derivatives import derivative_of
+from service.ingest.samples.motion_derivatives import derivative_of
 
 PERIOD_S = 10.0
 BAND_HZ = (0.0, 30.0)

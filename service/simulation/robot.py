@@ -10,8 +10,8 @@ import numpy as np
 
 from service.can.bus import Bus, send
 from service.config import Config, given_values
-from service.ingest.arm_motions import ArmMotions
-from service.ingest.encode import FrameEncoder
+from service.ingest.samples.arm_motions import ArmMotions
+from service.ingest.samples.encode import FrameEncoder
 from service.simulation.axis import ControlledAxis, SimulatedSample
 
 

@@ -152,7 +152,7 @@ def _store(state: AppState) -> HistoryStore:
 
 def _written(answers: Iterator[HistoryAnswer], kind: Literal["csv", "parquet"]) -> IO[bytes]:
     """Write a temporary file, which is removed when it is closed."""
-    from service.ingest.table_files import write_csv, write_parquet  # 40 MB that few daemons need
+    from service.ingest.tables.table_files import write_csv, write_parquet  # 40 MB that few daemons need
 
     write = write_csv if kind == "csv" else write_parquet
     with ExitStack() as stack:

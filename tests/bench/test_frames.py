@@ -10,8 +10,8 @@ from cantools.database.can import Database
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock, concatenate_frames
 from service.can.log_files import CanLog
-from service.ingest.bus_samples import Ingest
-from service.ingest.records import LogRecord
+from service.ingest.records.record_files import LogRecord
+from service.ingest.samples.bus_samples import Ingest
 from tests.bench.measure import Say, in_turns
 from tests.service.pipeline.robots import blocks, demo
 

@@ -11,7 +11,7 @@ import pytest
 
 from service.can.frames import Frame
 from service.config import load
-from service.ingest.bus_samples import Ingest
+from service.ingest.samples.bus_samples import Ingest
 from tests.conftest import ROOT
 from tests.end_to_end.documents import TOML, shown
 from tests.service.command_line import axiswatch, refused

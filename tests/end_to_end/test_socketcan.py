@@ -13,7 +13,7 @@ import pytest
 
 from service.can.bus import open_buses, send
 from service.config import load
-from service.ingest.encode import FrameEncoder
+from service.ingest.samples.encode import FrameEncoder
 from service.simulation.robot import Moment, Sent, SimulatedRobot, run_robot
 from tests.end_to_end.processes import PATIENCE_S, Daemon, daemon, demo_config, edit, wait_for
 

@@ -11,7 +11,7 @@ from monitor_core.drive.structure import Drive
 from monitor_core.modeling.elimination import eliminate
 from monitor_core.modeling.modelica import Source, read
 from monitor_core.modeling.statespace import drive_of
-from service.ingest.loaded_records import Loaded, load
+from service.ingest.records.loaded_records import Loaded, load
 from tests.service.ingest.plant import axis1, make_config
 
 ONE_MASS = """model Axis "A mass with friction and an offset; its angle is measured"

@@ -17,7 +17,7 @@ from monitor_core.settings import Settings
 from service.commands.commissioning.axis.calibration_task import calibrate_axis
 from service.commands.commissioning.axis.identification_task import Request, prepare
 from service.config import Config, load
-from service.ingest.loaded_records import load_samples
+from service.ingest.records.loaded_records import load_samples
 from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
 from service.reports.identification_report import IdentificationReport

@@ -15,7 +15,7 @@ from monitor_core.settings import Settings
 from service.config import Config, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
-from service.ingest.records import read_record
+from service.ingest.records.record_files import read_record
 from tests.real.halves import with_fault
 
 CONFIG = Path(__file__).resolve().parents[2] / "config" / "irb.toml"

@@ -41,7 +41,7 @@ from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_settings
 from service.config.base_table import ReadingContext
 from service.config.drives import axis_model
-from service.ingest.loaded_records import Loaded
+from service.ingest.records.loaded_records import Loaded
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass
 from tests.real.halves import with_fault

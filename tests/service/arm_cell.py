@@ -14,8 +14,8 @@ from monitor_core.detection import Alarm
 from service.commands.command_line.options import configuration
 from service.commands.commissioning.axis.load_search import LoadSearch
 from service.config.conditions import needed
-from service.ingest.axis_columns import AxisColumns
-from service.ingest.csv_tables import CsvRows
+from service.ingest.samples.axis_columns import AxisColumns
+from service.ingest.tables.csv_tables import CsvRows
 from service.pipeline.axis_monitors import AxisMonitors
 from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
 from tests.service.by_commands import CommandRefusedError, restarted, write_thresholds

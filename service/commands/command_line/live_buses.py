@@ -11,7 +11,7 @@ from service.can.bus_reader import CanReader
 from service.can.frames import FrameBlock
 from service.commands.command_line.progress import announced
 from service.config import Config
-from service.ingest.bus_samples import Carried, Ingest
+from service.ingest.samples.bus_samples import Carried, Ingest
 
 _TAKE_S = 0.1
 _MAX_FRAMES = 1_000_000

@@ -7,7 +7,7 @@ from service.can.user_errors import IngestError
 from service.commands.command_line.output_files import replace_text
 from service.config.axis_settings import AxisError
 from service.config.epoch_values import EpochValuesError, with_epoch
-from service.ingest.records import read_record
+from service.ingest.records.record_files import read_record
 from service.pipeline.replay_reports import ReplayOrder, give_way
 
 

@@ -18,7 +18,7 @@ from service.config import Config, load
 from service.config.axis_detectors import detectors_of
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
-from service.ingest.records import read_record
+from service.ingest.records.record_files import read_record
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.calibration_files import as_html, as_toml
 from service.reports.calibration_report import Calibration, one_sided

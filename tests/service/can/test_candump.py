@@ -17,7 +17,7 @@ from service.can.frames import Frame
 from service.can.log_files import CanLog
 from service.can.receivers import frame_of
 from service.can.user_errors import RecordError
-from service.ingest.records import is_table
+from service.ingest.records.record_files import is_table
 
 Entry = tuple[str, Frame]
 

@@ -11,7 +11,7 @@ from service.can.decoder import Decoder
 from service.can.frames import Frame, FrameBlock
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
-from service.ingest.bus_samples import Ingest
+from service.ingest.samples.bus_samples import Ingest
 from tests.service.drive_descriptions import TEXTS, table
 from tests.service.ingest import plant
 

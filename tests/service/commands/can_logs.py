@@ -8,7 +8,7 @@ import can
 import numpy as np
 
 from service.config import load
-from service.ingest.encode import FrameEncoder
+from service.ingest.samples.encode import FrameEncoder
 
 _AXIS = """
 BO_ {number} Joint{n}: 8 Controller

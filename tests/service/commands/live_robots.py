@@ -15,7 +15,7 @@ from can.interfaces.virtual import channels
 from monitor_core.arrays import Floats
 from service.can.bus import open_buses, send
 from service.config import load
-from service.ingest.encode import FrameEncoder
+from service.ingest.samples.encode import FrameEncoder
 from tests.service.commands import can_logs
 
 SPEED = 6.0

@@ -16,8 +16,8 @@ from service.can.frames import Frame, FrameBlock, concatenate_frames
 from service.can.messages import message_of
 from service.commands.command_line.exit_codes import MISTAKE
 from service.config import Config, load
-from service.ingest.signal_roles import summary
-from service.ingest.unknown_messages import discover_axes
+from service.ingest.roles.signal_roles import summary
+from service.ingest.roles.unknown_messages import discover_axes
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.pipeline.robots import DEMO, blocks, demo

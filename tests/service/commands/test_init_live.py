@@ -10,7 +10,7 @@ import pytest
 from monitor_core.arrays import Floats
 from service.commands.command_line.exit_codes import NO_BUS
 from service.config import load
-from service.ingest.axis_records import silent_in
+from service.ingest.records.axis_records import silent_in
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.commands import can_logs
 from tests.service.commands.commissioning.two_mass_tables import table

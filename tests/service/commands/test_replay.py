@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from service.config.loading import load
-from service.ingest.csv_tables import ROWS
-from service.ingest.record_ranges import RecordRange
+from service.ingest.records.record_ranges import RecordRange
+from service.ingest.tables.csv_tables import ROWS
 from service.simulation.robot import SimulatedFault
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.robot_tables import configured, write_table

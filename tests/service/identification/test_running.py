@@ -18,7 +18,7 @@ from monitor_core.modeling.standard_drives import REFERENCE_VALUES, three_mass
 from service.commands.commissioning.axis.identification_task import IdentificationTask, Request, prepare
 from service.config import Config
 from service.config.drive_sources import model_called
-from service.ingest.loaded_records import load
+from service.ingest.records.loaded_records import load
 from service.reports.identification_report import IdentificationReport
 from tests.service.identification.conftest import FREE, GUESS, PROVENANCE, with_estimate
 from tests.shares import soaked

@@ -19,7 +19,7 @@ from monitor_core.samples import SampleBlock
 from service.can.frames import Frame, FrameBlock
 from service.config.base_table import ReadingContext
 from service.config.schema import Config
-from service.ingest.bus_samples import Ingest
+from service.ingest.samples.bus_samples import Ingest
 
 START_US = 1_760_000_000_000_000
 ANGLE_ID = 0x18FF0100

@@ -22,9 +22,9 @@ from service.can.messages import DescriptionError, find_signal
 from service.config import ConfigErrors, load
 from service.config.remarks import remarks
 from service.config.written.commissioned import Found, commissioned
-from service.ingest.bus_samples import Ingest
-from service.ingest.drive_objects import nodes_in
-from service.ingest.encode import FrameEncoder
+from service.ingest.roles.drive_objects import nodes_in
+from service.ingest.samples.bus_samples import Ingest
+from service.ingest.samples.encode import FrameEncoder
 from tests.conftest import ROOT
 from tests.service.canopen_files import TWO_PDOS, Pdo, eds, settings
 from tests.service.ingest.plant import Sample, fed

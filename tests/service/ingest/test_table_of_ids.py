@@ -7,9 +7,9 @@ import pytest
 
 from service.can.frames import Frame, FrameBlock, FrameFilter
 from service.can.messages import DescriptionError
-from service.ingest.bus_samples import Ingest
-from service.ingest.encode import FrameEncoder
-from service.ingest.records import read_record
+from service.ingest.records.record_files import read_record
+from service.ingest.samples.bus_samples import Ingest
+from service.ingest.samples.encode import FrameEncoder
 from tests.service.drive_descriptions import table
 from tests.service.ingest import plant
 

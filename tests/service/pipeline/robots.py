@@ -8,7 +8,7 @@ from service.can.bus_reader import BusSnapshot
 from service.can.frames import Frame, FrameBlock
 from service.commands.command_line.exit_codes import OK
 from service.config import AxisConfig, Config, load
-from service.ingest.encode import Encoded, FrameEncoder
+from service.ingest.samples.encode import Encoded, FrameEncoder
 from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import FramePipeline
 from service.simulation.axis import SimulatedSample

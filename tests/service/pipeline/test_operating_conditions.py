@@ -13,7 +13,7 @@ from monitor_core.wording import sentence
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config, load
-from service.ingest.records import LogRecord
+from service.ingest.records.record_files import LogRecord
 from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.axis_pipeline import lasting_gate
 from service.simulation.robot import SimulatedFault

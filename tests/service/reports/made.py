@@ -24,7 +24,7 @@ from service.config import load
 from service.config.axis_settings import axis_settings
 from service.config.drive_sources import model_called
 from service.config.drives import axis_model
-from service.ingest.loaded_records import RecordOrigin
+from service.ingest.records.loaded_records import RecordOrigin
 from service.reports.calibration_report import Calibration
 from service.reports.formats import Provenance
 from tests.conftest import ROOT

@@ -10,7 +10,7 @@ import pytest
 
 from monitor_core.detection import Alarm, Cause
 from service.config import load
-from service.ingest.records import RecordQuality, RecordStep
+from service.ingest.records.record_files import RecordQuality, RecordStep
 from service.pipeline.alarm_recording import as_recorded
 from service.pipeline.axis_monitors import AxisMonitors
 from service.reports.replay_report import alarm_table

@@ -22,7 +22,7 @@ from monitor_core.samples import SampleBlock
 from monitor_core.sampling import DROP_REASONS as DROPPED
 from monitor_core.settings import Threshold
 from service.can.decoder import FRAME_REASONS
-from service.ingest.unwrap import AMBIGUOUS
+from service.ingest.samples.unwrap import AMBIGUOUS
 from service.reports import replay_course as rows
 from service.reports.replay_course import SIGMAS, ReplayCourse
 from service.reports.replay_html import REASONS

@@ -29,7 +29,7 @@ from service.can.bus_reader import BusSnapshot
 from service.config import Config, load
 from service.config.certificates import Expiry
 from service.config.drive_sources import shipped
-from service.ingest.timestamp_jitter import NOT_KNOWN, Stamps
+from service.ingest.samples.timestamp_jitter import NOT_KNOWN, Stamps
 from service.pipeline.axis_pipeline import Heat
 from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.live_signals import LiveSignals

@@ -11,7 +11,7 @@ from service.commands.commissioning.axis.calibration_task import as_identified, 
 from service.config.conditions import needed
 from service.config.written.commissioning_files import pages_of
 from service.config.written.corrections import Correction
-from service.ingest.loaded_records import samples_in
+from service.ingest.records.loaded_records import samples_in
 from service.reports import calibration_files
 from service.reports.commissioning_report import Outcome
 from service.texts.not_tested_words import not_tested_sentences

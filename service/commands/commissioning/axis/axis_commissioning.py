@@ -23,8 +23,8 @@ from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import AxisConfig
 from service.config.written.commissioning_files import motion_file
 from service.config.written.corrections import Correction
-from service.ingest.axis_records import sha256_of
-from service.ingest.record_ranges import wanted
+from service.ingest.records.axis_records import sha256_of
+from service.ingest.records.record_ranges import wanted
 from service.reports.commissioning_report import Outcome
 
 

@@ -12,9 +12,9 @@ from service.commands.command_line.progress import Background
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_detectors import alarm_source_of
 from service.config.axis_settings import axis_settings, monitored_model
-from service.ingest.loaded_records import begins_cold, load_samples
-from service.ingest.record_ranges import wanted
-from service.ingest.recorded_units import units_as_recorded
+from service.ingest.records.loaded_records import begins_cold, load_samples
+from service.ingest.records.record_ranges import wanted
+from service.ingest.records.recorded_units import units_as_recorded
 from service.reports.calibration_report import Calibration, new_poses, one_sided, warnings
 from service.reports.formats import Provenance
 

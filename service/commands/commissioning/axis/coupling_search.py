@@ -13,7 +13,7 @@ from service.config import AxisConfig
 from service.config.robot_defaults import COUPLING
 from service.config.rules.coupling_rules import may_be_coupled
 from service.config.written.corrections import SIGNAL, Correction
-from service.ingest.loaded_records import load
+from service.ingest.records.loaded_records import load
 from service.reports.commissioning_report import Outcome
 
 _CONTRADICTS = 0.25

@@ -20,7 +20,7 @@ from monitor_core.identification import (
     with_terms,
 )
 from service.config import Config
-from service.ingest.loaded_records import Loaded, load, loaded_part
+from service.ingest.records.loaded_records import Loaded, load, loaded_part
 
 SAME_INTERVAL = 0.01
 """Largest relative difference of intervals that count as equal, such as in a file of nominal values and its axis"""

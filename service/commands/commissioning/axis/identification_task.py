@@ -44,7 +44,7 @@ from service.config.base_table import SUFFIX
 from service.config.conditions import schedules_of, term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
-from service.ingest.recorded_units import units_as_recorded
+from service.ingest.records.recorded_units import units_as_recorded
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
 from service.reports.temperature_words import temperature_remarks

@@ -32,7 +32,7 @@ from service.config.schema_signals import FurtherSignalConfig
 from service.config.unit_names import unit_in
 from service.config.written.commissioned import configured, corrected
 from service.config.written.corrections import GATE, SIGNAL, Correction
-from service.ingest.loaded_records import load
+from service.ingest.records.loaded_records import load
 from service.ingest.roles_by_name import is_temperature
 
 _TOO_LITTLE = "no term of the load is needed in these records, but in other poses it may follow the angle of"

@@ -14,7 +14,7 @@ from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob
 from service.commands.commissioning.axis.planned_motion import MotionRequest, angle_columns, planned, torque_columns
 from service.config.written.commissioned import Found
 from service.config.written.commissioning_files import motion_file
-from service.ingest.loaded_records import load
+from service.ingest.records.loaded_records import load
 from service.reports.commissioning_report import Outcome, own_config
 from service.reports.excitation_report import as_csv
 from service.reports.identification_report import IdentificationReport

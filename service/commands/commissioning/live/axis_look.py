@@ -13,9 +13,9 @@ from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import NamedAxis
 from service.config.schema_signals import SignalConfig
 from service.config.unit_names import UNITS
-from service.ingest.axis_input import AxisInput
-from service.ingest.loaded_records import Loaded
-from service.ingest.timestamp_jitter import Stamps, remarks
+from service.ingest.records.loaded_records import Loaded
+from service.ingest.samples.axis_input import AxisInput
+from service.ingest.samples.timestamp_jitter import Stamps, remarks
 
 _MAX_MISSING_SHARE = 0.02
 """Share of missing samples above which it is reported"""

@@ -15,8 +15,8 @@ from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameKey
 from service.commands.command_line.live_buses import LiveBus, live_buses, rounds
 from service.config import Config
-from service.ingest.bus_samples import QuantityValues
-from service.ingest.timestamp_jitter import Stamps
+from service.ingest.samples.bus_samples import QuantityValues
+from service.ingest.samples.timestamp_jitter import Stamps
 
 _SHOW_S = 1.0
 

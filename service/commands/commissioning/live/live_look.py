@@ -20,8 +20,8 @@ from service.commands.commissioning.signals.signal_proposals import Review, revi
 from service.config import Config
 from service.config.bus_messages import messages_of
 from service.config.written.commissioned import corrected
-from service.ingest.bus_samples import Ingest
-from service.ingest.loaded_records import Loaded, load
+from service.ingest.records.loaded_records import Loaded, load
+from service.ingest.samples.bus_samples import Ingest
 
 RECORD_NAME = "look.log"
 """Name of the record of this check"""

@@ -28,8 +28,8 @@ from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 
 if TYPE_CHECKING:
     from service.commands.commissioning.live.axis_look import AxisLook
-    from service.ingest.axis_input import AxisInput
-    from service.ingest.loaded_records import Loaded
+    from service.ingest.records.loaded_records import Loaded
+    from service.ingest.samples.axis_input import AxisInput
 
 LOOK_S = 10.0
 _WAIT_S = 10.0
@@ -82,7 +82,7 @@ def _checked(config: Config, axis: NamedAxis, kept: Frames, now_us: int) -> Sign
     from service.commands.commissioning.live.axis_look import look_at_axis, missing_messages
     from service.commands.commissioning.signals.signal_proposals import Review, first_review
     from service.config.conditions import needed
-    from service.ingest.bus_samples import Ingest
+    from service.ingest.samples.bus_samples import Ingest
 
     ingest = Ingest(config, axis.config.bus, {axis.id: needed(axis)})
     inputs, known = ingest.axes[axis.id], ingest.decoder.known
@@ -118,7 +118,7 @@ def _own(frames: FrameBlock, inputs: AxisInput, known: MessageSet) -> FrameBlock
 
 def _loaded(config: Config, axis: NamedAxis, own: FrameBlock, path: Path) -> Loaded | str:
     """The samples of the axis, or the reason why there are none."""
-    from service.ingest.loaded_records import load
+    from service.ingest.records.loaded_records import load
 
     try:
         with FrameRecorder(path) as recorder:

@@ -7,7 +7,7 @@ from monitor_core.identification import matching_torques
 from service.config import Config, NamedAxis
 from service.config.written.commissioned import configured
 from service.config.written.corrections import Correction
-from service.ingest.loaded_records import load
+from service.ingest.records.loaded_records import load
 
 
 def exchanged(text: str, records: Mapping[str, Sequence[str]], folder: Path) -> dict[str, tuple[Correction, ...]]:

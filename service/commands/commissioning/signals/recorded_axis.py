@@ -21,8 +21,8 @@ from service.config import Config, NamedAxis
 from service.config.drive_sources import model_of_axis
 from service.config.schema_signals import SignalConfig
 from service.config.unit_names import unit_as_recorded
-from service.ingest.loaded_records import Loaded
-from service.ingest.recorded_units import Signal, unit_text
+from service.ingest.records.loaded_records import Loaded
+from service.ingest.records.recorded_units import Signal, unit_text
 
 SIGNALS: tuple[Signal, ...] = ("torque", "motion")
 FASTEST = 2000.0

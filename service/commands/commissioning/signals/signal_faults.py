@@ -12,8 +12,8 @@ from service.can.user_errors import left_out_words
 from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis, values_of
 from service.config.schema_signals import MOST_LATE
 from service.config.unit_names import UNITS
-from service.ingest.loaded_records import RecordOrigin
-from service.ingest.recorded_units import Signal
+from service.ingest.records.loaded_records import RecordOrigin
+from service.ingest.records.recorded_units import Signal
 
 _MAX_STUCK_SHARE = 0.01
 """Share of a record that may be stuck; smaller faults are left to the warnings of the identification."""

@@ -16,10 +16,10 @@ from service.commands.commissioning.signals.signal_units import by_inertia, by_n
 from service.config import Config, NamedAxis
 from service.config.written.commissioned import configured, corrected
 from service.config.written.corrections import Correction
-from service.ingest.loaded_records import RecordOrigin
-from service.ingest.loaded_records import load as load_record
-from service.ingest.record_ranges import wanted
-from service.ingest.records import is_table
+from service.ingest.records.loaded_records import RecordOrigin
+from service.ingest.records.loaded_records import load as load_record
+from service.ingest.records.record_files import is_table
+from service.ingest.records.record_ranges import wanted
 
 _MAX_ROUNDS = 8
 """Most corrections in a row: one mistake may hide another, so the signals are checked again after each."""

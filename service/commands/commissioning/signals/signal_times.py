@@ -12,9 +12,9 @@ from service.can.messages import find_counter
 from service.commands.commissioning.axis.identification_records import SAME_INTERVAL, TIME_UNITS
 from service.commands.commissioning.signals.recorded_axis import RecordedAxis
 from service.config.written.corrections import Correction
-from service.ingest.bus_samples import Ingest
-from service.ingest.loaded_records import RecordOrigin
-from service.ingest.records import LogRecord
+from service.ingest.records.loaded_records import RecordOrigin
+from service.ingest.records.record_files import LogRecord
+from service.ingest.samples.bus_samples import Ingest
 
 _MIN_BUNCHED_SHARE = 0.05
 """Frames are bunched if more than this share comes shortly after another one."""

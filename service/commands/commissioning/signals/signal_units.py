@@ -14,7 +14,7 @@ from service.commands.commissioning.signals import unit_words
 from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis
 from service.config.unit_names import unit_in, unit_passed_over
 from service.config.written.corrections import Correction
-from service.ingest.recorded_units import Signal
+from service.ingest.records.recorded_units import Signal
 
 _MAX_NOMINAL_RATIO = 2.0
 """Largest factor by which a nominal inertia may be wrong if a unit is to be inferred from it."""

@@ -19,8 +19,8 @@ from service.commands.commissioning.axis import axis_processes
 from service.commands.commissioning.signals.signal_proposals import Review, review
 from service.commands.main import app
 from service.config import Config, load
-from service.ingest import record_ranges
-from service.ingest.recorded_units import units_as_recorded
+from service.ingest.records import record_ranges
+from service.ingest.records.recorded_units import units_as_recorded
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs

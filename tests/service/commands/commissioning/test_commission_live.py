@@ -26,7 +26,7 @@ from service.commands.commissioning.live.live_recording import recorded
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import load
-from service.ingest import axis_records
+from service.ingest.records import axis_records
 from service.reports.commissioning_report import Outcome
 from tests.service.command_line import axiswatch, refused
 from tests.service.commands import can_logs

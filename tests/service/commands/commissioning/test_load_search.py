@@ -18,7 +18,7 @@ from service.commands.commissioning.axis import axis_identification
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.config import NamedAxis, load
 from service.config.written.commissioned import configured, corrected
-from service.ingest.loaded_records import load as load_record
+from service.ingest.records.loaded_records import load as load_record
 from tests.core.arm import AXES, Arm, ArmSamples, ArmTruth, R
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch
