@@ -11,8 +11,7 @@ import typer
 from service.commands.command_line.exit_codes import explained
 from service.commands.command_line.options import ConfigPath, Force, configuration
 from service.commands.command_line.output_files import check_new
-from service.config.schema import Config
-from service.config.schema_links import SECRET_FILES
+from service.config.schema import SECRET_FILES, Config
 from service.config.written.commissioning_files import REPORT, pages_of
 from service.config.written.named_files import found_files, kept_files
 from service.texts.instants import iso, now_us

@@ -13,12 +13,11 @@ from service.commands.command_line.options import ConfigPath, configuration
 from service.config import Config, ModelConfig, NamedAxis, in_words
 from service.config.axis_detectors import detectors_in_words
 from service.config.axis_settings import awaits_identification
-from service.config.base_table import SUFFIX
 from service.config.bus_messages import messages_of
 from service.config.certificates import expiries
 from service.config.remarks import remarks
-from service.config.schema import AxisConfig
-from service.config.schema_signals import SignalConfig
+from service.config.schema import AxisConfig, SignalConfig
+from service.config.schema.base_table import SUFFIX
 from service.reports.formats import labelled
 from service.texts.instants import now_us
 

@@ -18,7 +18,7 @@ from service.commands.command_line.options import LOG_KINDS, BusOption, Force, b
 from service.commands.command_line.output_files import check_new
 from service.commands.command_line.received_frames import heard_on, logged
 from service.commands.init import ListenFor, Output, propose
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig
 
 if TYPE_CHECKING:
     from service.ingest.roles.unknown_messages import UnknownMessage

@@ -20,7 +20,7 @@ from service.can.user_errors import RecordError, undescribed_words
 from service.commands.command_line.exit_codes import explained
 from service.commands.command_line.options import LOG_KINDS, BusOption, Force, bus_named
 from service.commands.command_line.output_files import check_new, write_all
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig
 
 if TYPE_CHECKING:
     from service.ingest.roles.column_roles import TableRoles

@@ -9,8 +9,8 @@ from service.commands.command_line.exit_codes import explained
 from service.commands.command_line.options import AxisName, JsonFile, axis_of
 from service.commands.command_line.output_files import STDOUT, table_console, write
 from service.config import given_values
-from service.config.base_table import SUFFIX
 from service.config.drive_sources import LIBRARY, model_called, model_of_axis
+from service.config.schema.base_table import SUFFIX
 from service.reports.model_report import as_json, facts_of, print_text
 
 DriveArgument = Annotated[

@@ -1,8 +1,6 @@
 """The configuration file: its schema and its checks, with file, line, key and value for each problem.
 
-* The keys: ``schema`` and ``schema_*`` on ``base_table``; ``canopen_axis`` and ``robot_defaults``: keys that follow
-  from others.  ``found_file``: the files of identify and calibrate that it names, ``nominal_file`` and
-  ``thresholds_file``.
+* ``schema/``: the keys, and those of the files that it names.
 * Reading: ``loading``, with ``toml_lines`` (lines of keys), ``schema_errors``, and the cross-checks in ``rules/``;
   ``problems``: what is reported.  ``remarks``: notes on a valid file; ``certificates``: when they expire.
 * What an axis is by its keys: ``drive_sources`` and ``drives``, ``conditions``, ``axis_settings``, ``axis_detectors``;
@@ -16,5 +14,4 @@ from service.config.conditions import conditions_of, in_words, needed
 from service.config.drives import drive_of, gear_ratio, given_values, limits_of, scales_of
 from service.config.loading import load
 from service.config.problems import ConfigErrors, ConfigProblem
-from service.config.schema import AxisConfig, Config, NamedAxis
-from service.config.schema_model import ModelConfig
+from service.config.schema import AxisConfig, Config, ModelConfig, NamedAxis

@@ -10,7 +10,7 @@ from monitor_core.settings import Settings
 from service.config.conditions import thermal_of
 from service.config.drives import axis_model, lacking, not_identified, watched_drive, watched_values
 from service.config.schema import AxisConfig, NamedAxis
-from service.config.thresholds_file import with_thresholds
+from service.config.schema.thresholds_file import with_thresholds
 
 
 class AxisError(Exception):

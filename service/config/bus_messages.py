@@ -7,8 +7,7 @@ from service.can.canopen_drives import node_of, read_drive
 from service.can.frames import FrameKey
 from service.can.message_files import read_messages
 from service.can.messages import Bits, DescriptionError, MessageSet, message_of, united
-from service.config.schema import Config
-from service.config.schema_buses import BitsConfig, MessageConfig
+from service.config.schema import BitsConfig, Config, MessageConfig
 
 _FIRST_BROADCAST = 240
 """J1939 parameter groups with a smaller second byte are sent to a destination."""

@@ -17,10 +17,8 @@ from monitor_core.drive import (
 )
 from monitor_core.wording import did_you_mean
 from service.config.drive_sources import model_of_axis
-from service.config.nominal_file import ScheduleTable
-from service.config.schema import AxisConfig, NamedAxis
-from service.config.schema_model import ScheduleConfig
-from service.config.schema_signals import FurtherSignalConfig, GateConfig
+from service.config.schema import AxisConfig, FurtherSignalConfig, GateConfig, NamedAxis, ScheduleConfig
+from service.config.schema.nominal_file import ScheduleTable
 from service.config.toml_lines import Keys
 
 Schedule = ScheduleTable | ScheduleConfig

@@ -24,8 +24,8 @@ from monitor_core.modeling import (
     eliminate,
 )
 from monitor_core.wording import did_you_mean
-from service.config.base_table import GEAR_RATIO, SUFFIX
 from service.config.problems import NOT_UTF8, line_of
+from service.config.schema.base_table import GEAR_RATIO, SUFFIX
 
 if TYPE_CHECKING:
     from service.config.schema import AxisConfig

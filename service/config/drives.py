@@ -8,10 +8,10 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, Output
 from monitor_core.monitoring import ParameterLimit
-from service.config.base_table import GEAR_RATIO, SUFFIX
 from service.config.conditions import weight_of
 from service.config.drive_sources import has_no_gear, model_of_axis
 from service.config.schema import AxisConfig
+from service.config.schema.base_table import GEAR_RATIO, SUFFIX
 
 SCALE = 0.5
 """Scale of the delay in sample intervals.  With it, a delay of a tenth of an interval (which looks like 3 % of motor

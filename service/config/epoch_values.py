@@ -14,16 +14,15 @@ from pydantic import ValidationError
 
 from monitor_core.drive import split_name
 from service.config.axis_settings import AxisError, axis_settings, monitored_model, predictor_of
-from service.config.base_table import TomlTable
 from service.config.conditions import needed
 from service.config.drives import drive_of, given_values, plain_drive_of
-from service.config.found_file import FoundFile, FoundFileError, found_in
-from service.config.nominal_file import NominalFile, structure_of
 from service.config.problems import dotted
 from service.config.rules.crosschecks import axis_findings
-from service.config.schema import NamedAxis
-from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
-from service.config.thresholds_file import ThresholdsFile, made_with
+from service.config.schema import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE, NamedAxis
+from service.config.schema.base_table import TomlTable
+from service.config.schema.found_file import FoundFile, FoundFileError, found_in
+from service.config.schema.nominal_file import NominalFile, structure_of
+from service.config.schema.thresholds_file import ThresholdsFile, made_with
 
 _OWN = ("nominal", "nominal_file", "thresholds_file")
 _T = TypeVar("_T", bound=TomlTable)

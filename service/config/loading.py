@@ -18,13 +18,12 @@ from typing import Any, NamedTuple, get_origin
 from pydantic import TypeAdapter, ValidationError
 
 from monitor_core.wording import did_you_mean
-from service.config.base_table import ReadingContext
 from service.config.problems import NOT_UTF8, CheckFinding, ConfigErrors, ConfigProblem, dotted, line_of, shown
-from service.config.robot_defaults import origin
 from service.config.rules.crosschecks import crosscheck
-from service.config.schema import Config
+from service.config.schema import Config, concealed
+from service.config.schema.base_table import ReadingContext
+from service.config.schema.robot_defaults import origin
 from service.config.schema_errors import causes, schema_message, table_in
-from service.config.schema_links import concealed
 from service.config.toml_lines import Keys, nearest, positions
 
 PREFIX = "AXISWATCH_"

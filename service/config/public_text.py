@@ -10,10 +10,10 @@ import tomlkit
 from pydantic import BaseModel
 
 from monitor_core.wording import replaced
-from service.config.found_file import FoundFile
 from service.config.problems import ConfigProblem
-from service.config.robot_defaults import DEFAULTS
 from service.config.schema import Config
+from service.config.schema.found_file import FoundFile
+from service.config.schema.robot_defaults import DEFAULTS
 
 HIDDEN = "..."
 _FOLDER = re.compile(r"(?<![^\s\"'`(\[=:,;])/(?:[^\s\"'`()\[\]:,;/]+/)+(?=[^\s/])")

@@ -6,8 +6,8 @@ from typing import Any, get_args
 from pydantic_core import ErrorDetails
 
 from monitor_core.wording import closest, did_you_mean
-from service.config.base_table import TomlTable, hint
 from service.config.schema import Config
+from service.config.schema.base_table import TomlTable, hint
 
 _RULES = {
     "missing": "missing",

@@ -16,7 +16,7 @@ from typing import NamedTuple, Protocol
 import structlog
 
 from monitor_core.wording import Sentence, sentence
-from service.config.schema_links import AlarmLimits
+from service.config.schema import AlarmLimits
 from service.pipeline.snapshot import LinkSnapshot
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import NumberedTransition, RecordedTransition

@@ -15,7 +15,7 @@ import structlog
 
 from monitor_core.monitoring import HIDDEN_STATES, AlarmEvent
 from monitor_core.wording import sentence
-from service.config.schema_links import SmtpConfig
+from service.config.schema import SmtpConfig
 from service.links.delivery import PAGE, Message, NotYetError, RefusedError, UnavailableError, answers
 from service.links.link_secrets import secret, tls
 from service.pipeline.snapshot import Snapshot

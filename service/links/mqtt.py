@@ -12,7 +12,7 @@ from time import monotonic
 
 import aiomqtt
 
-from service.config.schema_links import MqttConfig
+from service.config.schema import MqttConfig
 from service.links.delivery import LOOK_S, Delivery, Message
 from service.links.link_secrets import secret, tls
 from service.pipeline.snapshot import AxisSnapshot, Snapshot

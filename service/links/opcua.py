@@ -14,7 +14,7 @@ from asyncua import Server, ua
 from asyncua.common.connection import TransportLimits
 from asyncua.crypto.security_policies import SecurityPolicyFactory, SecurityPolicyNone
 
-from service.config.schema_links import OpcUaConfig
+from service.config.schema import OpcUaConfig
 from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery
 from service.links.opcua_access import GuardedServer, Nobody, Users, identity
 from service.links.opcua_alarms import AlarmConditions

@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
 
 from monitor_core.wording import sentence
-from service.config.schema_links import OpcUaConfig
+from service.config.schema import OpcUaConfig
 from service.links.link_secrets import LinkSecretError
 from service.store.database import StoreError
 from service.store.tokens import Caller, Scope, TokenFile

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import structlog
 
-from service.config.schema_links import AlarmLimits, LinksConfig
+from service.config.schema import AlarmLimits, LinksConfig
 from service.links.delivery import FIRST_RETRY_S, LOOK_S, Delivery, MessageReceiver, MessageSource
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.journal import Journal

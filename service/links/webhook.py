@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 import httpx
 
 from monitor_core.wording import sentence
-from service.config.schema_links import WebhookConfig
+from service.config.schema import WebhookConfig
 from service.links.delivery import Message, RefusedError, UnavailableError, answers
 from service.links.link_secrets import key, tls
 from service.texts.instants import now_us

@@ -1,4 +1,4 @@
-"""A calibration as files: thresholds.toml, see service/config/thresholds_file.py; everything as JSON; the page."""
+"""A calibration as files: thresholds.toml, see ``thresholds_file``; everything as JSON; the page."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from monitor_core.calibration import FOUND_SHARE, DetectorResult, TrialResult
 from monitor_core.detection import HypothesisThreshold
 from monitor_core.settings import Threshold
-from service.config.found_file import FORMAT
-from service.config.thresholds_file import ThresholdsFile, made_with
+from service.config.schema.found_file import FORMAT
+from service.config.schema.thresholds_file import ThresholdsFile, made_with
 from service.reports import calibration_report as content
 from service.reports.calibration_report import DETECTORS, Calibration, promises
 from service.reports.formats import Fact, Json, TextTable, fields_of, json_text, render, safe, toml_table

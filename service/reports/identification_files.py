@@ -1,4 +1,4 @@
-"""The result of an identification for programs: nominal.toml, see service/config/nominal_file.py, and all as JSON."""
+"""The result of an identification for programs: nominal.toml (see ``nominal_file``), and all as JSON."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -14,8 +14,8 @@ from monitor_core.identification import (
     Verdict,
 )
 from monitor_core.wording import percent
-from service.config.found_file import FORMAT
-from service.config.nominal_file import structure_of
+from service.config.schema.found_file import FORMAT
+from service.config.schema.nominal_file import structure_of
 from service.ingest.records.loaded_records import RecordOrigin
 from service.reports.formats import Fact, Json, fields_of, json_text, one_line, toml_table
 from service.reports.identification_report import IdentificationReport, residual_words, verdict_line

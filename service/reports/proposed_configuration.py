@@ -7,8 +7,8 @@ from pathlib import Path
 
 from monitor_core.drive import TEMPERATURE
 from monitor_core.wording import listed
-from service.config.canopen_axis import CURRENT, VELOCITY
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig
+from service.config.schema.canopen_axis import CURRENT, VELOCITY
 from service.config.unit_names import UNITS, unit_in
 from service.ingest.roles.column_roles import TableRoles
 from service.ingest.roles.drive_objects import DriveObjects

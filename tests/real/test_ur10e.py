@@ -39,8 +39,8 @@ from monitor_core.samples import SampleBlock
 from monitor_core.settings import Settings
 from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_settings
-from service.config.base_table import ReadingContext
 from service.config.drives import axis_model
+from service.config.schema.base_table import ReadingContext
 from service.ingest.records.loaded_records import Loaded
 from tests.core.naming import alarm_versions
 from tests.real.drives import ONE_MASS, loaded, one_mass

@@ -9,8 +9,8 @@ from monitor_core.drive.kalman import filter_gain
 from service.config import AxisConfig, NamedAxis
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model, plain_drive_of
-from service.config.nominal_file import structure_of
-from service.config.thresholds_file import made_with
+from service.config.schema.nominal_file import structure_of
+from service.config.schema.thresholds_file import made_with
 
 
 def thresholds_text(

@@ -14,8 +14,7 @@ from service.can.bus import open_bus, send
 from service.can.bus_reader import CanReader
 from service.can.frames import FrameBlock, FrameKey, concatenate_frames
 from service.can.log_files import CanLog
-from service.config.schema import Config
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig, Config
 from service.ingest.samples.bus_samples import Ingest
 from tests.service.ingest.plant import axis1, make_config
 from tests.soak.full_bus_traffic import finished, sending, written

@@ -18,8 +18,8 @@ from service.can.frames import FrameBlock
 from service.commands.main import app
 from service.config import Config, load
 from service.config.drive_sources import shipped
-from service.config.found_file import read_found
-from service.config.nominal_file import NominalFile
+from service.config.schema.found_file import read_found
+from service.config.schema.nominal_file import NominalFile
 from service.pipeline.axis_alarms import AxisAlarm
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot

@@ -18,7 +18,7 @@ from service.commands.command_line.exit_codes import MISTAKE
 from service.config import Config, ConfigErrors, ConfigProblem, NamedAxis, load
 
 if TYPE_CHECKING:
-    from service.config.schema_buses import BusConfig
+    from service.config.schema import BusConfig
 
 
 LOG_KINDS = ".log .asc .blf .trc .mf4 .csv, also .gz"
@@ -178,9 +178,9 @@ def bus_named(text: str, messages: Path | None = None) -> BusConfig:
     Raises:
         typer.BadParameter: the text has another form, or the interface does not exist.
     """
-    from service.config.base_table import ReadingContext
     from service.config.rules.bus_rules import usable_bus
-    from service.config.schema_buses import BusConfig
+    from service.config.schema import BusConfig
+    from service.config.schema.base_table import ReadingContext
 
     (where, *further), options = text.split(","), dict[str, object]()
     interface, _, channel = where.partition(":")

@@ -12,7 +12,7 @@ from service.can.log_files import CanLog
 from service.can.user_errors import RecordError, left_out_words, silent_words
 from service.commands.command_line.live_buses import rounds
 from service.commands.command_line.signal_handling import stopped_by_signals
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig
 
 if TYPE_CHECKING:
     pass

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from service.commands.daemon.protection import looks
 from service.config import Config
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig
 from service.links.link_secrets import LinkSecretError
 from service.pipeline.recording import Extracts
 from service.pipeline.reloading import ReloadError

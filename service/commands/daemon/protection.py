@@ -4,8 +4,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 
 from service.config import Config
-from service.config.schema import WebConfig
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig, WebConfig
 from service.links.link_secrets import LinkSecretError, key, secret, tls
 from service.store.database import StoreError
 from service.store.tokens import TOKENS_FILE, TokenFile

@@ -9,12 +9,22 @@ from service.can.bus import blf_channels, interface_names
 from service.can.canopen_drives import node_name, read_drive
 from service.can.message_files import read_messages
 from service.can.messages import DescriptionError, find_counter, find_signal
-from service.config.base_table import TomlTable
 from service.config.bus_messages import bits_of, is_addressed, messages_of
 from service.config.problems import CheckFinding
-from service.config.schema import AxisConfig, Config, RobotConfig
-from service.config.schema_buses import FLOAT_BITS, LAST_STANDARD_ID, MAX_BYTES, BitsConfig, BusConfig, MessageConfig
-from service.config.schema_signals import FurtherSignalConfig, SignalConfig
+from service.config.schema import (
+    FLOAT_BITS,
+    LAST_STANDARD_ID,
+    MAX_BYTES,
+    AxisConfig,
+    BitsConfig,
+    BusConfig,
+    Config,
+    FurtherSignalConfig,
+    MessageConfig,
+    RobotConfig,
+    SignalConfig,
+)
+from service.config.schema.base_table import TomlTable
 from service.config.toml_lines import Keys
 
 QUANTITIES = ("torque", "angle", "speed")

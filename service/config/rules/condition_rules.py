@@ -6,7 +6,6 @@ import numpy as np
 
 from monitor_core.drive import HEAT, LOAD, AxisModel, Conditions, NominalSchedule, Operating, Term, split_name
 from monitor_core.wording import did_you_mean
-from service.config.base_table import Undecidable
 from service.config.conditions import (
     Schedule,
     load_torques,
@@ -20,8 +19,8 @@ from service.config.drives import holds_weight, not_identified, watches_load
 from service.config.problems import CheckFinding
 from service.config.rules.bus_rules import same_names
 from service.config.rules.model_rules import decided_model, usable_drive
-from service.config.schema import AxisConfig, RobotConfig
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import AxisConfig, FurtherSignalConfig, RobotConfig
+from service.config.schema.base_table import Undecidable
 from service.config.toml_lines import Keys
 
 

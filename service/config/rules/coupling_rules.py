@@ -4,12 +4,11 @@ from collections.abc import Iterator
 
 from monitor_core.drive import OF_ANGLE
 from monitor_core.wording import did_you_mean
-from service.config.base_table import Undecidable
 from service.config.problems import CheckFinding
-from service.config.robot_defaults import COUPLING, DEFAULTS
 from service.config.rules.model_rules import usable_drive
-from service.config.schema import AxisConfig, RobotConfig
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import AxisConfig, FurtherSignalConfig, RobotConfig
+from service.config.schema.base_table import Undecidable
+from service.config.schema.robot_defaults import COUPLING, DEFAULTS
 from service.config.toml_lines import Keys
 
 

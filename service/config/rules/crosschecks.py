@@ -7,7 +7,6 @@ check that depends on a value which another check reports raises ``Undecidable``
 from collections.abc import Callable, Iterable, Iterator
 from typing import TypeVar
 
-from service.config.base_table import Undecidable
 from service.config.problems import CheckFinding
 from service.config.rules.axis_rules import AXIS_RULES, defaults_without_name
 from service.config.rules.bus_rules import BUS_RULES, CONFIG_RULES
@@ -17,6 +16,7 @@ from service.config.rules.file_rules import FILE_RULES
 from service.config.rules.link_rules import LINK_RULES, certificate_and_key
 from service.config.rules.model_rules import MODEL_RULES, complete_model
 from service.config.schema import AxisConfig, Config, RobotConfig
+from service.config.schema.base_table import Undecidable
 from service.config.toml_lines import Keys
 
 T = TypeVar("T")

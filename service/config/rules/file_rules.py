@@ -10,15 +10,15 @@ from typing import Any
 
 from monitor_core.drive import Output
 from service.config.axis_settings import unidentifiable_pairs
-from service.config.base_table import Undecidable
 from service.config.drives import plain_drive_of
-from service.config.found_file import alike
-from service.config.nominal_file import NominalFile, structure_of
 from service.config.problems import CheckFinding
-from service.config.robot_defaults import COUPLING
 from service.config.rules.model_rules import usable_drive, with_merged
 from service.config.schema import AxisConfig
-from service.config.thresholds_file import ThresholdsFile
+from service.config.schema.base_table import Undecidable
+from service.config.schema.found_file import alike
+from service.config.schema.nominal_file import NominalFile, structure_of
+from service.config.schema.robot_defaults import COUPLING
+from service.config.schema.thresholds_file import ThresholdsFile
 from service.config.toml_lines import Keys
 
 NOMINAL: Keys = ("model", "nominal_file")

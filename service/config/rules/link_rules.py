@@ -5,7 +5,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from service.config.problems import CheckFinding
-from service.config.schema_links import LinksConfig, is_local
+from service.config.schema import LinksConfig, is_local
 from service.config.toml_lines import Keys
 
 RESERVED = ("mqtt", "smtp", "opcua")

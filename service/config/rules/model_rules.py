@@ -7,7 +7,6 @@ from contextlib import suppress
 from monitor_core.drive import DELAY, LOAD, AxisModel, Drive, NominalValueError, Output, split_name
 from monitor_core.modeling import ModelError
 from monitor_core.wording import closest, did_you_mean
-from service.config.base_table import GEAR_RATIO, Undecidable
 from service.config.drive_sources import has_no_gear
 from service.config.drives import (
     axis_model,
@@ -23,6 +22,7 @@ from service.config.drives import (
 )
 from service.config.problems import CheckFinding
 from service.config.schema import AxisConfig
+from service.config.schema.base_table import GEAR_RATIO, Undecidable
 from service.config.toml_lines import Keys
 
 _SAME = 1e-6

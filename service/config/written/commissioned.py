@@ -12,9 +12,8 @@ import tomlkit
 
 from monitor_core.drive import split_name
 from service.config.loading import load_text
-from service.config.robot_defaults import COUPLING, DEFAULTS, completed
-from service.config.schema import Config, NamedAxis
-from service.config.schema_model import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE
+from service.config.schema import REPLACED_BY_NOMINAL_FILE, REPLACED_BY_THRESHOLDS_FILE, Config, NamedAxis
+from service.config.schema.robot_defaults import COUPLING, DEFAULTS, completed
 from service.config.written.configuration_text import (
     axis_named_in,
     edited_text,

@@ -7,7 +7,7 @@ import tomlkit
 from tomlkit import TOMLDocument
 from tomlkit.items import Array, InlineTable, Table
 
-from service.config.robot_defaults import DEFAULTS
+from service.config.schema.robot_defaults import DEFAULTS
 from service.config.written.corrections import NAMED_BY
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from service.config.robot_defaults import COUPLING, DEFAULTS, completed
+from service.config.schema.robot_defaults import COUPLING, DEFAULTS, completed
 from service.config.written.configuration_text import listed_table
 from service.config.written.corrections import SIGNAL
 

@@ -5,9 +5,9 @@ from typing import Any
 
 from tomlkit import TOMLDocument
 
-from service.config.base_table import SUFFIX
-from service.config.robot_defaults import DEFAULTS
-from service.config.schema_links import LINK_FILES
+from service.config.schema import LINK_FILES
+from service.config.schema.base_table import SUFFIX
+from service.config.schema.robot_defaults import DEFAULTS
 
 _FOUND = ("nominal_file", "thresholds_file")
 

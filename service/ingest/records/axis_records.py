@@ -14,8 +14,7 @@ from service.can.frames import FrameKey, key_of
 from service.can.messages import Message, MessageSet, find_signal, key_of_message
 from service.can.user_errors import RecordError
 from service.config.bus_messages import messages_of
-from service.config.schema import Config, NamedAxis
-from service.config.schema_signals import FurtherSignalConfig, TimeConfig
+from service.config.schema import Config, FurtherSignalConfig, NamedAxis, TimeConfig
 from service.config.unit_names import UNITS
 from service.ingest.records.record_files import LogRecord, is_table, samples_of
 from service.ingest.samples.axis_columns import AxisColumns

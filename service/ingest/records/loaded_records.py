@@ -14,7 +14,7 @@ from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis, conditions_of
 from service.config.axis_settings import axis_settings
 from service.config.conditions import gates_of, needed
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import FurtherSignalConfig
 from service.ingest.records.axis_records import ReadProgress, axis_record, no_samples_words, sha256_of
 from service.ingest.records.record_files import is_table
 from service.ingest.records.record_ranges import wanted

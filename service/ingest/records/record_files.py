@@ -16,8 +16,7 @@ from service.can.frames import FrameBlock
 from service.can.log_bytes import GZIP
 from service.can.log_files import LOG_SUFFIXES, CanLog, log_suffix
 from service.can.user_errors import RecordError
-from service.config.schema import Config
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig, Config
 from service.ingest.samples.axis_columns import AxisColumns
 from service.ingest.samples.bus_samples import Carried, Ingest, carried_by
 from service.ingest.samples.timestamp_jitter import Stamps

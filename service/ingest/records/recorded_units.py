@@ -8,8 +8,7 @@ from typing import Literal
 
 from service.can.messages import find_signal
 from service.config.bus_messages import messages_of
-from service.config.schema import Config, NamedAxis
-from service.config.schema_signals import SignalConfig
+from service.config.schema import Config, NamedAxis, SignalConfig
 from service.config.unit_names import UNITS, MeasuredQuantity, unit_as_recorded
 from service.ingest.records.record_files import is_table
 from service.ingest.tables.table_files import open_table

@@ -6,7 +6,7 @@ from typing import NamedTuple
 from service.can.canopen_drives import commissioned_node, node_name, object_name, read_drive, value_in
 from service.can.frames import FrameBlock, FrameKey
 from service.can.messages import DescriptionError, Message, find_signal, key_of_message
-from service.config.canopen_axis import CURRENT, POSITION, TORQUE, VELOCITY
+from service.config.schema.canopen_axis import CURRENT, POSITION, TORQUE, VELOCITY
 
 _NODE_BITS = 0x7F
 """Bits of the node id in a predefined identifier"""

@@ -8,8 +8,7 @@ from monitor_core.arrays import Bools, Floats, Ints
 from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock, concatenate
 from monitor_core.sampling import DROP_REASONS
 from service.can.user_errors import RecordError
-from service.config.schema import NamedAxis
-from service.config.schema_signals import FurtherSignalConfig, SignalConfig
+from service.config.schema import FurtherSignalConfig, NamedAxis, SignalConfig
 from service.ingest.samples.late_values import LateValues
 from service.ingest.samples.quantities import HeldColumns
 from service.ingest.tables.csv_tables import CsvRows

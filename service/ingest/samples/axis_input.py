@@ -10,8 +10,7 @@ from monitor_core.samples import PHYSICAL_LIMITS, SampleBlock
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
 from service.can.messages import find_signal
-from service.config.schema import NamedAxis
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import FurtherSignalConfig, NamedAxis
 from service.ingest.samples.late_values import LateValues
 from service.ingest.samples.quantities import AxisQuantity, HeldSignal, quantity_of
 from service.ingest.samples.timestamp_jitter import Stamps, stamps_of

@@ -9,8 +9,7 @@ from service.can.decoder import Decoded, Decoder
 from service.can.frames import ID_BITS, FrameBlock, FrameFilter, FrameKey
 from service.config.bus_messages import messages_of
 from service.config.conditions import needed
-from service.config.schema import Config, NamedAxis
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import Config, FurtherSignalConfig, NamedAxis
 from service.ingest.samples.axis_input import AxisInput
 
 Carried = Mapping[str, Sequence[FurtherSignalConfig]]

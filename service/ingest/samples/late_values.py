@@ -16,8 +16,7 @@ import numpy as np
 
 from monitor_core.arrays import Floats, Ints
 from monitor_core.samples import SampleBlock, concatenate
-from service.config.schema import AxisConfig
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import AxisConfig, FurtherSignalConfig
 from service.ingest.samples.motion_derivatives import MAX_ERROR, derivative_late
 
 _TIME_TOLERANCE = 0.5

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 
 from monitor_core.arrays import Floats, Ints
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import FurtherSignalConfig
 
 _HALF_S, _LEAST_HALF = 0.008, 2
 """Half of the time over which a derivative is taken, and its least length in intervals"""

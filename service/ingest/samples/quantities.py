@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats, Ints
 from service.can.decode_plan import Column
 from service.can.decoder import Decoded, Decoder
 from service.can.frames import FrameKey
-from service.config.schema_signals import AngleConfig, FurtherSignalConfig, SignalConfig
+from service.config.schema import AngleConfig, FurtherSignalConfig, SignalConfig
 from service.ingest.samples.motion_derivatives import MotionBeside, derivative_of
 
 

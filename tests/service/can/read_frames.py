@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 from service.can.bus_reader import CanReader
 from service.can.frames import Frame, FrameFilter, FrameKey
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig
 from tests.end_to_end.processes import wait_for
 
 STANDARD, EXTENDED = FrameKey(0x100, False), FrameKey(0x18FF0100, True)

@@ -19,7 +19,7 @@ from service.can.receivers import FrameReceiver, Rejected, frame_of
 from service.can.socket_receivers import receiver_of
 from service.can.user_errors import BusError
 from service.config.remarks import remarks
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.ports import own_port
 from tests.service.can.read_frames import EXTENDED, STANDARD, reading, take

@@ -21,7 +21,7 @@ from service.can.receivers import FrameReceiver
 from service.can.socket_receivers import SocketReceiver, receiver_of
 from service.can.user_errors import BusError
 from service.commands.play import PlayFrame, play_frames
-from service.config.schema_buses import BusConfig
+from service.config.schema import BusConfig
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.can.network_devices import ip
 from tests.service.can.read_frames import EXTENDED, STANDARD, reading, take

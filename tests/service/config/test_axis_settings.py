@@ -11,9 +11,9 @@ from monitor_core.monitoring.recommended_settings import SETTLING_TIME_CONSTANTS
 from service.config import NamedAxis
 from service.config.axis_settings import AxisError, axis_settings
 from service.config.drives import axis_model
-from service.config.found_file import read_found
-from service.config.nominal_file import NominalFile
-from service.config.schema_signals import SpeedConfig
+from service.config.schema import SpeedConfig
+from service.config.schema.found_file import read_found
+from service.config.schema.nominal_file import NominalFile
 from tests.service.found_files import nominal_text
 from tests.service.pipeline.robots import changed, demo
 

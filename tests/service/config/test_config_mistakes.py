@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from service.config import ConfigErrors, load
-from service.config.base_table import RENAMED_KEYS
-from service.config.found_file import FoundFileError, read_found
-from service.config.nominal_file import NominalFile
 from service.config.remarks import remarks
+from service.config.schema.base_table import RENAMED_KEYS
+from service.config.schema.found_file import FoundFileError, read_found
+from service.config.schema.nominal_file import NominalFile
 from tests import golden
 from tests.service.config.config_texts import CONFIG, TEXTS, furnish, loaded
 

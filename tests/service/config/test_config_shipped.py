@@ -12,7 +12,7 @@ from monitor_core.modeling.standard_drives import REFERENCE_VALUES
 from service.can.message_files import read_messages
 from service.can.messages import find_signal
 from service.config import Config, load
-from service.config.base_table import TomlTable
+from service.config.schema.base_table import TomlTable
 from service.config.schema_errors import table_in
 from service.config.toml_lines import Keys, positions
 from tests.service.found_files import nominal_text, thresholds_text

@@ -11,7 +11,7 @@ from monitor_core.wording import Sentence
 from service.config import NamedAxis
 from service.config.axis_settings import axis_settings, monitored_model
 from service.config.epoch_values import EpochValuesError, content_of, fingerprint_of, from_files, recentred, with_epoch
-from service.config.thresholds_file import ThresholdsFile
+from service.config.schema.thresholds_file import ThresholdsFile
 from tests.service.found_files import nominal_text, thresholds_text
 from tests.service.pipeline.robots import changed, demo
 

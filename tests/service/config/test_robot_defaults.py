@@ -11,7 +11,7 @@ import tomlkit
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from service.config.robot_defaults import completed
+from service.config.schema.robot_defaults import completed
 from service.config.written.commissioned import Found, commissioned, connected, corrected, monitoring, with_drive
 from service.config.written.corrections import Correction
 

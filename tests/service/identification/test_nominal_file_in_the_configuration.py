@@ -15,7 +15,7 @@ from service.config import AxisConfig, Config, ConfigErrors, ConfigProblem, cond
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.config.remarks import remarks
-from service.config.schema_signals import SpeedConfig
+from service.config.schema import SpeedConfig
 from tests.demo_text import demo_text
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown

@@ -16,8 +16,8 @@ from rich.console import Console
 from monitor_core.drive import ThermalModel
 from monitor_core.identification import Effect, FoundWarmUp, IdentificationResult, Obstacle, Watched
 from service.commands.commissioning.axis.identification_task import Request, prepare
-from service.config.found_file import read_found
-from service.config.nominal_file import NominalFile, structure_of
+from service.config.schema.found_file import read_found
+from service.config.schema.nominal_file import NominalFile, structure_of
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
 from service.reports.identification_report import IdentificationReport, print_text, residual_words, verdict_line

@@ -20,8 +20,8 @@ from monitor_core.identification.problem import IdentificationError
 from monitor_core.identification.thermal.warm_up import FoundWarmUp
 from service.commands.commissioning.axis.identification_task import Request, prepare, read_schedule
 from service.config import Config, load
-from service.config.found_file import read_found
-from service.config.nominal_file import NominalFile
+from service.config.schema.found_file import read_found
+from service.config.schema.nominal_file import NominalFile
 from service.reports.formats import Provenance
 from service.reports.temperature_words import temperature_remarks
 from service.simulation.axis import ControlledAxis

@@ -17,8 +17,8 @@ import scipy.io
 
 from monitor_core.samples import SampleBlock
 from service.can.frames import Frame, FrameBlock
-from service.config.base_table import ReadingContext
 from service.config.schema import Config
+from service.config.schema.base_table import ReadingContext
 from service.ingest.samples.bus_samples import Ingest
 
 START_US = 1_760_000_000_000_000

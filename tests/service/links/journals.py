@@ -9,7 +9,7 @@ from typing import Any
 
 from monitor_core.detection import Alarm, Cause, FormerName
 from monitor_core.monitoring import PRIORITIES, AlarmEvent, AlarmRules, Priority
-from service.config.schema_links import AlarmLimits, LinksConfig
+from service.config.schema import AlarmLimits, LinksConfig
 from service.links.delivery import Delivery, DeliveryTimes, Message, MessageSource
 from service.links.running import Links
 from service.pipeline.snapshot import LinkSnapshot, Snapshot

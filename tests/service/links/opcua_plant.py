@@ -21,7 +21,7 @@ except ImportError:
         raise
     pytest.skip("asyncua is missing: pip install axiswatch[opcua]", allow_module_level=True)
 
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig
 from service.links.running import Links
 from service.pipeline.snapshot import Snapshot
 from service.store.journal import Journal

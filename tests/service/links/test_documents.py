@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from service.config import ConfigErrors, load
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig
 from tests.conftest import ROOT
 from tests.service.config.config_texts import LINKS as LINKS_TEXT
 from tests.service.config.config_texts import TABLES

@@ -16,7 +16,7 @@ from aiosmtpd.controller import Controller
 from aiosmtpd.smtp import SMTP, AuthResult, Envelope, LoginPassword, Session
 
 from monitor_core.monitoring import AlarmEvent, AlarmRules
-from service.config.schema_links import SmtpConfig
+from service.config.schema import SmtpConfig
 from service.links.mail import MOST_IN_FULL, Mail, MailText, News, news_in
 from service.pipeline.alarm_recording import NO_ALARMS
 from service.pipeline.snapshot import LinkSnapshot

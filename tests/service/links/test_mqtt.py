@@ -20,7 +20,7 @@ import pytest
 import structlog
 from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig
 from service.links.mqtt import States, state_body
 from service.web import views
 from tests.conftest import ROOT
@@ -190,7 +190,7 @@ def test_alarms_of_while_the_broker_was_down_come_in_their_order(
 KILLED = """
 import json, sys, time
 from pathlib import Path
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig
 from service.links.running import Links
 from service.store.journal import Journal
 from tests.service.web.conftest import whole_snapshot

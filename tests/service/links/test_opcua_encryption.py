@@ -16,7 +16,7 @@ import pytest
 from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from asyncua.crypto.uacrypto import CertProperties
 
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig
 from service.links.link_secrets import LinkSecretError
 from service.links.opcua_access import identity
 from service.store.tokens import Scope

@@ -10,7 +10,7 @@ import pytest
 import structlog
 
 from service.commands.daemon.lifecycle import run_daemon
-from service.config.schema_links import LinksConfig
+from service.config.schema import LinksConfig
 from service.links.link_secrets import LinkSecretError
 from service.links.webhook import Webhook
 from service.store.journal import Journal

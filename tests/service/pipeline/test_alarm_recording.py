@@ -12,7 +12,7 @@ from structlog.testing import capture_logs
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
 from service.config import load
-from service.config.schema_model import AlarmsConfig
+from service.config.schema import AlarmsConfig
 from service.pipeline.alarm_recording import RETRY_S, AlarmRecorder
 from service.pipeline.axis_alarms import AxisAlarm, JournalQuantity, alarm_rules
 from service.store import database

@@ -11,7 +11,7 @@ import pytest
 from monitor_core.detection import Alarm
 from service.can.frames import FrameBlock
 from service.config import Config
-from service.config.schema_model import DetectorConfig
+from service.config.schema import DetectorConfig
 from service.pipeline.alarm_recording import AlarmRecorder
 from service.pipeline.axis_alarms import AxisAlarm, quantities
 from service.pipeline.axis_monitors import FramePipeline

@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 from monitor_core.monitoring import AlarmEvent, Status
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame
-from service.config.schema_model import DetectorConfig
+from service.config.schema import DetectorConfig
 from service.pipeline import publishing
 from service.pipeline import worker as worker_module
 from service.pipeline.checkpointing import states_of

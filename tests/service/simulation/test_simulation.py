@@ -18,8 +18,7 @@ from monitor_core.samples import SampleBlock
 from service.can.bus import open_buses
 from service.config import NamedAxis, conditions_of
 from service.config.axis_settings import AxisError
-from service.config.schema_model import EstimatorConfig
-from service.config.schema_signals import SpeedConfig
+from service.config.schema import EstimatorConfig, SpeedConfig
 from service.pipeline.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, SimulatedConditions
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot, run_robot, sender

@@ -10,8 +10,8 @@ from monitor_core.wording import percent
 from service.commands.commissioning.axis.axis_job import REFUSALS, AxisJob, CommissioningProgress
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearches
 from service.config import AxisConfig
-from service.config.robot_defaults import COUPLING
 from service.config.rules.coupling_rules import may_be_coupled
+from service.config.schema.robot_defaults import COUPLING
 from service.config.written.corrections import SIGNAL, Correction
 from service.ingest.records.loaded_records import load
 from service.reports.commissioning_report import Outcome

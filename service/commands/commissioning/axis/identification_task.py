@@ -40,10 +40,10 @@ from monitor_core.identification import (
 from service.commands.commissioning.axis.identification_records import IdentificationRecords, load_records
 from service.commands.commissioning.signals.torque_times import torque_time_doubts
 from service.config import AxisConfig, Config, NamedAxis, given_values, predictor_of, scales_of
-from service.config.base_table import SUFFIX
 from service.config.conditions import schedules_of, term_of
 from service.config.drive_sources import model_of_axis
 from service.config.drives import lacking_for, watches_load
+from service.config.schema.base_table import SUFFIX
 from service.ingest.records.recorded_units import units_as_recorded
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport

@@ -11,7 +11,7 @@ from monitor_core.wording import Sentence, listed, percent, sentence
 from service.can.frames import FrameKey
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.config import NamedAxis
-from service.config.schema_signals import SignalConfig
+from service.config.schema import SignalConfig
 from service.config.unit_names import UNITS
 from service.ingest.records.loaded_records import Loaded
 from service.ingest.samples.axis_input import AxisInput

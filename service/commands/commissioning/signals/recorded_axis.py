@@ -19,7 +19,7 @@ from monitor_core.identification import (
 from service.commands.commissioning.axis.identification_task import known_values
 from service.config import Config, NamedAxis
 from service.config.drive_sources import model_of_axis
-from service.config.schema_signals import SignalConfig
+from service.config.schema import SignalConfig
 from service.config.unit_names import unit_as_recorded
 from service.ingest.records.loaded_records import Loaded
 from service.ingest.records.recorded_units import Signal, unit_text

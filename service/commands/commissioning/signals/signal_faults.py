@@ -10,7 +10,7 @@ from monitor_core.samples import PHYSICAL_LIMITS
 from monitor_core.wording import Sentence, sentence
 from service.can.user_errors import left_out_words
 from service.commands.commissioning.signals.recorded_axis import FASTEST, SIGNALS, RecordedAxis, values_of
-from service.config.schema_signals import MOST_LATE
+from service.config.schema import MOST_LATE
 from service.config.unit_names import UNITS
 from service.ingest.records.loaded_records import RecordOrigin
 from service.ingest.records.recorded_units import Signal

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 
 from monitor_core.identification import TorqueTime, times_of_robot
 from service.config import AxisConfig, Config
-from service.config.schema_signals import MOST_LATE
+from service.config.schema import MOST_LATE
 from service.config.written.corrections import Correction
 
 _IN_BETWEEN = 0.5

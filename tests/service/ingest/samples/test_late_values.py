@@ -3,8 +3,7 @@
 import numpy as np
 
 from monitor_core.samples import SampleBlock, concatenate
-from service.config.schema import AxisConfig, Config
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import AxisConfig, Config, FurtherSignalConfig
 from service.ingest.samples.late_values import LateValues
 from service.ingest.samples.motion_derivatives import derivative_late
 

@@ -1,6 +1,6 @@
 """Schema of the configuration: every key with unit, bounds and default.
 
-Keys of signals, buses, model and links have files of their own: schema_signals.py, schema_buses.py, and so on.
+Keys of signals, buses, model and links have files of their own: signal_keys.py, bus_keys.py, and so on.
 Attributes have the names of the TOML keys.  Units are SI; torque, angle and speed are those of the motor.  The
 docstring of a key is shown to the user with mistakes in it.
 """
@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 
 from monitor_core.drive import Output
 from monitor_core.monitoring import DEFAULT_MEMORY_S, MIN_MEMORY_SAMPLES
-from service.config.base_table import (
+from service.config.schema.base_table import (
     GEAR_RATIO,
     FilePath,
     NonEmptyText,
@@ -27,18 +27,18 @@ from service.config.base_table import (
     Undecidable,
     written,
 )
-from service.config.canopen_axis import CanopenConfig
-from service.config.robot_defaults import completed
-from service.config.schema_buses import BusConfig
-from service.config.schema_links import LinksConfig
-from service.config.schema_model import (
+from service.config.schema.bus_keys import BusConfig
+from service.config.schema.canopen_axis import CanopenConfig
+from service.config.schema.link_keys import LinksConfig
+from service.config.schema.model_keys import (
     AlarmsConfig,
     DetectorConfig,
     EstimatorConfig,
     ModelConfig,
     TrendConfig,
 )
-from service.config.schema_signals import (
+from service.config.schema.robot_defaults import completed
+from service.config.schema.signal_keys import (
     AngleConfig,
     FurtherSignalConfig,
     GateConfig,

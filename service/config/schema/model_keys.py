@@ -6,7 +6,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from monitor_core.monitoring import REOPEN_MEMORIES, AlarmRules, Priority
 from monitor_core.wording import seconds_in
-from service.config.base_table import (
+from service.config.schema.base_table import (
     DriveName,
     NonEmptyText,
     NotNegative,
@@ -17,9 +17,9 @@ from service.config.base_table import (
     TomlTable,
     from_folder,
 )
-from service.config.found_file import read_found
-from service.config.nominal_file import NominalFile
-from service.config.thresholds_file import ThresholdsFile
+from service.config.schema.found_file import read_found
+from service.config.schema.nominal_file import NominalFile
+from service.config.schema.thresholds_file import ThresholdsFile
 
 
 class ScheduleConfig(TomlTable):

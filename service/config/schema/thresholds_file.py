@@ -9,9 +9,9 @@ from pydantic import Field, field_validator
 from monitor_core.drive import AxisModel
 from monitor_core.monitoring import PoseMap
 from monitor_core.settings import Settings, Threshold
-from service.config.base_table import NotNegative, Positive, Real
-from service.config.found_file import FoundFile, FoundTable, alike
-from service.config.nominal_file import structure_of
+from service.config.schema.base_table import NotNegative, Positive, Real
+from service.config.schema.found_file import FoundFile, FoundTable, alike
+from service.config.schema.nominal_file import structure_of
 
 TomlValue = bool | float | str | list[float] | list[str]
 

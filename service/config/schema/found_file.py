@@ -9,8 +9,8 @@ from typing import Literal, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from monitor_core.wording import sentence
-from service.config.base_table import RENAMED_KEYS
 from service.config.problems import at_place, dotted, shown
+from service.config.schema.base_table import RENAMED_KEYS
 
 FORMAT = 1
 """Format of these files."""

@@ -11,7 +11,7 @@ from urllib.parse import urlsplit
 from pydantic import AfterValidator, Field
 
 from monitor_core.monitoring import PRIORITIES, Priority
-from service.config.base_table import FilePath, NonEmptyText, PlainName, Positive, Real, TomlTable, written
+from service.config.schema.base_table import FilePath, NonEmptyText, PlainName, Positive, Real, TomlTable, written
 
 Port = Annotated[int, Field(strict=True, ge=1, le=65535)]
 Variable = Annotated[str, written(r"[A-Za-z_][A-Za-z0-9_]*", "the name of a variable, such as AXISWATCH_PASSWORD")]

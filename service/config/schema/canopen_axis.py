@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, Literal
 from pydantic import Field
 
 from service.can.canopen_drives import LAST_NODE, node_name, object_name
-from service.config.base_table import FilePath, Positive, TomlTable
+from service.config.schema.base_table import FilePath, Positive, TomlTable
 
 POSITION, VELOCITY, TORQUE, CURRENT = 0x6064, 0x606C, 0x6077, 0x6078
 _DEVICE_STEP: Final = 0x800

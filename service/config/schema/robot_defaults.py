@@ -7,7 +7,7 @@ once, with its line there.
 from collections.abc import Container, Mapping
 from typing import Any
 
-from service.config.canopen_axis import with_sources
+from service.config.schema.canopen_axis import with_sources
 from service.config.toml_lines import Keys
 
 DEFAULTS = "defaults"

@@ -1,4 +1,4 @@
-"""Schema of the samples of an axis: signals, their time, gates, warm-up; see schema.py."""
+"""Schema of the samples of an axis: signals, their time, gates, warm-up; see configuration.py."""
 
 import math
 from typing import Literal
@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from monitor_core.drive import ThermalStart, Unwatched
-from service.config.base_table import NonEmptyText, NonZero, NotNegative, PlainName, Positive, Real, TomlTable
+from service.config.schema.base_table import NonEmptyText, NonZero, NotNegative, PlainName, Positive, Real, TomlTable
 
 MOST_LATE = 10
 """Largest number of samples by which the torque may come later than the motion."""

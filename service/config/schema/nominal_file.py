@@ -10,8 +10,8 @@ from pydantic import Field, model_validator
 
 from monitor_core.drive import Drive, Output, split_name
 from monitor_core.settings import DOUBTFUL, TOGETHER
-from service.config.base_table import NotNegative, Positive, Real
-from service.config.found_file import FoundFile, FoundTable
+from service.config.schema.base_table import NotNegative, Positive, Real
+from service.config.schema.found_file import FoundFile, FoundTable
 
 
 class DriveTable(FoundTable):

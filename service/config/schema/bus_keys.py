@@ -1,10 +1,10 @@
-"""Schema of the buses and of the messages on them; see schema.py."""
+"""Schema of the buses and of the messages on them; see configuration.py."""
 
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from service.config.base_table import FilePath, NonEmptyText, NonZero, PlainName, Real, TomlTable
+from service.config.schema.base_table import FilePath, NonEmptyText, NonZero, PlainName, Real, TomlTable
 
 MAX_BYTES = 64
 """Data bytes of the longest frame"""
