@@ -28,7 +28,7 @@ from monitor_core.identification import (
     recorded_signals,
 )
 from service.config import Config, NamedAxis, gear_ratio
-from service.config.schema_signals import FurtherSignalConfig
+from service.config.schema import FurtherSignalConfig
 from service.config.unit_names import unit_in
 from service.config.written.commissioned import configured, corrected
 from service.config.written.corrections import GATE, SIGNAL, Correction
