@@ -158,7 +158,7 @@ def browser(chromium: tuple[Browser, asyncio.AbstractEventLoop]) -> Iterator[Bro
 def no_pictures() -> Iterator[None]:
     """Reports without their pictures: to draw them takes seconds.
 
-    Tests of reports (tests/service/identification/test_reports.py, tests/service/reports) draw them.
+    Tests of reports (tests/service/commands/identify/test_reports.py, tests/service/reports) draw them.
     """
     from matplotlib.figure import Figure
 

@@ -11,7 +11,7 @@ from service.commands.commissioning.axis.calibration_task import calibrate_axis
 from service.config import load
 from service.reports.formats import Provenance
 from tests.bench.measure import Say
-from tests.service.identification.conftest import write_record, write_robot
+from tests.service.commands.identify.conftest import write_record, write_robot
 
 pytestmark = pytest.mark.bench
 

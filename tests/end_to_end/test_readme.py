@@ -27,8 +27,8 @@ from tests.service.command_line import axiswatch
 from tests.service.commands import can_logs
 from tests.service.commands.commissioned_demo import as_shipped
 from tests.service.commands.commissioning.two_mass_tables import FEW, table
+from tests.service.commands.identify.conftest import write_record, write_robot
 from tests.service.commands.live_robots import configured, moving
-from tests.service.identification.conftest import write_record, write_robot
 from tests.service.pipeline.robots import replayed
 from tests.service.web.conftest import FM_ALARM, Stage, serving, stored_history
 

@@ -12,7 +12,7 @@ from service.commands.command_line.exit_codes import EXIT_CODES, MISTAKE
 from service.commands.main import COMMANDS, app
 from service.config import load
 from tests.end_to_end.processes import PATIENCE_S
-from tests.service.identification.conftest import write_record, write_robot
+from tests.service.commands.identify.conftest import write_record, write_robot
 
 
 def test_version_and_warm() -> None:

@@ -12,7 +12,7 @@ from service.commands.command_line.exit_codes import NOT_TESTED
 from service.simulation.robot import SimulatedFault
 from tests.conftest import no_pictures
 from tests.service.command_line import axiswatch, refused
-from tests.service.identification.report_pages import read
+from tests.service.reports.report_pages import read
 from tests.service.robot_tables import START_S, configured, rows
 
 GATE = """

@@ -15,8 +15,8 @@ from service.config.axis_settings import AxisError, axis_settings
 from service.config.drives import axis_model
 from tests.end_to_end.processes import edit
 from tests.service.command_line import shown
+from tests.service.commands.identify.conftest import robot_text, write_robot
 from tests.service.found_files import named, thresholds_text
-from tests.service.identification.conftest import robot_text, write_robot
 
 OWN = [
     {"cause": "kT", "size": 0.2, "h": 9.0, "allowance": 0.01, "alike": ["torque scale"]},

@@ -59,7 +59,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory, seed: int) -> Cell:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(commission, "options_for", lambda _budget_s: QUICK)
         patch.setattr("os.cpu_count", lambda: 1)  # in this process, without pictures
-        # Motions for what these records do not show are planned in tests/service/identification/test_advice.py.
+        # Motions for what these records do not show are planned in tests/service/commands/identify/test_advice.py.
         patch.setattr(axis_identification, "motion_for", lambda *_: None)
         init = axiswatch("init", record, "-o", folder / "axis.toml")
         assert init.exit_code == 0, init.output

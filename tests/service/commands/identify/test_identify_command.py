@@ -13,9 +13,10 @@ from typer.testing import Result
 
 from service.config import ConfigErrors, load
 from tests import golden
+from tests.conftest import ROOT
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch, session
-from tests.service.identification.conftest import FREE, write_record, write_robot
+from tests.service.commands.identify.conftest import FREE, write_record, write_robot
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -159,7 +160,7 @@ def test_a_folder_that_cannot_be_written_to_is_named(directory: Path, monkeypatc
 
 
 def test_a_drive_from_a_file_is_named_with_its_hash(directory: Path, seed: int) -> None:
-    drawn = (Path(__file__).resolve().parents[3] / "config/drives/three_mass.mo").read_bytes()
+    drawn = (ROOT / "config/drives/three_mass.mo").read_bytes()
     (directory / "mine.mo").write_bytes(drawn)
     robot = edit(write_robot(directory), ('"three-mass"', '"mine.mo"'))
     write_record(directory / "mine.csv", load(robot, {}), 6, seed)

@@ -23,7 +23,7 @@ from service.reports.formats import Provenance
 from service.reports.identification_files import as_toml
 from tests.end_to_end.processes import edit
 from tests.service.command_line import axiswatch, shown
-from tests.service.identification.conftest import write_robot
+from tests.service.commands.identify.conftest import write_robot
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 

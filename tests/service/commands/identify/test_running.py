@@ -20,7 +20,7 @@ from service.config import Config
 from service.config.drive_sources import model_called
 from service.ingest.records.loaded_records import load
 from service.reports.identification_report import IdentificationReport
-from tests.service.identification.conftest import FREE, GUESS, PROVENANCE, with_estimate
+from tests.service.commands.identify.conftest import FREE, GUESS, PROVENANCE, with_estimate
 from tests.shares import soaked
 
 

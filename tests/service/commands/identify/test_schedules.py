@@ -26,7 +26,7 @@ from service.reports.formats import Provenance
 from service.reports.temperature_words import temperature_remarks
 from service.simulation.axis import ControlledAxis
 from tests.service.command_line import axiswatch
-from tests.service.identification.conftest import SHIPPED, robot_text
+from tests.service.commands.identify.conftest import SHIPPED, robot_text
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 

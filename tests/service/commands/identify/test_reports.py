@@ -22,8 +22,8 @@ from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
 from service.reports.identification_report import IdentificationReport, print_text, residual_words, verdict_line
 from service.reports.outlook_words import missing_words, watched_table
-from tests.service.identification.conftest import PROVENANCE, with_estimate
-from tests.service.identification.report_pages import read
+from tests.service.commands.identify.conftest import PROVENANCE, with_estimate
+from tests.service.reports.report_pages import read
 
 
 @pytest.fixture(scope="session")

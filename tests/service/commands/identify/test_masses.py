@@ -14,8 +14,8 @@ from service.commands.commissioning.axis.identification_task import Request, pre
 from service.config import Config, load
 from service.reports.identification_report import IdentificationReport
 from tests.service.command_line import refused, shown
+from tests.service.commands.identify.conftest import FREE, PROVENANCE
 from tests.service.config.config_texts import TABLES
-from tests.service.identification.conftest import FREE, PROVENANCE
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 

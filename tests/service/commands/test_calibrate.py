@@ -24,8 +24,8 @@ from service.reports.calibration_files import as_html, as_toml
 from service.reports.calibration_report import Calibration, one_sided
 from service.reports.formats import Provenance
 from service.texts.not_tested_words import not_tested_sentences
+from tests.service.commands.identify.conftest import robot_text, write_record, write_robot
 from tests.service.found_files import named
-from tests.service.identification.conftest import robot_text, write_record, write_robot
 
 PROVENANCE = Provenance("1.2.3", "2002-02-02T02:02:02+00:00", "axiswatch calibrate <healthy.csv> & more")
 OPTIONS = CalibrationOptions(600.0, 4.0, (0.02, 0.2), 8, copies=150_000, bank_copies=40_000)

@@ -12,10 +12,11 @@ from service.commands.commissioning.axis.identification_task import Request, pre
 from service.config import Config, load
 from service.reports.formats import Provenance
 from service.reports.identification_report import IdentificationReport
+from tests.conftest import ROOT
 from tests.demo_text import demo_text
 from tests.service.robot_tables import course
 
-SHIPPED = Path(__file__).resolve().parents[3] / "config"
+SHIPPED = ROOT / "config"
 TRUE = {"fc": 0.0, "tau0": 0.0}
 """No Coulomb friction: the plant's acts within an interval, the model's is held, which biases by half a per cent."""
 GUESS = {"Jm": 0.004, "Ja": 150.0, "kg": 2e5, "ka": 4e5, "fm": 0.03}
