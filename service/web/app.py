@@ -19,16 +19,10 @@ from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.web import metrics, models, views
 from service.web.access import ForbiddenError, Scope, needs
-from service.web.alarm_routes import router as alarm_router
 from service.web.app_state import VERSION, AppState, CachedAnswer, age_s, is_alive, reasons_not_ready
-from service.web.axis_service_routes import router as service_router
-from service.web.commissioning_routes import router as commissioning_router
-from service.web.drive_routes import router as drive_router
 from service.web.entity_tags import EntityTags
-from service.web.epoch_routes import router as epoch_router
 from service.web.event_stream import router as event_router
 from service.web.gate import RequestGate
-from service.web.history_routes import router as history_router
 from service.web.problem_details import (
     NOT_FOUND,
     PROTECTED,
@@ -37,11 +31,17 @@ from service.web.problem_details import (
     answer,
     mistakes,
 )
-from service.web.recording_routes import router as recording_router
 from service.web.report_pages import router as report_router
 from service.web.robot_setup import NoLookError
-from service.web.signal_routes import router as signal_router
-from service.web.system_routes import router as system_router
+from service.web.routes.alarm_routes import router as alarm_router
+from service.web.routes.axis_service_routes import router as service_router
+from service.web.routes.commissioning_routes import router as commissioning_router
+from service.web.routes.drive_routes import router as drive_router
+from service.web.routes.epoch_routes import router as epoch_router
+from service.web.routes.history_routes import router as history_router
+from service.web.routes.recording_routes import router as recording_router
+from service.web.routes.signal_routes import router as signal_router
+from service.web.routes.system_routes import router as system_router
 
 STATIC = Path(__file__).parent / "static"
 DESCRIPTION = """\

@@ -23,8 +23,8 @@ from service.config import Config, NamedAxis
 from service.pipeline.recording import Extracts
 from service.pipeline.recording_folder import Frames
 from service.web.models import sentence_bodies
-from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
+from service.web.routes.recording_routes import NO_FRAMES_KEPT
 
 if TYPE_CHECKING:
     from service.commands.commissioning.live.axis_look import AxisLook

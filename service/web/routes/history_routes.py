@@ -16,10 +16,10 @@ from starlette.exceptions import HTTPException
 from service.store.history_query import MOST_POINTS, HistoryAnswer, Question, ask, pages
 from service.store.history_store import HistoryStore, Resolution
 from service.web import models
-from service.web.alarm_routes import Moment, in_order
 from service.web.app_state import AppState
 from service.web.history_json import TABLE_COLUMNS, history_json, history_table
 from service.web.problem_details import NOT_FOUND, described
+from service.web.routes.alarm_routes import Moment, in_order
 
 MOST_READERS = 2
 """Most readers at the same time, as each takes a part of a processor"""

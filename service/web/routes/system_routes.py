@@ -20,11 +20,11 @@ from service.store.database import SQLITE_VERSION
 from service.texts.instants import iso
 from service.web import views
 from service.web.access import Admin
-from service.web.alarm_routes import NOT_A_CURSOR, Cursor
 from service.web.app_state import AppState
 from service.web.models import Body, TextOrNull, Time
 from service.web.problem_details import described
 from service.web.robot_setup import RobotSetup
+from service.web.routes.alarm_routes import NOT_A_CURSOR, Cursor
 
 _NO_FILE = described(503, "A file of the daemon cannot be read")
 _NO_CURSOR = described(400, "No page has given this cursor")

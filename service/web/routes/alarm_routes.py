@@ -20,8 +20,8 @@ from service.web import models, views
 from service.web.access import Operator
 from service.web.app_state import AppState
 from service.web.problem_details import NOT_FOUND, UnknownResourceError, described
-from service.web.recording_routes import NO_FRAMES_KEPT
 from service.web.report_pages import PAGE_HEADERS
+from service.web.routes.recording_routes import NO_FRAMES_KEPT
 
 _NO_JOURNAL = described(503, "The alarm journal cannot be read or written")
 _CONFLICT = described(409, "Not possible in the present state of the alarm, e.g. acknowledged twice")

@@ -14,10 +14,10 @@ from monitor_core.drive import OUTPUT_UNITS
 from service.pipeline.live_signals import LiveBlock
 from service.texts.instants import iso, microseconds
 from service.web import models
-from service.web.alarm_routes import Moment
 from service.web.app_state import AppState
 from service.web.history_json import numbers
 from service.web.problem_details import NOT_FOUND
+from service.web.routes.alarm_routes import Moment
 
 _DIGITS = 10
 """Digits of measured and predicted motion; many, as the error is small compared with an angle of many turns."""

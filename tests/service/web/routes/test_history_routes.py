@@ -17,7 +17,7 @@ from fastapi.testclient import TestClient
 from service.pipeline.history_recording import HistoryRecording
 from service.store.history_rows import QUANTITIES
 from service.texts.instants import iso
-from service.web.history_routes import MOST_READERS, MOST_WAITING
+from service.web.routes.history_routes import MOST_READERS, MOST_WAITING
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import HISTORY_TIMES, Stage, point_values, serving
 
