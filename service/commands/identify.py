@@ -135,7 +135,7 @@ def identify(
         from service.reports.formats import Provenance
         from service.reports.identification_files import as_json, as_toml
         from service.reports.identification_html import as_html
-        from service.reports.identification_report import print_text
+        from service.reports.identification_tables import print_text
 
         request = Request(
             free=names_in(",".join(free or ())),

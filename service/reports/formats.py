@@ -49,6 +49,13 @@ def plain(value: float, digits: int) -> str:
     return f"{rounded:.0f}" if 10 ** (digits - 1) <= abs(rounded) < _FULL else f"{value:.{digits}g}"
 
 
+def number(value: float | None, sd: float | None = None) -> str:
+    """Five digits; two where the standard deviation is larger than the value."""
+    if value is None:
+        return ""
+    return plain(value, 5 if sd is None or sd < abs(value) else 2)
+
+
 class Fact(NamedTuple):
     """A value of a result in files: JSON contains the value, TOML also its meaning."""
 

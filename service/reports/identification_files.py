@@ -18,7 +18,8 @@ from service.config.schema.found_file import FORMAT
 from service.config.schema.nominal_file import structure_of
 from service.ingest.records.loaded_records import RecordOrigin
 from service.reports.formats import Fact, Json, fields_of, json_text, one_line, toml_table
-from service.reports.identification_report import IdentificationReport, residual_words, verdict_line
+from service.reports.identification_report import IdentificationReport
+from service.reports.identification_tables import residual_words, verdict_line
 
 
 def as_toml(report: IdentificationReport) -> str:

@@ -11,7 +11,7 @@ from monitor_core.arrays import Floats
 from monitor_core.drive import OUTPUT_UNITS, Output
 from monitor_core.identification import Bode, ComparedRecord, Correlation, FrequencyResponse, ParameterRow
 from monitor_core.wording import percent
-from service.reports import identification_report as content
+from service.reports import identification_tables as tables
 from service.reports import plot_style as style
 from service.reports.formats import render, safe
 from service.reports.identification_report import IdentificationReport
@@ -30,16 +30,16 @@ _STRONG = 0.95
 def as_html(report: IdentificationReport) -> str:
     """The complete HTML page."""
     result = report.result
-    rows, labels = list(result.rows()), content.slope_labels(report)
+    rows, labels = list(result.rows()), tables.slope_labels(report)
     names = [labels.get(name, name) for name in result.estimate.names]
-    parameters = content.parameter_table(rows)
+    parameters = tables.parameter_table(rows)
     return render(
         "identification.html",
-        verdict_line=content.verdict_line(report),
+        verdict_line=tables.verdict_line(report),
         outlook=report.outlook,
         title=f"Identification of {report.axis_id}",
         report=report,
-        predictor=content.predictor_words(report),
+        predictor=tables.predictor_words(report),
         watched=watched_table(result),
         parameters=[
             (row, cells, _bar(row), (row.relative_sd or 0.0) > _POOR)
@@ -47,20 +47,20 @@ def as_html(report: IdentificationReport) -> str:
         ],
         parameter_titles=list(parameters.titles),
         bar_ends=(percent(_LEAST), percent(_MOST)),
-        slopes=list(content.slope_words(report)),
-        masses=content.masses_table(result.growth) if result.growth else None,
+        slopes=list(tables.slope_words(report)),
+        masses=tables.masses_table(result.growth) if result.growth else None,
         traces=list(report.traces()),
-        fits=content.fits_table(report),
+        fits=tables.fits_table(report),
         trace_pictures=[
             (
-                f"{content.name_of(source, trace)} ({purpose})",
+                f"{tables.name_of(source, trace)} ({purpose})",
                 safe(trace_picture(trace, result.start.drive.output, f"trace{k}")),
             )
             for k, (purpose, source, trace) in enumerate(report.traces())
         ],
         bode_picture=safe(bode_picture(result.bode)),
         residual_picture=safe(residual_picture(report)),
-        tests=list(content.residual_words(report)),
+        tests=list(tables.residual_words(report)),
         names=names,
         correlations=[
             (name, [_correlation(float(r)) for r in result.estimate.correlation[i, :i]]) for i, name in enumerate(names)

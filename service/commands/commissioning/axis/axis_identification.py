@@ -36,7 +36,8 @@ from service.config.written.corrections import SIGNAL, Correction
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome
 from service.reports.identification_files import as_toml
-from service.reports.identification_report import IdentificationReport, verdict_line
+from service.reports.identification_report import IdentificationReport
+from service.reports.identification_tables import verdict_line
 from service.reports.outlook_words import missing_words
 
 _MOST_LEFT_OUT = 2

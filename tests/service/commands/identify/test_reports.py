@@ -20,7 +20,8 @@ from service.config.schema.found_file import read_found
 from service.config.schema.nominal_file import NominalFile, structure_of
 from service.reports.identification_files import as_json, as_toml
 from service.reports.identification_html import as_html
-from service.reports.identification_report import IdentificationReport, print_text, residual_words, verdict_line
+from service.reports.identification_report import IdentificationReport
+from service.reports.identification_tables import print_text, residual_words, verdict_line
 from service.reports.outlook_words import missing_words, watched_table
 from tests.service.commands.identify.conftest import PROVENANCE, with_estimate
 from tests.service.reports.report_pages import read
