@@ -24,7 +24,7 @@ from service.commands.commissioning.axis import axis_commissioning, axis_identif
 from service.commands.commissioning.axis.axis_commissioning import commission_axis
 from service.commands.commissioning.axis.axis_identification import lacks_of, not_identified
 from service.commands.commissioning.axis.axis_job import AxisJob
-from service.commands.commissioning.axis.load_search import LoadSearch
+from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.signal_proposals import Review
 from service.config.written.commissioned import configured
