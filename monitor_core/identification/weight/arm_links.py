@@ -10,46 +10,40 @@ both signs of the other angles, and with cosine and sine.
 A measured load, as that of a hoist or of a gripper, is a further term, or a factor of these terms.  The acceleration of
 another axis is a further term: if links are dynamically coupled, accelerating one needs a torque on the other, too.
 
-Terms are chosen by cross-validation: the values are fitted to one half of the data, and the error is that of the other
-half, and vice versa.
+``link_balance`` rates the terms by cross-validation.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from copy import copy
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from itertools import combinations, product
 from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
-from monitor_core.arrays import Floats
-from monitor_core.drive.signal_terms import Factor, Term
+from monitor_core.drive.signal_terms import Term
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
-from monitor_core.identification.torque_balance.torque_windows import GridPart, leaves_much_less
+from monitor_core.identification.torque_balance.torque_windows import leaves_much_less
 from monitor_core.identification.weight.arm_chain import MOST_AXES, ChainBalance, arm_chain
-from monitor_core.identification.weight.arm_energies import AngleSum, MotionSignals, possible_energies
+from monitor_core.identification.weight.arm_energies import MotionSignals, possible_energies
+from monitor_core.identification.weight.link_balance import (
+    CLEARLY_LESS,
+    MAX_REMAINING,
+    LinkBalance,
+    cosines_and_sines,
+    plain_term,
+    term_values,
+)
 from monitor_core.identification.weight.link_energies import AnyEnergy, EnergyBalance, LinkEnergies, link_energies
 from monitor_core.identification.weight.pose_polynomials import PoseEnergy
 from monitor_core.identification.weight.weight_balance import (
-    MIN_INCREASE,
     MOST_OTHERS,
-    WeightBalance,
     moving_parts,
     slow_parts,
 )
 
-_MOST_SUMS = 8
-_MAX_REMAINING = 0.6
-"""A further sum must reduce the squared errors to at most this share, .."""
-_MIN_GAIN = 0.01
-""".. or, if there are other terms already, explain at least this share of the variance of the torque: at the bending
-axis of a wrist a weight is the sum of many terms."""
-_CLEARLY_LESS = 0.9
-"""An alternative, as a sum of more angles, is used if it leaves at most this share of the squared errors."""
 _MIN_EXPLAINED = 0.5
 """Least share of the torque that must be explained; otherwise no weights are reported."""
 
@@ -122,11 +116,11 @@ def link_weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights 
 
 def _weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | None:
     """The weights, loads and accelerations alone; None: the records are too short."""
-    accelerations = [_plain(name) for name in signals.accelerations]
+    accelerations = [plain_term(name) for name in signals.accelerations]
     parts, window = slow_parts(records, (*signals.angles, *signals.loads, *signals.accelerations))
     if not parts:
         return None
-    balance = _LinkBalance(parts, window, speed_scales(records)[1], signals.own, signals.angles)
+    balance = LinkBalance(parts, window, speed_scales(records)[1], signals.own, signals.angles)
     before = balance.explained(())
     balance = balance.coupled_with(accelerations)
     chosen = _chosen(balance, signals)
@@ -138,22 +132,22 @@ def _weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | No
     return LinkWeights(tuple(map(str, (*needed, *balance.coupled))), balance.explained(needed), before)
 
 
-def _chosen(balance: _LinkBalance, signals: ArmSignals) -> list[Term]:
+def _chosen(balance: LinkBalance, signals: ArmSignals) -> list[Term]:
     """The weights and loads that reduce the error: without a carried load, or with the one that explains clearly more.
 
     Without angles, only the loads.
     """
     if not signals.angles:
         return _with_loads(balance, [], [], signals.loads)
-    alone = _cosines_and_sines([((1, signals.own),)])
+    alone = cosines_and_sines([((1, signals.own),)])
 
     def with_carried(load: Term | None) -> list[Term]:
-        return _with_loads(balance, _cosines_and_sines(balance.sums(load), load), alone, signals.loads)
+        return _with_loads(balance, cosines_and_sines(balance.sums(load), load), alone, signals.loads)
 
     chosen = with_carried(None)
     for load in signals.loads:
-        carrying = with_carried(_plain(load))
-        if balance.error(carrying) < _CLEARLY_LESS * balance.error(chosen):
+        carrying = with_carried(plain_term(load))
+        if balance.error(carrying) < CLEARLY_LESS * balance.error(chosen):
             chosen = carrying
     return chosen
 
@@ -165,7 +159,7 @@ def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSi
     parts, window = moving_parts(records, [*moving, *signals.loads, *(name for term in terms for name in term.signals)])
     if not parts:
         return found
-    values = [np.concatenate([_values(term, part) for part in parts]) for term in terms]
+    values = [np.concatenate([term_values(term, part) for part in parts]) for term in terms]
     arm = [angle for angle in signals.angles if angle in moving]
     beside = [angle for angle in moving if angle not in arm and angle != own]
     balance = partial(EnergyBalance, parts, window, speed_scales(records)[1], own)
@@ -200,7 +194,7 @@ def _with_energies(found: LinkWeights, records: Sequence[Record], signals: ArmSi
 
 
 def _leaves_clearly_less(found: LinkEnergies, other: LinkEnergies) -> bool:
-    return (1 - found.explained) ** 2 < _CLEARLY_LESS * (1 - other.explained) ** 2
+    return (1 - found.explained) ** 2 < CLEARLY_LESS * (1 - other.explained) ** 2
 
 
 def _energies_of_chain(
@@ -221,7 +215,7 @@ def _energies_of_chain(
 
 
 def _with_loads(
-    balance: _LinkBalance, chosen: Sequence[Term], alone: Sequence[Term], loads: Sequence[str]
+    balance: LinkBalance, chosen: Sequence[Term], alone: Sequence[Term], loads: Sequence[str]
 ) -> list[Term]:
     """The chosen terms, with measured loads that reduce the error: as terms of their own, or as factors of weights.
 
@@ -232,179 +226,14 @@ def _with_loads(
     def error_with(more: Sequence[Term]) -> float:
         return balance.error([*found, *more])
 
-    for load in map(_plain, loads):
+    for load in map(plain_term, loads):
         turning = [Term.product(*load.factors, *term.factors) for term in dict.fromkeys((*found, *alone))]
         options = ([load], turning, *([term] for term in turning))
         missing = [term for term in alone if term not in found]
         best = min(options, key=error_with)
         fuller = min(([*option, *missing] for option in options), key=error_with)
-        if error_with(fuller) < _MAX_REMAINING * error_with(best):
+        if error_with(fuller) < MAX_REMAINING * error_with(best):
             best = fuller
-        if error_with(best) < _MAX_REMAINING * error_with(()):
+        if error_with(best) < MAX_REMAINING * error_with(()):
             found += best
     return found
-
-
-def _values(term: Term, part: GridPart) -> Floats:
-    """A term that is one product, of loads and of cosines or sines of sums of angles (N,).
-
-    Whole arrays at once, as many candidates are tried; ``Term.value`` takes value by value, for equal bits in replays.
-    """
-    values = np.ones(len(part.u))
-    for factor in term.factors:
-        total = sum((sign * part.signals[name] for sign, name in factor.addends), np.zeros(len(part.u)))
-        values = values * _FUNCTIONS[factor.function](total)
-    return values
-
-
-_FUNCTIONS: Mapping[str, Callable[[Floats], Floats]] = MappingProxyType({"cos": np.cos, "sin": np.sin, "": np.asarray})
-
-
-def _cosines_and_sines(sums: Iterable[AngleSum], load: Term | None = None) -> list[Term]:
-    """Cosine and sine of each of these sums of angles, also times the load that is carried, if any."""
-    own = [Term.product(Factor(function, angles)) for angles in sums for function in ("cos", "sin")]
-    return own if load is None else [*own, *(Term.product(*load.factors, *term.factors) for term in own)]
-
-
-def _plain(signal: str) -> Term:
-    return Term.product(Factor("", ((1, signal),)))
-
-
-class _LinkBalance(WeightBalance):
-    """The torque balance with further terms, fitted to each half of the equations and tested on the other half.
-
-    ``own`` and ``angles`` as in ``ArmSignals``.  ``coupled``: the accelerations of other axes that are in all
-    equations; another choice of them is another balance.
-    """
-
-    def __init__(self, parts: Sequence[GridPart], window: int, scale: float, own: str, angles: Sequence[str]) -> None:
-        super().__init__(parts, window, scale)
-        self._own, self._angles = own, angles
-        self._columns: dict[Term, Floats] = {}
-        self.coupled: tuple[Term, ...] = ()
-
-    def _with(self, coupled: Sequence[Term]) -> _LinkBalance:
-        """The balance with these accelerations; both share the columns that are known."""
-        balance = copy(self)
-        balance.coupled = tuple(coupled)
-        return balance
-
-    def coupled_with(self, accelerations: Iterable[Term]) -> _LinkBalance:
-        """The balance with those accelerations of other axes that reduce the error, added one by one.
-
-        This comes before the search for weights, which a torque that changes so much faster would hide.
-        """
-        balance, left, missing = self, self.error(()), list(accelerations)
-        while missing:
-            best = min(missing, key=lambda term: balance.error([term]))
-            if not balance._is_needed(least := balance.error([best]), left, 1, True):
-                break
-            balance, left = balance._with((*balance.coupled, best)), least
-            missing.remove(best)
-        return balance
-
-    def without_needless(self, terms: Sequence[Term]) -> _LinkBalance:
-        """The balance without the accelerations that explain nothing in addition to these terms."""
-        balance = self
-        for term in self.coupled:
-            fewer = balance._with([other for other in balance.coupled if other != term])
-            if not fewer._is_needed(balance.error(terms), fewer.error(terms), 1, True):
-                balance = fewer
-        return balance
-
-    def needed(self, terms: Sequence[Term]) -> Sequence[Term]:
-        """Those of these terms that explain something beside the others; one at least, unless an axis is coupled."""
-        needed, left = terms, self.error(terms)
-        for term in terms:
-            fewer = [other for other in needed if other != term]
-            if (fewer or self.coupled) and self.error(fewer) < MIN_INCREASE * left:
-                needed = fewer
-        return needed
-
-    def with_positive_inertia(self, terms: Sequence[Term], accelerations: Sequence[Term]) -> _LinkBalance:
-        """The balance with the fewest further accelerations that make a negative inertia beside these terms positive.
-
-        If axes move together, as in a program, the torque for the acceleration of another axis is attributed to the
-        inertia of this one.  At a wrist it is larger than that of the inertia, and has the opposite sign.  So it is
-        needed even if it explains little of the torque.
-        """
-        if max(self.inertias(self._columns_of(terms))) >= 0:
-            return self
-        missing = [term for term in accelerations if term not in self.coupled]
-        for count in range(1, len(missing) + 1):
-            trials = [self._with((*self.coupled, *more)) for more in combinations(missing, count)]
-            positive = [trial for trial in trials if min(trial.inertias(trial._columns_of(terms))) > 0]
-            best = min(positive, key=lambda trial: trial.error(terms), default=self)
-            if best.error(terms) < self.error(terms):
-                return best
-        return self
-
-    def sums(self, load: Term | None) -> list[AngleSum]:
-        """Sums of angles, added one by one as long as the next one reduces the error.
-
-        ``load``: a measured one that is tried as a factor of each weight: a load that varies would hide the weights.
-        Two links may hide each other, so pairs are tried if no single sum explains enough.  A sum that was chosen
-        before a later one is exchanged if another one is better together with that.
-        """
-        chosen = list[AngleSum]()
-        left = self.error(())
-        while len(chosen) < _MOST_SUMS:
-            best, least = self._best(chosen, load)
-            if not self._is_needed(least, left, 1, bool(chosen)):
-                near = [*self._sums(0), *self._sums(1)]
-                beside = [(self._best([*chosen, first], load), first) for first in near]
-                (best, least), first = min(beside, key=lambda pair: pair[0][1])
-                if first in chosen or not self._is_needed(least, left, 2, bool(chosen)):
-                    break
-                chosen = [*chosen, first]
-            chosen, left = [*chosen, best], least
-            for place in range(len(chosen) - 1):
-                others = [*chosen[:place], *chosen[place + 1 :]]
-                best, least = self._best(others, load)
-                if least < _CLEARLY_LESS * left:
-                    chosen, left = [*others, best], least
-        return chosen
-
-    def _best(self, chosen: Sequence[AngleSum], load: Term | None) -> tuple[AngleSum, float]:
-        """The sum that explains most in addition to others, and the error; of few angles, if possible."""
-        best: AngleSum = ()
-        least = np.inf
-        for count in range(MOST_OTHERS + 1):
-            tried = [angles for angles in self._sums(count) if angles not in chosen]
-            with_it = [self.error(_cosines_and_sines([*chosen, angles], load)) for angles in tried]
-            if with_it and min(with_it) < _CLEARLY_LESS * least:
-                least, best = min(with_it), tried[int(np.argmin(with_it))]
-        return best, least
-
-    def _sums(self, count: int) -> Iterator[AngleSum]:
-        """Sums of the own angle and so many others: a plus sign for the first one, either sign for the others."""
-        others = [name for name in self._angles if name != self._own]
-        for names in combinations(others, count):
-            used = [name for name in self._angles if name == self._own or name in names]
-            for signs in product((1, -1), repeat=count):
-                yield tuple(zip((1, *signs), used, strict=True))
-
-    def error(self, terms: Sequence[Term]) -> float:
-        """Sum of squared errors of each half of the equations with values that were fitted to the other half."""
-        columns = self._columns_of(terms)
-        first, last = self.halves
-        return self.missed(columns, first, last) + self.missed(columns, last, first)
-
-    def explained(self, terms: Sequence[Term]) -> float:
-        """Share of the torque about its mean that is explained where it was not fitted."""
-        return self.share_explained(self.error(terms))
-
-    def _is_needed(self, least: float, left: float, sums: int, beside: bool) -> bool:
-        """Whether so many further terms reduce the error enough; ``beside``: there are other terms already."""
-        return least < _MAX_REMAINING**sums * left or (
-            (beside or bool(self.coupled)) and left - least > sums * _MIN_GAIN * self.spread
-        )
-
-    def _columns_of(self, terms: Sequence[Term]) -> list[Floats]:
-        """Columns of these terms and of the accelerations."""
-        return [self._column(term) for term in (*terms, *self.coupled)]
-
-    def _column(self, term: Term) -> Floats:
-        if term not in self._columns:
-            self._columns[term] = self.column(_values(term, part) for part in self._parts)
-        return self._columns[term]
