@@ -63,7 +63,7 @@ def simulate_excursions(
     records: Sequence[SampleBlock],
     k: float,
     rng: np.random.Generator,
-    samples: int = SAMPLES,
+    samples: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Excursions:
     """Excursions of the sums of tests with nu = k sigma, over ``samples`` samples of copies.

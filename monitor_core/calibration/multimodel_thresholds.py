@@ -19,7 +19,6 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.budget import LOWER, UPPER, bisected, root
 from monitor_core.calibration.monitored_axis import MonitoredAxis
 from monitor_core.calibration.multimodel_healthy import (
-    COPY_SAMPLES,
     MultiModelStatistics,
     multimodel_statistics,
 )
@@ -52,7 +51,7 @@ def bank_thresholds(
     records: Sequence[SampleBlock],
     samples: float,
     rng: np.random.Generator,
-    copies: int = COPY_SAMPLES,
+    copies: int,
     progress: Callable[[float], None] = lambda _: None,
 ) -> BankThresholds:
     """Thresholds from records, for at most one false alarm of the detector in ``samples`` with a certainty of 95 %.

@@ -55,7 +55,7 @@ class EpochProgress:
         configured: whether its nominal values are those of the configuration.
     """
 
-    def __init__(self, number: int, configured: bool = True) -> None:
+    def __init__(self, number: int, configured: bool) -> None:
         self.number, self._configured = number, configured
         self.verify_s: float | None = None
         """Operating time for which the epoch is verified [s]; None: the verification is over"""

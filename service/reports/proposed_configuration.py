@@ -109,9 +109,7 @@ def bus_lines(
     )
 
 
-def drive_lines(
-    drives: Mapping[int, DriveObjects], eds: Path, output: Path, bus: BusConfig | None = None
-) -> Iterator[str]:
+def drive_lines(drives: Mapping[int, DriveObjects], eds: Path, output: Path, bus: BusConfig | None) -> Iterator[str]:
     """The file ``output`` for CANopen drives with these node ids, which share an EDS; ``bus``: the bus, if known."""
     yield f"# Proposed by `axiswatch init` from {eds.name}."
     yield "# Fill in what the data sheets say: remove # and put your values; `axiswatch check` names what is missing."
@@ -174,7 +172,7 @@ def _bus_lines(bus: BusConfig | None, channel: str = _BUS) -> Iterator[str]:
 
 
 def unknown_bus_lines(
-    axes: Sequence[AxisRoles], messages: Sequence[UnknownMessage], name: str, bus: BusConfig | None = None
+    axes: Sequence[AxisRoles], messages: Sequence[UnknownMessage], name: str, bus: BusConfig | None
 ) -> Iterator[str]:
     """The file for the axes of an undescribed bus, with the fields of the messages that carry their signals.
 

@@ -20,7 +20,7 @@ from monitor_core.identification.predictor.held_drive import LinearDrive, Struct
 
 
 def held_response(
-    system: LinearDrive, torque: Bools, interval_s: float, frequency_hz: ArrayLike, delay_s: float = 0.0
+    system: LinearDrive, torque: Bools, interval_s: float, frequency_hz: ArrayLike, delay_s: float
 ) -> tuple[Complexes, Complexes]:
     """G (F,) and its derivatives (F, p + 1) with respect to the parameters and, last, the delay of the torque.
 

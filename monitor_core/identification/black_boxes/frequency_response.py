@@ -53,7 +53,7 @@ class FrequencyResponse:
         phase[good] = np.unwrap(phase[good])
         return phase
 
-    def band_db(self, sigmas: float = 2.0) -> tuple[Floats, Floats]:
+    def band_db(self, sigmas: float) -> tuple[Floats, Floats]:
         """Lower and upper limit of |G| (F,) each, dB."""
         return self.db - sigmas * self.sd_db, self.db + sigmas * self.sd_db
 

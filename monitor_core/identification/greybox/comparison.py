@@ -177,7 +177,7 @@ def monitored_information(
     estimate: Estimate,
     monitored: Sequence[str],
     records: Sequence[Record],
-    weight: Mapping[str, float] = MappingProxyType({}),
+    weight: Mapping[str, float],
 ) -> tuple[list[str], Information]:
     """Names of the monitored parameters, and how well the records determine them if everything else is held.
 

@@ -83,7 +83,7 @@ def known_axis(
     return KnownAxis(parameters, slowest_s, inertia, antiresonance, speed_scale)
 
 
-def drive_time_constant(drive: Drive, values: Mapping[str, float], unknown: Collection[str] = ()) -> float | None:
+def drive_time_constant(drive: Drive, values: Mapping[str, float], unknown: Collection[str]) -> float | None:
     """Slowest time constant of a drive with these values [s]; arguments as in ``known_axis``; None: not known."""
     return _if_equal(*(_slowest_s(drive, trial) for trial in _trials(values, unknown)))
 
