@@ -7,10 +7,37 @@ from typing import Any
 
 import pytest
 
-from service.ingest.samples.timestamp_jitter import NOT_KNOWN, Stamps, in_words, remarks
-from tests.service.ingest.samples.single_frames import SampleClock, StampMeter
+from monitor_core.kernel.compile import entry
+from monitor_core.sampling import new_meter
+from monitor_core.sampling.stamp_meter import frame_received, sample_timed
+from service.ingest.samples.timestamp_jitter import NOT_KNOWN, ClockKind, Stamps, in_words, remarks, stamps_of
+from tests.core.sampling.single_frames import SampleClock
 
 START_US = 1_760_000_000_000_000
+
+
+@entry
+def _meter(meter: Any, received_us: int, time_us: int, timed: bool) -> None:
+    if timed:
+        sample_timed(meter[0], received_us, time_us)
+    else:
+        frame_received(meter[0], received_us)
+
+
+class StampMeter:
+    """Scatter of stamps."""
+
+    def __init__(self, interval_s: float) -> None:
+        self._meter = new_meter(interval_s)
+
+    def received(self, t_us: int) -> None:
+        _meter(self._meter, t_us, 0, False)
+
+    def timed(self, received_us: int, time_us: int) -> None:
+        _meter(self._meter, received_us, time_us, True)
+
+    def stamps(self, clock: ClockKind, fitted_s: float | None = None, counted_s: float | None = None) -> Stamps:
+        return stamps_of(self._meter, clock, fitted_s, counted_s)
 
 
 def meter(rng: random.Random, scatter_us: float, interval_us: float, frames: int = 4000) -> StampMeter:

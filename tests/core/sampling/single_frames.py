@@ -14,7 +14,6 @@ from monitor_core.sampling import (
     counter_clock,
     cyclic_clock,
     cyclic_interval_s,
-    new_meter,
     new_pairing,
     time_per_count_s,
 )
@@ -22,8 +21,6 @@ from monitor_core.sampling.controller_clocks import GIVEN, READY, VALUE
 from monitor_core.sampling.controller_cycle import read_cycle, release_held
 from monitor_core.sampling.pairing import MOTION, NO_TIME, SAMPLE, TORQUE, add_pair, add_value, flush_pairing
 from monitor_core.sampling.sample_counter import count_time
-from monitor_core.sampling.stamp_meter import frame_received, sample_timed
-from service.ingest.samples.timestamp_jitter import ClockKind, Stamps, stamps_of
 
 Kind = Literal["torque", "motion"]
 LIMITS = PHYSICAL_LIMITS["torque"], PHYSICAL_LIMITS["angle"]
@@ -59,14 +56,6 @@ def _add_pair(state: Any, waiting: Any, t_us: int, torque: float, motion: float,
 @entry
 def _flush(state: Any, waiting: Any) -> None:
     flush_pairing(state[0], waiting)
-
-
-@entry
-def _meter(meter: Any, received_us: int, time_us: int, timed: bool) -> None:
-    if timed:
-        sample_timed(meter[0], received_us, time_us)
-    else:
-        frame_received(meter[0], received_us)
 
 
 class SampleClock:
@@ -125,22 +114,6 @@ class CyclicClock(Generic[V]):
             (self._content[int(k)], time_us if reason == GIVEN else DROP_REASONS[reason])
             for k, time_us, reason in zip(*columns, strict=True)
         ]
-
-
-class StampMeter:
-    """Scatter of stamps."""
-
-    def __init__(self, interval_s: float) -> None:
-        self._meter = new_meter(interval_s)
-
-    def received(self, t_us: int) -> None:
-        _meter(self._meter, t_us, 0, False)
-
-    def timed(self, received_us: int, time_us: int) -> None:
-        _meter(self._meter, received_us, time_us, True)
-
-    def stamps(self, clock: ClockKind, fitted_s: float | None = None, counted_s: float | None = None) -> Stamps:
-        return stamps_of(self._meter, clock, fitted_s, counted_s)
 
 
 class Paired(NamedTuple):

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.sampling.clock_line import FIRST_SLEW, SLEW
-from tests.service.ingest.samples.single_frames import CyclicClock
+from tests.core.sampling.single_frames import CyclicClock
 from tests.shares import soaked
 
 START_US = 1_760_000_000_000_000

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.sampling import DROP_REASONS
-from tests.service.ingest.samples.single_frames import Assembler, Kind, Paired
+from tests.core.sampling.single_frames import Assembler, Kind, Paired
 
 T_US, TOLERANCE_US, GAP_US = 5000, 2000, 50_000
 START_US = 1_760_000_000_000_000

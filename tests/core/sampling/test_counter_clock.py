@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from monitor_core.sampling.clock_line import SLEW
-from tests.service.ingest.samples.single_frames import SampleClock
+from tests.core.sampling.single_frames import SampleClock
 
 START_US = 1_760_000_000_000_000
 
