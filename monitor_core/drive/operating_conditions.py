@@ -94,17 +94,14 @@ class Conditions:
 
     @property
     def pose_angles(self) -> tuple[str, ...]:
-        """Names of the angles that nominal values follow, by cosines and sines, and of those that they may follow.
-
-        Empty: they follow no angle.
-        """
+        """Names of the angles that nominal values follow, by cosines and sines, and of those that they may follow."""
         factors = [factor for f in (*self.schedules, *self.weight) for factor in f.term.factors]
         turning = [factor for factor in factors if factor.function in ("cos", "sin")]
         followed = [name for factor in turning for _, name in factor.addends]
-        return tuple(dict.fromkeys([*followed, *self.angles])) if followed else ()
+        return tuple(dict.fromkeys([*followed, *self.angles]))
 
     def __bool__(self) -> bool:
-        return bool(self.schedules or self.gates or self.min_speed > 0 or self.weight)
+        return bool(self.schedules or self.gates or self.min_speed > 0 or self.weight or self.angles)
 
 
 class _Taken(NamedTuple):

@@ -179,15 +179,24 @@ def signal_names(axis: AxisConfig) -> list[str]:
 
 def needed(axis: NamedAxis) -> tuple[FurtherSignalConfig, ...]:
     """The auxiliary signals that the monitoring of an axis needs, in the order of the configuration."""
-    names = {name for _, v in schedules_of(axis.config) for name in nominal_schedule(v).term.signals}
-    names |= {g.signal for g in axis.config.gate}
-    names |= {*_arm_angles(axis)}
+    names = _used(axis.config) | {*_arm_angles(axis)}
     return tuple(source for source in axis.sources if source.name in names)
 
 
+def _used(axis: AxisConfig) -> set[str]:
+    """Names of the signals that parameters and gates of an axis use."""
+    followed = {name for _, v in schedules_of(axis) for name in nominal_schedule(v).term.signals}
+    return followed | {g.signal for g in axis.gate}
+
+
 def _arm_angles(axis: NamedAxis) -> tuple[str, ...]:
-    """The signals that are angles of axes, if the load follows the pose: the load may follow each of them."""
-    return axis.angles if any(nominal_schedule(v).term.turns for v in load_torques(axis.config)) else ()
+    """The signals that are angles of axes, as part of the pose: all of them, if the load follows the pose.
+
+    Otherwise those that nothing uses: they are there for the pose alone.
+    """
+    if any(nominal_schedule(v).term.turns for v in load_torques(axis.config)):
+        return axis.angles
+    return tuple(name for name in axis.angles if name not in _used(axis.config) and name not in axis.config.coupling)
 
 
 def _gate(gate: GateConfig) -> Gate:

@@ -92,7 +92,7 @@ class LinkWeights(NamedTuple):
     @property
     def explains_clearly_more(self) -> bool:
         """Whether clearly less of the torque remains than without these terms, though perhaps not much less."""
-        return (1 - self.explained) ** 2 < _CLEARLY_LESS * (1 - self.before) ** 2
+        return (1 - self.explained) ** 2 < CLEARLY_LESS * (1 - self.before) ** 2
 
     @property
     def signals(self) -> set[str]:

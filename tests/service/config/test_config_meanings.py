@@ -202,8 +202,13 @@ model = { drive = "one-mass", monitor = ["fm"] }
     assert conditions_of(axis).pose_angles == ("b2", "c2")
     assert [source.name for source in needed(axis)] == ["t", "b2", "c2"]
     axis = loaded(folder, content.replace('"cos(b2)"', '"b2"')).axes[0]
-    assert conditions_of(axis).pose_angles == ()
-    assert [source.name for source in needed(axis)] == ["t", "b2"]
+    assert conditions_of(axis).pose_angles == ("c2",), "nothing else uses it"
+    assert [source.name for source in needed(axis)] == ["t", "b2", "c2"]
+    gate = '[[robot.axis.gate]]\nsignal = "c2"\nabove = 1.0\n'
+    gated = content.replace('"cos(b2)"', '"b2"').replace(
+        '[[robot.axis]]\nname = "b"', f'{gate}[[robot.axis]]\nname = "b"'
+    )
+    assert conditions_of(loaded(folder, gated).axes[0]).pose_angles == ()
 
 
 def check(folder: Path, content: str) -> str:
