@@ -196,7 +196,7 @@ def _arm_angles(axis: NamedAxis) -> tuple[str, ...]:
     """
     if any(nominal_schedule(v).term.turns for v in load_torques(axis.config)):
         return axis.angles
-    return tuple(name for name in axis.angles if name not in _used(axis.config) and name not in axis.config.coupling)
+    return tuple(name for name in axis.angles if name not in _used(axis.config))
 
 
 def _gate(gate: GateConfig) -> Gate:

@@ -142,4 +142,5 @@ def test_angles_of_the_pose_are_those_in_cosines_and_sines() -> None:
     follows = tuple(NominalSchedule("fm", Term.read(term), 1.0, 0.0) for term in terms)
     assert Conditions((), follows[:2], weight=follows[2:]).pose_angles == ("shoulder", "elbow", "wrist")
     assert Conditions((), follows[:1], angles=("wrist",)).pose_angles == ("wrist",)
+    assert bool(Conditions(("wrist",), angles=("wrist",))), "poses alone are conditions, too"
     assert Conditions((), follows[:2], angles=("wrist", "elbow")).pose_angles == ("shoulder", "elbow", "wrist")
