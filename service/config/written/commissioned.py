@@ -112,19 +112,20 @@ def with_drive(text: str, axis_id: str, drive: str, monitor: Sequence[str], valu
     return edited_text(document, text)
 
 
+def with_results(text: str, axis_id: str, found: Found) -> str:
+    """The text of a configuration with the results of one axis ("robot.axis"); the others stay as they are."""
+    document = parsed_configuration(text)
+    _set_results(document, {axis_id: found})
+    return edited_text(document, text)
+
+
 def commissioned(text: str, found: Mapping[str, Found], heading: Sequence[str] = ()) -> str:
     """The text of a configuration with only the commissioned axes and their results, by "robot.axis".
 
     ``heading``: lines of comment at the top.
     """
     document = parsed_configuration(text)
-    for robot in document["robot"]:
-        for table, keys in (REPLACED_BY_NOMINAL_FILE | REPLACED_BY_THRESHOLDS_FILE).items():
-            for key in keys:
-                move_to_axes(robot, table, key)
-        for axis in robot["axis"]:
-            if (name := id_in(robot, axis)) in found:
-                _set(robot, axis, found[name])
+    _set_results(document, found)
     for robot in document["robot"]:
         detach(robot, [str(axis["name"]) for axis in robot["axis"] if id_in(robot, axis) not in found])
         for number, axis in reversed(list(enumerate(robot["axis"]))):
@@ -158,6 +159,16 @@ def _monitor(robot: Any, axis: Any, names: Sequence[str]) -> None:
 def _bases(names: Iterable[str]) -> set[str]:
     """The names of the parameters, without "1/" of reciprocals."""
     return {split_name(name)[0] for name in names}
+
+
+def _set_results(document: Any, found: Mapping[str, Found]) -> None:
+    for robot in document["robot"]:
+        for table, keys in (REPLACED_BY_NOMINAL_FILE | REPLACED_BY_THRESHOLDS_FILE).items():
+            for key in keys:
+                move_to_axes(robot, table, key)
+        for axis in robot["axis"]:
+            if (name := id_in(robot, axis)) in found:
+                _set(robot, axis, found[name])
 
 
 def _set(robot: Any, axis: Any, found: Found) -> None:

@@ -14,7 +14,7 @@ from service.can.messages import DescriptionError
 from service.can.user_errors import IngestError
 from service.config import Config, ConfigErrors, NamedAxis
 from service.config.axis_settings import AxisError
-from service.config.written.commissioned import Found, commissioned, configured, corrected, uncoupled
+from service.config.written.commissioned import Found, commissioned, configured, corrected, uncoupled, with_results
 from service.config.written.corrections import Correction
 from service.reports.commissioning_report import Outcome
 from service.reports.formats import Provenance
@@ -54,7 +54,14 @@ class AxisJob(NamedTuple):
         return self._replace(text=uncoupled(self.text, self.axis_id))
 
     def with_results(self, found: Found) -> AxisJob:
-        """The job with the results for the axis in its configuration, which has no other axes."""
+        """The job with the results for the axis in its configuration.
+
+        The other axes stay, as angles of axes are part of the pose.
+        """
+        return self._replace(text=with_results(self.text, self.axis_id, found))
+
+    def alone(self, found: Found) -> AxisJob:
+        """The job with the results for the axis in a configuration without the others."""
         return self._replace(text=commissioned(self.text, {self.axis_id: found}))
 
 

@@ -96,7 +96,7 @@ def with_motion(job: AxisJob, outcome: Outcome, motion: SuggestedMotion) -> Outc
     name, file = job.axis_id, motion_file(job.axis_id)
     assert outcome.nominal_file is not None
     found = outcome.found or Found(outcome.nominal_file, None, motion.lost)
-    own = job.corrected(outcome.corrections).with_results(found)
+    own = job.corrected(outcome.corrections).alone(found)
     if outcome.found is None:  # no part of what is commissioned, but a motion is planned with its values
         replace_text(job.folder / own_config(name), own.text)
     outcome = replace(outcome, lost=motion.lost, excite=motion.request.options)

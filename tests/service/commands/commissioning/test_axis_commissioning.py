@@ -27,7 +27,7 @@ from service.commands.commissioning.axis.axis_job import AxisJob
 from service.commands.commissioning.axis.load_search import LinkLoad, LoadSearch
 from service.commands.commissioning.signals import exchanged_torques, signal_proposals
 from service.commands.commissioning.signals.signal_proposals import Review
-from service.config.written.commissioned import configured
+from service.config.written.commissioned import Found, configured
 from service.config.written.corrections import Correction
 from service.reports import identification_html
 from service.reports.commissioning_report import Outcome
@@ -282,3 +282,14 @@ def test_a_drive_that_lacks_something_is_refused_with_what_that_is() -> None:
     found.is_poor = False
     assert not_identified(found, "", lacks_of(found, "")) == "not identified: poor"
     assert lacks_of(found, lacks) == lacks == lacks_of(report(rejection="poor"), lacks)
+
+
+def test_an_axis_with_its_results_still_knows_the_angles_of_the_others(tmp_path: Path) -> None:
+    """They are part of the pose at its calibration, also where no term follows them."""
+    signal = Correction(("signal", "a2-angle", "axis"), "a2", "links")
+    job = AxisJob(TWO, NAME, ("a.csv",), tmp_path, CalibrationOptions(600.0), Provenance.now(), True)
+    own = job.corrected([signal]).with_results(Found("a1.toml", None, ["kT"]))
+    assert 'nominal_file = "a1.toml"' in own.text
+    assert '{name = "a2-angle", axis = "a2"}' in own.text
+    assert own.text.count("[[robot.axis]]") == 2
+    assert job.alone(Found("a1.toml", None, ["kT"])).text.count("[[robot.axis]]") == 1
