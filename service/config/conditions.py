@@ -192,11 +192,16 @@ def _used(axis: AxisConfig) -> set[str]:
 def _arm_angles(axis: NamedAxis) -> tuple[str, ...]:
     """The signals that are angles of axes, as part of the pose: all of them, if the load follows the pose.
 
-    Otherwise those that nothing uses: they are there for the pose alone.
+    Otherwise those that nothing uses: they are there for the pose alone.  In any case those of which the thresholds
+    have poses; their axes may be left out of the configuration.
     """
-    if any(nominal_schedule(v).term.turns for v in load_torques(axis.config)):
-        return axis.angles
-    return tuple(name for name in axis.angles if name not in _used(axis.config))
+    follows = any(nominal_schedule(v).term.turns for v in load_torques(axis.config))
+    used = set[str]() if follows else _used(axis.config)
+    thresholds = axis.config.model.thresholds_file
+    mapped = [] if thresholds is None else [name for poses in thresholds.poses for name in poses.angles]
+    there = {signal.name for signal in axis.config.signal}
+    angles = [name for name in axis.angles if name not in used]
+    return tuple(dict.fromkeys([*angles, *(name for name in mapped if name in there)]))
 
 
 def _gate(gate: GateConfig) -> Gate:

@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -209,6 +210,11 @@ model = { drive = "one-mass", monitor = ["fm"] }
         '[[robot.axis]]\nname = "b"', f'{gate}[[robot.axis]]\nname = "b"'
     )
     assert conditions_of(loaded(folder, gated).axes[0]).pose_angles == ()
+    # A signal of which the thresholds have poses is the angle of an axis that the configuration leaves out.
+    thresholds = SimpleNamespace(poses=[SimpleNamespace(angles=["t", "c2"]), SimpleNamespace(angles=["x", "c2"])])
+    model = axis.config.model.model_copy(update={"thresholds_file": thresholds})
+    calibrated = axis._replace(config=axis.config.model_copy(update={"model": model}))
+    assert conditions_of(calibrated).pose_angles == ("c2", "t")
 
 
 def check(folder: Path, content: str) -> str:
