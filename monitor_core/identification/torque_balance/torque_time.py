@@ -67,9 +67,17 @@ class TorqueTime(NamedTuple):
         sample needs no evidence, but evidence against it.  More is taken only as far as it is sure: what an arm lacks
         to be rigid may look like some of it.
         """
+        usual = 0.0 if interval_s <= _LONGEST_HELD_S else _HALF
+        if not self.is_known:
+            return usual
         least, most = self.late - self.sd, self.late + self.sd
-        held = least <= _HALF / 2 if interval_s <= _LONGEST_HELD_S else most < _HALF / 2
+        held = most < _HALF / 2 if usual else least <= _HALF / 2
         return 0.0 if held else max(round(least / _HALF) * _HALF, _HALF)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it is known to half a sample: where an arm rings, windows of other lengths show other times."""
+        return self.sd <= _HALF
 
 
 def torque_time(records: Sequence[Record]) -> TorqueTime | None:
@@ -95,13 +103,16 @@ def torque_time(records: Sequence[Record]) -> TorqueTime | None:
 def times_of_robot(times: Mapping[str, TorqueTime | None]) -> dict[str, TorqueTime]:
     """The time of each axis, by name, given those of all axes of its robot, whose torques are mostly sent alike.
 
-    An axis that differs from the mean of the others keeps its own; the rest has their mean.  Empty: no axis shows it.
+    An axis whose time is known, and differs from the mean of the others, keeps its own; the rest has their mean.
+    Empty: no axis shows it.
     """
     known = {name: time for name, time in times.items() if time is not None}
     apart = {
         name: own
         for name, own in known.items()
-        if (others := [time for other, time in known.items() if other != name]) and _differ(own, _mean(others))
+        if own.is_known
+        and (others := [time for other, time in known.items() if other != name])
+        and _differ(own, _mean(others))
     }
     alike = [time for name, time in known.items() if name not in apart]
     return {name: apart[name] if name in apart else _mean(alike) for name in times if name in apart or alike}

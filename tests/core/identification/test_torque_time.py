@@ -59,7 +59,7 @@ def test_friction_that_is_not_viscous_does_not_pass_for_time(interval_s: float, 
     found = torque_time([replace(record, u=record.u + 2e-3 * np.abs(speed) * speed)])
     assert found is not None
     assert abs(found.late - 0.5) < 2 * found.sd
-    assert found.halves(interval_s) == 0.5
+    assert found.halves(0.012) == 0.5
 
 
 def test_models_that_disagree_make_the_time_uncertain(seed: int) -> None:
@@ -102,7 +102,9 @@ def test_a_long_interval_needs_evidence_for_a_held_torque_and_a_short_one_agains
     assert TorqueTime(0.6, 0.3).halves(0.004) == 0.5
     assert TorqueTime(1.6, 0.3).halves(0.004) == 1.5
     assert TorqueTime(0.26, 0.001).halves(0.004) == 0.5
-    assert TorqueTime(2.0, 0.9).halves(0.012) == 1.0  # only what is sure
+    assert TorqueTime(1.9, 0.5).halves(0.012) == 1.5  # only what is sure
+    assert TorqueTime(2.7, 1.3).halves(0.004) == 0.0  # not known to half a sample
+    assert TorqueTime(2.7, 1.3).halves(0.012) == 0.5
 
 
 def test_axes_of_a_robot_share_their_time_unless_one_differs() -> None:
@@ -119,6 +121,9 @@ def test_axes_of_a_robot_share_their_time_unless_one_differs() -> None:
     for name in "abd":
         assert apart[name].late == pytest.approx(0.05)
         assert apart[name].sd == pytest.approx(0.1 / math.sqrt(2))
+    # Nor is an axis that rings: where windows of other lengths show other times, its own is not known.
+    ringing = times_of_robot({"a": TorqueTime(0.0, 0.1), "b": TorqueTime(0.1, 0.1), "c": TorqueTime(2.8, 1.3)})
+    assert [time.late for time in ringing.values()] == pytest.approx([0.05] * 3, abs=0.02)
     two = {"a": TorqueTime(0.0, 0.1), "b": TorqueTime(1.6, 0.1)}
     assert times_of_robot({**two, "c": None}) == two
     assert times_of_robot({"a": None}) == {}
