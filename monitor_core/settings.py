@@ -208,11 +208,9 @@ class Settings:
         """Standard deviation of the errors of healthy estimates beyond their scatter, in sizes s_i (p,)."""
         own = self.thresholds or (Threshold(self.alpha1, self.alpha2),) * p
         errors = self.model_errors(p) / MODEL_ERRORS
+        # All three are seen in the same healthy records: the largest counts, not their sum.
         return np.array(
-            [
-                math.hypot(max(t.allowance / ALLOWED, error), t.size_error)
-                for t, error in zip(own, errors.tolist(), strict=True)
-            ]
+            [max(t.allowance / ALLOWED, error, t.size_error) for t, error in zip(own, errors.tolist(), strict=True)]
         )
 
     def gain(self, n: int) -> Floats:

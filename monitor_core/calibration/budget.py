@@ -9,7 +9,7 @@ import numpy as np
 from monitor_core.arrays import Bools, Floats
 from monitor_core.calibration.false_alarm_tail import Tail
 from monitor_core.calibration.scatter import Scatter
-from monitor_core.settings import Threshold
+from monitor_core.settings import ALLOWED, Threshold
 
 CONFIDENCE = 0.90
 LOWER, UPPER = (1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2
@@ -73,7 +73,10 @@ def thresholds(
 
     # The bound of a sum of widely scattered rates differs from the sum of their bounds: correct the shares for that.
     less = root(excess, -3.0, 3.0, xtol=_NEAR) if excess(-3.0) > 0 > excess(3.0) else 0.0
-    error = np.sqrt(scatter.mean_d**2 + scatter.off.var(axis=0) + _scatter_of_its_own(scatter))
+    # The scatter of a single parameter contains what differs between parts of the records.
+    parts = (allowance - scatter.beyond) / ALLOWED
+    own_scatter = np.maximum(_scatter_of_its_own(scatter), parts**2)
+    error = np.sqrt(scatter.mean_d**2 + scatter.off.var(axis=0) + own_scatter)
     return tuple(
         Threshold(tail.nu / float(scatter.mean_s[i]), h, float(allowance[i]), float(error[i]))
         for i, (tail, h) in enumerate(zip(tails, h_for(log_share - less), strict=True))

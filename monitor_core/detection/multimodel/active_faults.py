@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 from monitor_core.arrays import Floats
-from monitor_core.detection.alarm import MODEL_ERROR
 from monitor_core.detection.multimodel.candidates import candidate_cause
 from monitor_core.detection.multimodel.hypothesis import HEALTHY, REFERENCE, Hypothesis
 from monitor_core.detection.multimodel.naming import Share
@@ -26,10 +25,10 @@ ENDED_SD, ENDED_SHARE = 2.0, 0.2
 its former size, as interpolated sizes are off by a tenth.  A real remainder is then detected as a change of its own."""
 
 
-UNEXPLAINED = MODEL_ERROR**2
-"""Share of the evidence for the active faults that model errors may cause: no model is exact, so the sizes of the
-faults are off by at least ``MODEL_ERROR``.  The hypothesis that explains this error best gains up to this share of the
-evidence, and yet is no fault."""
+UNEXPLAINED = 0.05**2
+"""Share of the evidence for the active faults that model errors may cause: no model is exact, so up to 5 % of the
+effect of a fault is left over.  The hypothesis that explains this error best gains up to this share of the evidence,
+and yet is no fault."""
 
 
 class ActiveFaults:

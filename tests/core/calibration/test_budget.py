@@ -19,7 +19,7 @@ from monitor_core.calibration.false_alarm_tail import Tail, log_mean_time, tails
 from monitor_core.calibration.healthy_records import RecordDeviations
 from monitor_core.calibration.healthy_statistics import allowance, shrink
 from monitor_core.calibration.scatter import MAX_MEAN_SIGMAS, Scatter, scatter
-from monitor_core.settings import Threshold
+from monitor_core.settings import Settings, Threshold
 from tests.core.calibration.forgetting import LAM, MEMORY, P, forgotten
 from tests.shares import soaked
 
@@ -172,6 +172,22 @@ def test_records_that_differ_get_an_allowance(seed: int) -> None:
     print(f"allowances {allowed}")
     assert 0.75 < allowed[0] < 3.0
     assert allowed[1] < 1.0
+
+
+def test_what_records_differ_by_counts_once_in_sizes(seed: int) -> None:
+    """Off by two standard deviations, up and down in turn: in the allowance, in the scatter, and in one size error."""
+    rng = np.random.default_rng(seed)
+    records = [forgotten(rng, 60) for _ in range(10)]
+    for k, record in enumerate(records):
+        record[:, 0] += 2.0 * (-1) ** k
+    found = [deviations(record) for record in records]
+    scattered = scatter(found, MEMORY, rng)
+    allowed = allowance(found, scattered)
+    own = thresholds(scattered, tails(scattered, copies(1.0)), allowed, BUDGET * MEMORY, rng)
+    errors = Settings(0.005, thresholds=own).size_errors(P)
+    print(f"allowances {allowed}, errors of sizes {errors}")
+    assert 1.6 < errors[0] < 2.6  # twice 2.0 in squares were 2.8
+    assert errors[1:].max() < 1.0
 
 
 def test_what_is_off_all_along_is_allowed_for(seed: int) -> None:

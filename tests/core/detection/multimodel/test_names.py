@@ -12,7 +12,6 @@ from monitor_core.arrays import Floats
 from monitor_core.calibration.multimodel_healthy import healthy_evidence
 from monitor_core.detection.alarm import (
     INERTIA,
-    MODEL_ERROR,
     OUTPUT_NOISE,
     OUTPUT_SCALE,
     OUTPUT_SIGN,
@@ -361,7 +360,7 @@ def test_what_a_change_leaves_unexplained_is_no_evidence_of_a_second_one(seed: i
     nominally = HypothesisBank(replace(model, nominal={**model.nominal, "kT": 1.1}), settings, found)
     of_change, left, plain = (bank.run_traced(SampleBlock(*rec))[1].llr[1000:] for bank in (healthy, stands, nominally))
     lost = np.mean(plain[:, 1] - left[:, 1])
-    assert lost == pytest.approx(MODEL_ERROR**2 * np.mean(of_change[:, 0]), rel=0.2)
+    assert lost == pytest.approx(0.05**2 * np.mean(of_change[:, 0]), rel=0.2)
 
 
 def test_a_healthy_axis_is_quiet_and_what_does_not_last_is_over(seed: int) -> None:

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from monitor_core.detection.alarm import MODEL_ERROR
 from monitor_core.detection.multimodel.active_faults import (
     ENDED_SHARE,
     FINE_STEP,
     SECOND_CAUSE_PRIOR,
+    UNEXPLAINED,
     ActiveFaults,
 )
 from monitor_core.detection.multimodel.candidates import candidates
@@ -67,7 +67,7 @@ def test_what_stands_leaves_a_share_unexplained_that_is_no_evidence_for_other_ca
     join(standing, "kT", math.log(1.2))
     shares = {h.cause: share for h, share in zip(HYPOTHESES, standing.unexplained(), strict=True)}
     assert shares.pop("kT") == 0.0
-    assert set(shares.values()) == {MODEL_ERROR**2}
+    assert set(shares.values()) == {UNEXPLAINED}
 
 
 def test_changes_of_one_cause_add_up_and_end_together(standing: ActiveFaults) -> None:
