@@ -82,7 +82,8 @@ def _load_while(records: Sequence[Record], signals: ArmSignals, gate: Gate) -> A
     others = [load for load in signals.loads if load != gate.signal]
     if len(signals.angles) < 2 and not others:
         return None  # drives of the library have the weight of a single axis
-    return arm_load([_gated(record, gate) for record in records], signals._replace(loads=others))
+    found = arm_load([_gated(record, gate) for record in records], signals._replace(loads=others))
+    return found if found is not None and found.weights.is_load else None
 
 
 def _gated(record: Record, gate: Gate) -> Record:

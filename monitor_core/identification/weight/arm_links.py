@@ -45,10 +45,10 @@ from monitor_core.identification.weight.weight_balance import (
 )
 
 _MIN_EXPLAINED = 0.5
-"""Least share of the torque that must be explained; otherwise no weights are reported."""
+"""Least share of the torque that must be explained; otherwise the terms are no load."""
 
 _MIN_VARIANCE = 0.003
-"""Least share of the variance of the torque that the weights explain; less may be an error of the friction model."""
+"""Least share of the variance of the torque that a load explains; less may be an error of the friction model."""
 
 
 class ArmSignals(NamedTuple):
@@ -85,6 +85,12 @@ class LinkWeights(NamedTuple):
     """further angles that the load may follow as well: the records do not tell"""
 
     @property
+    def is_load(self) -> bool:
+        """Whether the terms explain enough of the torque to be a load on the axis."""
+        enough = (1 - self.before) ** 2 - (1 - self.explained) ** 2 >= _MIN_VARIANCE
+        return bool(self.terms) and enough and self.explained >= _MIN_EXPLAINED
+
+    @property
     def explains_much_more(self) -> bool:
         """Whether much less of the torque remains than without these terms."""
         return leaves_much_less(self.explained, self.before)
@@ -105,13 +111,16 @@ def link_weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights 
 
     ``records``: of the axis, whose angle is measured, with these signals.
     """
+    found = link_terms(records, signals)
+    return found if found is not None and found.is_load else None
+
+
+def link_terms(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | None:
+    """As ``link_weights``, with terms that may explain too little to be a load; None: the records are too short."""
     found = _weights(records, signals)
-    if found is None:
-        return None
-    if signals.own in signals.moving and (len(signals.moving) > 1 or signals.loads):
-        found = _with_energies(found, records, signals)
-    enough = (1 - found.before) ** 2 - (1 - found.explained) ** 2 >= _MIN_VARIANCE
-    return found if found.terms and enough and found.explained >= _MIN_EXPLAINED else None
+    if found is not None and signals.own in signals.moving and (len(signals.moving) > 1 or signals.loads):
+        return _with_energies(found, records, signals)
+    return found
 
 
 def _weights(records: Sequence[Record], signals: ArmSignals) -> LinkWeights | None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.torque_windows import leaves_much_less
-from monitor_core.identification.weight.arm_links import ArmSignals, LinkWeights, link_weights
+from monitor_core.identification.weight.arm_links import ArmSignals, LinkWeights, link_terms, link_weights
 from monitor_core.identification.weight.gear_ratios import gear_ratios
 
 _MOST_TURN = 4 * np.pi
@@ -30,19 +30,22 @@ class ArmLoad(NamedTuple):
 
 
 def arm_load(records: Sequence[Record], signals: ArmSignals) -> ArmLoad | None:
-    """The load of links on an axis; None: its torque shows none.
+    """The load of links on an axis, or terms that may explain too little to be one (``LinkWeights.is_load``).
 
-    ``records``: of the axis, with these signals, which vary there (``recorded_signals``).
+    None: the records are too short.  ``records``: of the axis, with these signals, which vary there
+    (``recorded_signals``).
     """
     own, motors = signals.own, motor_angles(records, signals)
     ratios = gear_ratios(records, own, signals.angles, motors, signals.accelerations)
     angles = [name for name in signals.angles if _extent(records, name) < _MOST_TURN or name in ratios]
     behind_gears = [_behind_gears(record, ratios) for record in records]
-    found = link_weights(behind_gears, signals._replace(angles=angles if own in angles else []))
+    found = link_terms(behind_gears, signals._replace(angles=angles if own in angles else []))
     if own in motors and own in signals.moving and signals.loads:
         # It may be a linear axis, whose load follows no angle.
         plain = link_weights(records, signals._replace(angles=()))
-        if plain is not None and (found is None or not leaves_much_less(found.explained, plain.explained)):
+        if plain is not None and (
+            found is None or not found.is_load or not leaves_much_less(found.explained, plain.explained)
+        ):
             return ArmLoad(plain, {})
     return None if found is None else ArmLoad(found, ratios)
 

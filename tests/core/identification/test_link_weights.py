@@ -25,7 +25,7 @@ from monitor_core.identification import (
     recorded_signals,
     turning_weight,
 )
-from monitor_core.identification.weight.arm_links import link_weights
+from monitor_core.identification.weight.arm_links import link_terms, link_weights
 from monitor_core.identification.weight.gear_ratios import gear_ratios
 
 ANGLES = ("q1", "q2", "q3", "q4")
@@ -100,6 +100,25 @@ def test_the_links_are_found(own: str, torque: Torque, terms: set[str], rate: fl
         return found is not None and has_terms(found, terms, max(0.8, found.before))
 
     often(succeeds, seed, rate, 40)
+
+
+def test_terms_of_a_small_weight_are_no_load_but_name_the_angles(seed: int) -> None:
+    """A wrist whose weight explains a thousandth of the variance of the torque, and yet a tenth of what is left."""
+    few = list[bool]()
+
+    def succeeds(number: int) -> bool:
+        def weight(q: Mapping[str, Floats]) -> Floats:
+            return np.asarray(0.4 * np.cos(q["q2"] + q["q3"] + q["q4"]))
+
+        given = [recorded(weight, np.random.default_rng(number), "q4")], ArmSignals("q4", ANGLES)
+        found = link_terms(*given)
+        assert found is not None
+        assert found.is_load == (link_weights(*given) is not None)
+        few.append(not found.is_load)
+        return found.explains_clearly_more and found.signals == {"q2", "q3", "q4"}
+
+    often(succeeds, seed, 0.7, 20)
+    assert np.mean(few) > 0.4
 
 
 def test_a_tool_beside_the_last_axis_loads_the_one_that_bends_the_wrist(seed: int) -> None:

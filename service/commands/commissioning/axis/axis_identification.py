@@ -243,13 +243,13 @@ def _unknown_gears(fit: _Fit) -> Iterator[str]:
 def _poses(fit: _Fit) -> tuple[Correction, ...]:
     """The angles that the load may follow as signals, where one mass does without the terms of the load.
 
-    They explain clearly more, as the inertia of a base that follows the pose, but too little for terms that hold in
-    other programs.  So the values hold in the poses of the records.
+    They explain clearly more, as the inertia of a base or the weight of a wrist that turns little, but too little for
+    terms that hold in other programs.  So the values hold in the poses of the records.
     """
     if not fit.attempt.job.shorten or fit.attempt.schedule or fit.axis.config.model.drive != ONE_MASS.name:
         return ()
-    load = fit.search.links
-    return load.poses if load is not None and load.weights.explains_clearly_more else ()
+    load = fit.search.terms
+    return load.poses if load is not None else ()
 
 
 def _with_values(fit: _Fit, outcome: Outcome) -> Outcome:

@@ -52,7 +52,12 @@ class LinkLoad(NamedTuple):
 
     @property
     def poses(self) -> tuple[Correction, ...]:
-        """Only the angles, as signals without a term: in poses that no record has nothing is tested then."""
+        """Only the angles, as signals without a term: in poses that no record has nothing is tested then.
+
+        None, if the terms leave about as much of the torque as one mass does.
+        """
+        if not self.weights.explains_clearly_more:
+            return ()
         moving = {change.key[1] for change in self.changes if change.key[-1] in ("speed", "acceleration")}
         angles = [change for change in self.changes if change.key[0] == SIGNAL and change.key[1] not in moving]
         return tuple(
@@ -92,21 +97,26 @@ class LoadSearch:
         return configured(self._text, self._axis_id, self._folder)
 
     @cached_property
-    def links(self) -> LinkLoad | None:
-        """The angles, their derivatives, and the signals on which the load of links depends.
+    def terms(self) -> LinkLoad | None:
+        """The terms that reduce the error of the torque, however little, and the signals that they need.
 
-        None: the torque shows no such load, or only a weight that depends on the angle of the axis itself.
+        None: the records are too short, or no axis or signal is known on which a load may depend, or it depends only on
+        the angle of the axis itself.
         """
         motions, candidates = self._candidates
         if not motions and not candidates.loads:
             return None
-        records, signals = self._recorded()
-        found = arm_load(records, signals)
+        found = arm_load(*self._recorded())
         if found is None:
             return None
-        if found.weights.signals == {signals.own} and not self.configuration[1].config.coupling:
+        if found.weights.signals == {candidates.own} and not self.configuration[1].config.coupling:
             return None  # a drive has that weight, but not of a coupled axis: the angle in it is the motor's
         return LinkLoad(found.weights, tuple(_changes(motions, found)))
+
+    @cached_property
+    def links(self) -> LinkLoad | None:
+        """The terms that are a load on the axis; None: the torque shows no such load."""
+        return self.terms if self.terms is not None and self.terms.weights.is_load else None
 
     @cached_property
     def pressing(self) -> PressingGate | None:
