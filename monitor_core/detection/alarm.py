@@ -211,10 +211,12 @@ class Alarm:
         """The onset after a later estimate of it; the present one if the estimate belongs to another change.
 
         A change that began after the alarm was raised did not raise it.  Such an estimate comes from a cause that
-        explains more only later, or from the same cause when it is back.
+        explains more only later, or from the same cause when it is back.  An alarm that was reopened without a name may
+        get that of another change.
         """
-        later = estimate.onset_low_us is not None and estimate.onset_low_us > self.raised_us
-        return self.onset if later or self.reopened_us is not None else estimate.until(self.raised_us)
+        later = estimate.onset_low_us is not None and estimate.onset_low_us > self.since_us
+        is_back = self.reopened_us is not None and self.stage == "named"
+        return self.onset if later or is_back else estimate.until(self.since_us)
 
     def detected_again(self, time_us: int, crossings: int = 1) -> "Alarm":
         """The alarm after its tests have crossed their thresholds again."""

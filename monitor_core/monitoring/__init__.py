@@ -39,7 +39,7 @@ from monitor_core.monitoring.alarm_life_cycle import (
     returns_us,
     transition,
 )
-from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange
+from monitor_core.monitoring.alarm_tracker import REOPEN_MEMORIES, AlarmChange, reopen_s
 from monitor_core.monitoring.axis_batch import FEWEST_LANES, AxisBatch, standard_deviation
 from monitor_core.monitoring.axis_monitor import AxisMonitor
 from monitor_core.monitoring.axis_status import (

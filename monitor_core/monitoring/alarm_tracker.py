@@ -2,9 +2,10 @@
 
 One change of the axis is one alarm:
 
-* While an alarm is open, or has ended not long ago, a further change is reported only after it has got a name.  Until
-  then the detector may find that the change belongs to the open alarm, and nothing is reported.
+* While an alarm is open, or has just ended, a further change is reported only after it has got a name.  Until then the
+  detector may find that the change belongs to the open alarm, and nothing is reported.
 * If a cause is detected again not long after its alarm has ended, that alarm is reopened.
+* An alarm without a name is reopened if the same test crosses again, also later.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -23,6 +24,14 @@ REOPEN_MEMORIES = 30
 """Memory lengths after the end of an alarm during which the same cause reopens it: ten times the time after which an
 alarm ends.  The tests of a small change cross their thresholds only that often, and model errors may look like its
 end."""
+NAMELESS_S = 600.0
+"""Time after the end of an alarm without a name during which the same test reopens it [s], if that is longer: a change
+that shows in some motions only, as another payload, comes with each of them, and never long enough for a name."""
+
+
+def reopen_s(memory_s: float) -> float:
+    """Longest time after the end of an alarm in which it may be reopened [s], for an axis with this memory [s]."""
+    return max(REOPEN_MEMORIES * memory_s, NAMELESS_S)
 
 
 class AlarmChange(NamedTuple):
@@ -36,15 +45,18 @@ class AlarmTracker:
     """The alarms of one axis, the oldest first.
 
     ``alarms``: alarms that are open, or have ended not long ago.  ``unreported``: open alarms that have no name yet.
-    An ended alarm is reopened if its cause is detected again within ``reopen_us``, even if it gets its name later.
+    An ended alarm is reopened if its cause is detected again within ``reopen_us``, even if it gets its name later; one
+    without a name, if the same test crosses again within ``nameless_us``.
     """
 
-    def __init__(self, alarms: Iterable[Alarm] = (), unreported: Iterable[Alarm] = (), reopen_us: int = 0) -> None:
+    def __init__(
+        self, alarms: Iterable[Alarm] = (), unreported: Iterable[Alarm] = (), reopen_us: int = 0, nameless_us: int = 0
+    ) -> None:
         known = list(alarms)
         self._open = {alarm.key: alarm for alarm in known if alarm.ended_us is None}
         self._ended = {alarm.key: alarm for alarm in known if alarm.ended_us is not None}
         self._unreported = {alarm.key: alarm for alarm in unreported}
-        self._reopen_us = reopen_us
+        self._reopen_us, self._nameless_us = reopen_us, max(reopen_us, nameless_us)
 
     @property
     def open(self) -> tuple[Alarm, ...]:
@@ -101,11 +113,11 @@ class AlarmTracker:
         if alarm.ended_us is not None:  # the change belonged to another alarm
             return None
         recent = [a for a in self._ended.values() if self._is_recent(a, alarm.raised_us)]
-        if alarm.stage == "changed" and (self._open or recent):
+        if alarm.stage == "changed" and (self._open or any(self._is_held(a, alarm.raised_us) for a in recent)):
             self._unreported[key] = alarm
             return None
         self._forget(alarm.raised_us)
-        same = (a for a in recent if (a.parameter, a.direction) == (alarm.parameter, alarm.direction))
+        same = (a for a in recent if _cause_of(a) == _cause_of(alarm))
         if (ended := next(same, None)) is not None:
             alarm = self._ended.pop(ended.key).reopened(alarm)
         self._open[alarm.key] = alarm
@@ -113,12 +125,22 @@ class AlarmTracker:
 
     def _is_recent(self, ended: Alarm, raised_us: int) -> bool:
         """Whether a change detected at this time may reopen an ended alarm, no matter when the change gets its name."""
+        longest_us = self._reopen_us if ended.stage == "named" else self._nameless_us
+        return raised_us - (ended.ended_us or 0) <= longest_us
+
+    def _is_held(self, ended: Alarm, raised_us: int) -> bool:
+        """Whether a change detected at this time is not reported before it has a name, because of this ended alarm."""
         return raised_us - (ended.ended_us or 0) <= self._reopen_us
 
     def _forget(self, raised_us: int) -> None:
         """Discard the ended alarms that neither a change now nor one without a name yet can reopen."""
         oldest_us = min([raised_us, *(a.raised_us for a in self._unreported.values())])
         self._ended = {key: a for key, a in self._ended.items() if self._is_recent(a, oldest_us)}
+
+
+def _cause_of(alarm: Alarm) -> tuple[str, str, str]:
+    """What an ended alarm and a new one have in common if the new one reopens it."""
+    return alarm.stage, alarm.parameter, alarm.direction
 
 
 def _change(before: Alarm | None, alarm: Alarm) -> AlarmChange:

@@ -28,6 +28,7 @@ from monitor_core.monitoring.alarm_tracker import (
     in_context,
     last_open_us,
     no_other_causes,
+    reopen_s,
 )
 from monitor_core.monitoring.axis_batch import AxisBatch
 from monitor_core.monitoring.axis_status import AxisStatus, DetectorStatus
@@ -93,7 +94,7 @@ class AxisMonitor:
             raise ValueError("the multi-model detector is the alarm source, but does not run")
         self.batch, self.lane, self.multimodel, self.alarm_source = batch, lane, multimodel, source
         self.cusum = CusumDetector(self.model.monitored, batch.state.g[:, :, lane], batch.thresholds[:, lane])
-        self._tracker = AlarmTracker(reopen_us=self._reopen_us)
+        self._tracker = AlarmTracker((), (), *self._reopen_us)
         self._status = LaneStatus(batch, lane, multimodel, source)
         self.look_alike: LookAlike = no_other_causes
         """Finds other possible causes of an alarm, which the alarm then names, too"""
@@ -117,9 +118,10 @@ class AxisMonitor:
         return self._source.causes
 
     @property
-    def _reopen_us(self) -> int:
-        s = self.settings
-        return round(1e6 * REOPEN_MEMORIES * s.memory * s.interval_s)
+    def _reopen_us(self) -> tuple[int, int]:
+        """Times after the end of an alarm in which it may be reopened, if it has a name, and if not."""
+        memory_s = self.settings.memory * self.settings.interval_s
+        return round(1e6 * REOPEN_MEMORIES * memory_s), round(1e6 * reopen_s(memory_s))
 
     @property
     def _source(self) -> CusumDetector | MultiModelDetector:
@@ -304,7 +306,7 @@ class AxisMonitor:
         self.batch.restore(self.lane, np.asarray(arrays["floats"], float), np.asarray(arrays["ints"], np.int64))
         self._open_us = int(open_us[0])
         self._judged_from, self._learned_unjudged = self.learned, 0
-        self._tracker = AlarmTracker(alarms, unreported, self._reopen_us)
+        self._tracker = AlarmTracker(alarms, unreported, *self._reopen_us)
 
 
 def _model_key(model: AxisModel) -> str:

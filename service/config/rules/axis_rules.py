@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from monitor_core.detection import INERTIA as PAYLOAD_INERTIA
 from monitor_core.drive import DELAY, LOAD, OF_ANGLE
-from monitor_core.monitoring import MIN_MEMORY_SAMPLES, REOPEN_MEMORIES
+from monitor_core.monitoring import MIN_MEMORY_SAMPLES, reopen_s
 from monitor_core.wording import did_you_mean
 from service.config.axis_settings import step_noise
 from service.config.drives import not_identified, watched_values
@@ -150,9 +150,9 @@ def alarm_names(axis: AxisConfig) -> Iterator[CheckFinding]:
 
 def off_delay(axis: AxisConfig) -> Iterator[CheckFinding]:
     """The off-delay is short enough that an alarm whose cause returns within it is reopened."""
-    most_s = REOPEN_MEMORIES * axis.memory_s
+    most_s = reopen_s(axis.memory_s)
     if (axis.alarms.off_delay_s or 0.0) > most_s:
-        message = f"must be at most {REOPEN_MEMORIES} memory lengths, {most_s:g} s: what is back later is another alarm"
+        message = f"must be at most {most_s:g} s: what is back later is another alarm"
         yield CheckFinding(("alarms", "off_delay_s"), message)
 
 

@@ -16,15 +16,16 @@ from monitor_core.monitoring.alarm_tracker import AlarmTracker
 
 NAMES = ("kT", "1/Ja", "fm")
 TOLERANCE = 4.2
-OLD_US, REOPEN_US = 11, 100
-"""Three memory lengths, after which a crossing is old, and the time in which an alarm is reopened."""
+OLD_US, REOPEN_US, NAMELESS_US = 11, 100, 300
+"""Three memory lengths, after which a crossing is old, and the times in which an alarm with and one without a name is
+reopened."""
 
 
 class Book(AlarmTracker):
     """Open alarms, fed with events of the CUSUM tests."""
 
     def __init__(self) -> None:
-        super().__init__(reopen_us=REOPEN_US)
+        super().__init__(reopen_us=REOPEN_US, nameless_us=NAMELESS_US)
 
     def changes(self, event: CusumEvent) -> list[AlarmChange]:
         return self.update([event], CusumDetector.interpret)
@@ -268,6 +269,53 @@ def test_the_time_of_the_crossing_decides_however_late_the_name_comes() -> None:
     assert [a.stage for a in late.take(crossing("fm", 41 + REOPEN_US))] == ["changed"]
 
 
+def nameless_alarm() -> Book:
+    """A test of kT crossed at 10, and nothing was found at 30."""
+    book = Book()
+    book.take(crossing("kT", 10))
+    (e,) = book.take(evidence(30, 0.0, 0.0, 0.0))
+    assert (e.stage, e.ended_us) == ("changed", 30)
+    return book
+
+
+def test_a_test_that_crosses_now_and_then_is_one_alarm_without_a_name() -> None:
+    """As of another payload, which shows in some motions only; soon after its end nothing is reported at all."""
+    book = nameless_alarm()
+    assert book.take(crossing("kT", 30 + REOPEN_US)) == []
+    assert book.take(evidence(50 + REOPEN_US, 0.0, 0.0, 0.0)) == []
+    time_us = 30
+    for crossings in (2, 3):
+        time_us += NAMELESS_US
+        (change,) = book.changes(crossing("kT", time_us))
+        e = change.alarm
+        assert (change.kind, e.key, e.reopened_us) == ("reopened", (10, "kT", "up"), time_us)
+        assert e.crossings == crossings
+        time_us += 20
+        book.take(evidence(time_us, 0.0, 0.0, 0.0))
+        assert book.open == ()
+    (change,) = book.changes(crossing("kT", time_us + NAMELESS_US + 1))
+    assert change.kind == "raised"
+
+
+@pytest.mark.parametrize(("parameter", "direction"), [("fm", "up"), ("kT", "down")])
+def test_another_test_or_direction_after_an_alarm_without_a_name_is_another_alarm(
+    parameter: str, direction: Direction
+) -> None:
+    book = nameless_alarm()
+    (change,) = book.changes(crossing(parameter, 31 + REOPEN_US, direction))
+    assert (change.kind, change.alarm.raised_us) == ("raised", 31 + REOPEN_US)
+
+
+def test_the_name_of_a_reopened_alarm_comes_with_its_onset() -> None:
+    """It had none before, so its first onset may be that of something else."""
+    book = nameless_alarm()
+    book.take(crossing("kT", 190))
+    changed = past_of(np.where(np.arange(60)[:, np.newaxis] >= 48, [10.0, 0.0, 0.0], 0.0), 1.0)
+    (e,) = book.take(replace(evidence(200, 10.0, 0.0, 0.0), past=changed._replace(t_us=changed.t_us + 100)))
+    assert (e.stage, e.key) == ("named", (10, "kT", "up"))
+    assert 180 < e.onset_us <= 190
+
+
 def test_the_same_cause_beside_another_alarm_is_reopened_once() -> None:
     book = ended_alarm()
     book.take(crossing("fm", 45))
@@ -304,7 +352,7 @@ def test_what_belongs_to_an_ended_alarm_and_gets_no_name_is_not_reported() -> No
 def test_a_saved_book_goes_on_as_before() -> None:
     book = ended_alarm()
     book.take(crossing("fm", 60))
-    again = AlarmTracker((*book.ended, *book.open), book.unreported, REOPEN_US)
+    again = AlarmTracker((*book.ended, *book.open), book.unreported, REOPEN_US, NAMELESS_US)
     found = evidence(70, 8.0, 0.0, 0.0)
     assert again.update([found], CusumDetector.interpret) == book.changes(found)
 
