@@ -286,7 +286,7 @@ def _alarm(fields: dict[str, Any]) -> Alarm:
 
 
 PAYLOAD_WITHIN_S = 600.0
-"""Time within which all axes that carry another payload detect it; up to 214 s were measured (docs/validation.md)."""
+"""Time within which all axes that carry another payload detect it; up to 277 s were measured (docs/trials.md)."""
 
 
 def payload_change(alarm: Alarm) -> Direction | None:
