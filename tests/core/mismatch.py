@@ -269,7 +269,12 @@ class FaultAlarm(NamedTuple):
     named_s: float
     size: float
     """In sizes of the parameter; NaN: not known"""
+    size_sd: float
     first: str
+
+    def holds(self, true: float) -> bool:
+        """Whether the stated 90 % interval holds this true size."""
+        return abs(self.size - true) < 1.645 * self.size_sd
 
 
 @dataclass
@@ -317,8 +322,8 @@ def after_fault(plant: MismatchPlant, watch: Watch, fault: Mapping[str, float], 
 
 def alarm_of(e: Alarm, model: AxisModel, start_us: int, named_s: float) -> FaultAlarm:
     scale = float(model.scale[model.monitored.index(e.parameter)])
-    size = np.nan if e.size is None else e.size / scale
-    return FaultAlarm(e.parameter, e.direction, (e.raised_us - start_us) * 1e-6, named_s, size, e.first[0])
+    size, size_sd = (np.nan if value is None else value / scale for value in (e.size, e.size_sd))
+    return FaultAlarm(e.parameter, e.direction, (e.raised_us - start_us) * 1e-6, named_s, size, size_sd, e.first[0])
 
 
 def right(name: str, alarm: FaultAlarm | None) -> bool:

@@ -140,9 +140,11 @@ def test_ten_days_with_a_cold_start_each(seed: int, tmp_path: Path) -> None:
             print(f"{fault}: 0 of {len(own)} named by one alarm")
             continue
         delays, sizes = ([getattr(a, name) for a in good] for name in ("named_s", "size"))
+        held = sum(a.holds(FAULTS[fault][1] - 1) for a in good)
         print(
             f"{fault}: {len(good)} of {len(own)} named by one alarm, after {np.median(delays):.0f} s (at most"
-            f" {max(delays):.0f}), size {100 * np.median(sizes):+.0f} % (medians)"
+            f" {max(delays):.0f}), size {100 * np.median(sizes):+.0f} % (medians), {held} of {len(good)} within"
+            " their 90 %"
         )
     assert not refused
     assert false == 0
