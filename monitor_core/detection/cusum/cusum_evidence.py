@@ -193,7 +193,7 @@ def _torques(model: AxisModel) -> NDArray[np.bool_] | None:
     such as a stiffness, follows the payload, or if neither the weight is monitored nor kT, which follows it then.
     """
     weighed = LOAD in model.monitored
-    if not weighed and not (TORQUE_CONSTANT in model.monitored and model.carried_weight()):
+    if not weighed and TORQUE_CONSTANT not in model.monitored:
         return None
     if model.arm_inertia() is None:
         return None

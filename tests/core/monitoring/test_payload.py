@@ -234,3 +234,49 @@ def test_a_fault_that_begins_with_a_payload_of_other_axes_is_part_of_it(
     arm = Alarm("load", "up", 310, 340, 340, None, 0.2, 0.01, 1, "named", onset_low_us=300, onset_high_us=320)
     axes = same_payload(replace(base, **of_base), [("elbow", replace(arm, **of_arm))])
     assert axes == (("elbow",) if same else ())
+
+
+# --- An axis that bears no weight, as the base of an arm: a payload changes its inertia alone -------------------------
+
+BASE = {"kT": 1.0, "J": 0.5, "fm": 1.5, "fc": 2.0, "tau0": 0.0}
+TORQUE_SD, ANGLE_SD, BASE_S, SPEED_SCALE = 0.1, 1e-5, 300.0, 0.05
+
+
+def base_after(seed: int, **factors: float) -> list[Alarm]:
+    """The alarms of a base with the thresholds of the paper after its values change by these factors."""
+    model = AxisModel(one_mass("angle"), BASE, ("kT", "fm", "fc"))
+    options = MonitoringOptions(torque_noise=TORQUE_SD, output_noise=ANGLE_SD, friction_speed_scale=SPEED_SCALE)
+    monitor = AxisMonitor(model, recommended_settings(model, INTERVAL_S, options))
+    rng, N = np.random.default_rng(seed), round(BASE_S / INTERVAL_S)
+    t = INTERVAL_S * np.arange(N)
+    waves = [(rng.uniform(0.05, 0.6), rng.uniform(0, 2 * np.pi)) for _ in range(8)]
+    q = np.sum([np.sin(2 * np.pi * f * t + phase) / f for f, phase in waves], axis=0) / 10
+    w = np.gradient(q, INTERVAL_S)
+    factor = {name: np.where(t < BASE_S / 2, 1.0, factors.get(name, 1.0)) for name in BASE}
+    of_inertia = factor["J"] * BASE["J"] * np.gradient(w, INTERVAL_S)
+    friction = factor["fm"] * BASE["fm"] * w + factor["fc"] * BASE["fc"] * np.tanh(w / SPEED_SCALE)
+    u = (of_inertia + friction) / factor["kT"] + rng.normal(0, TORQUE_SD, N)
+    y = q + rng.normal(0, ANGLE_SD, N)
+    t_us = np.rint(1e6 * (t + 1.0)).astype(np.int64)
+    found = {c.alarm.key: c.alarm for c in monitor.update(SampleBlock(t_us, u, y))}
+    print(*found.values(), sep="\n")
+    return list(found.values())
+
+
+@pytest.mark.parametrize(
+    ("factors", "name", "alike"),
+    [
+        ({"J": 1.4}, ("named", "kT", "down"), True),
+        ({"J": 0.7}, ("named", "kT", "up"), True),
+        ({"kT": 0.7}, ("named", "kT", "down"), False),
+        ({"fm": 1.5}, ("named", "fm", "up"), False),
+        ({"fc": 0.6}, ("named", "fc", "down"), False),
+    ],
+)
+def test_a_larger_inertia_is_one_alarm_of_a_base(
+    factors: dict[str, float], name: tuple[str, str, str], alike: bool, seed: int
+) -> None:
+    """All torques fall in the same proportion: one change, and no fault of the motor that is the same."""
+    alarms = base_after(seed, **factors)
+    assert names(alarms) == [name]
+    assert any("load" in cause.alike for cause in alarms[0].causes) == alike
