@@ -23,8 +23,8 @@ the motor has most of the inertia, a is small, and ``load`` alone explains a pay
 most of it, the plane nearly contains the direction of kT, and friction alone tells a payload from a torque constant.
 
 If the weight is not monitored, theta can follow it in the first direction only: a payload that is heavier by b on an
-axis whose weight it is lowers kT and friction by the share a = b / (1 + b).  So does an inertia that is larger by b on an axis
-that bears no weight, as the base of an arm.  Both count as a change of kT.
+axis whose weight it is lowers kT and friction by the share a = b / (1 + b).  So does an inertia that is larger by b on
+an axis that bears no weight, as the base of an arm.  Both count as a change of kT.
 """
 
 from collections.abc import Collection, Sequence
