@@ -292,9 +292,10 @@ PAYLOAD_WITHIN_S = 600.0
 def payload_change(alarm: Alarm) -> Direction | None:
     """Change of the payload that may have caused an alarm: up for a heavier one.
 
-    None: the payload is not a possible cause, or the cause is not known yet.
+    None: the payload is not a possible cause, or the cause is not known yet.  That no single parameter explains all of
+    the change is no reason against a payload: one at the tip changes the weights of several links.
     """
-    if alarm.stage != "named" or alarm.doubt or alarm.kind == "forecast":
+    if alarm.stage != "named" or alarm.doubt in NO_PARAMETER or alarm.kind == "forecast":
         return None
     if alarm.parameter in (LOAD, INERTIA):
         return alarm.direction

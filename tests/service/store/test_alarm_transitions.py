@@ -341,15 +341,17 @@ def test_axes_of_a_robot_that_show_the_same_payload_name_each_other(journal: Jou
     raised("cell.d", 1001, "kT", "up", payload)  # a lighter one
     raised("cell.e", 1001, "kT", "down", Cause("kT", 0.99))  # bears no weight
     raised("cell.f", 1001, "fm", "up", Cause("fm", 0.9), Cause("load", 0.1))
-    raised("cell.g", 1001, "kT", "down", payload, doubt="several")
+    raised("cell.g", 1001, "kT", "down", payload, doubt="model")  # a sensor is likelier
+    raised("cell.i", 1650, "load", "up", Cause("load", 0.99), doubt="several")  # of the same as b, c and h
     raised("cell.h", 1700, "load", "up", Cause("load", 0.99))  # later: of b and c, but not of a
     raised("cell2.a", 1001, "kT", "down", payload)  # another robot
     raised("cell.a", 1002, "inertia", "up", Cause("inertia", 0.99))  # of the same axis
 
     found = {(a.axis, a.parameter): a.same_payload for a in journal.query()[0]}
     assert found[("cell.a", "kT")] == found[("cell.a", "inertia")] == ("cell.b", "cell.c")
-    assert found[("cell.b", "load")] == ("cell.a", "cell.c", "cell.h")
-    assert found[("cell.h", "load")] == ("cell.b", "cell.c")
+    assert found[("cell.b", "load")] == ("cell.a", "cell.c", "cell.h", "cell.i")
+    assert found[("cell.h", "load")] == ("cell.b", "cell.c", "cell.i")
+    assert found[("cell.i", "load")] == ("cell.b", "cell.c", "cell.h")
     others = {axis: axes for (axis, _), axes in found.items() if axis[-1] in "defg" or axis == "cell2.a"}
     assert set(others.values()) == {()}
     assert len(others) == 5
