@@ -37,6 +37,7 @@ from monitor_core.identification.starting import (
 )
 from monitor_core.identification.thermal.warm_up import LEAST_MOTION_S, moving_s
 from monitor_core.identification.thermal.warmed_fit import warmed_fit
+from monitor_core.identification.torque_balance.slow_friction import slow_friction_speed
 from monitor_core.identification.torque_balance.standstill import find_standstill
 from monitor_core.identification.torque_balance.torque_windows import moves_one_way
 from monitor_core.identification.weight.weight_balance import with_torque_of_links
@@ -70,9 +71,10 @@ def identify(
     """Estimate the free parameters of a drive; simulate all records; compare with a black box.
 
     A record with gaps is cut there, and its parts are fitted, as ``cut_at_gaps`` says.
-    If most of the motion is so slow that friction sticks and slips, and the drive does not explain it, the fit is
-    repeated without the slow motion, and the monitor must then leave it out too (``Problem.min_speed``).  A fit of one
-    mass from records alone that is not good is repeated with the inertia of the torque balance.
+    The monitor must leave out what the fit does (``Problem.min_speed``): standstill, and slow motion in which friction
+    falls with the speed.  If most of the motion is so slow that friction sticks and slips, and the drive does not
+    explain it, the fit is repeated without all slow motion.  A fit of one mass from records alone that is not good is
+    repeated with the inertia of the torque balance.
 
     Args:
         problem: drive, nominal values, free parameters, predictor.
@@ -178,12 +180,15 @@ def _identify(problem: Problem, given: _Given) -> IdentificationResult:
     if moves_one_way(records):
         problem, as_one = hold_offset(problem, options.monitored)
     links = _torque_terms(problem, options)
-    standstill = find_standstill(with_torque_of_links(records, links))
+    balanced = with_torque_of_links(records, links)
+    standstill = find_standstill(balanced)
     if standstill is not None:
         records = standstill.records
         validation = standstill.held(with_torque_of_links(validation, links))
-        if not problem.min_speed:  # as the monitor is then used; the speed scale is that of the motion, too
-            problem = replace(problem, min_speed=standstill.speed)
+        if standstill.speed and not problem.min_speed:
+            # As the monitor is then used; the speed scale is that of the motion, too.
+            slowest = max(standstill.speed, slow_friction_speed(balanced))
+            problem = replace(problem, min_speed=slowest)
     most = options.max_masses
     growth = None if most is None else _growth(problem, records, validation, most, report)
 

@@ -116,8 +116,8 @@ class IdentificationReport:
         found, slow = self.result.standstill, self.result.slow_left_out
         if slow:
             yield (
-                f"What is slower than {slow:.2g} rad/s is left out of the fit: its friction sticks and slips, other"
-                " than fm and fc describe. The monitor leaves it out, too."
+                f"What is slower than {slow:.2g} rad/s is left out of the fit: its friction sticks and slips, or"
+                " falls with the speed, other than fm and fc describe. The monitor leaves it out, too."
             )
         elif found is not None and not found.speed:
             yield (

@@ -30,7 +30,7 @@ _FEWEST_WINDOWS = 12
 _FOR_EACH = 2
 """Least number of window lengths per term if standstill is left out; with fewer, all terms together explain any
 torque."""
-_SHORTEST = 24
+SHORTEST = 24
 """Least number of samples in a window, so that sums equal integrals to 1e-3."""
 _SCALES = (0.02, 0.05, 0.12, 0.3)
 """Speed scales of Coulomb friction, as parts of the root mean square of the speed."""
@@ -89,7 +89,7 @@ def rigid_fits(
     """
     parts = windowed_parts(records)
     least = _least(parts, min_speed) if moving else None
-    shortest = max(_SHORTEST, shortest_s / records[0].interval_s)
+    shortest = max(SHORTEST, shortest_s / records[0].interval_s)
     ladder = _ladder(shortest, sum(len(part.u) for part in parts))
     fits = [(fit, window) for window in ladder if (fit := _fit(parts, window, speed_scale, models[0], least))]
     if not fits and least is not None:  # the axis moves too briefly
@@ -124,7 +124,7 @@ def unexplained(
     None: the records are too short.
     """
     parts, terms = windowed_parts(records), tuple(balance.torques)
-    ladder = _ladder(_SHORTEST, sum(len(part.u) for part in parts))
+    ladder = _ladder(SHORTEST, sum(len(part.u) for part in parts))
     for least in dict.fromkeys((_least(parts, min_speed), None)):
         fits = [(fit.expected, window) for window in ladder if (fit := _fit(parts, window, speed_scale, terms, least))]
         if fits:

@@ -24,7 +24,7 @@ TRUE = {"J": 2e-3, "fm": 5e-3, "fc": 0.5}
 
 @pytest.mark.parametrize("stiction", soaked([0.0, 0.15], 0.15))
 def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> None:
-    """With a friction that is larger in the slow motion of each start and stop, too, which the monitor leaves out."""
+    """With a friction that is larger in the slow motion of each start and stop, too, which is left out then."""
     record = picks(seed, stiction, moves=16)
     start = {"J": 3e-3, "fm": 3e-3, "fc": 0.3, "tau0": 0.0, "kT": 1.0}
     problem = Problem(one_mass("angle"), start, NAMES, speed_scale=0.5)
@@ -32,8 +32,8 @@ def test_the_estimates_are_those_of_the_motion(seed: int, stiction: float) -> No
     found = identify(problem, [record], options=options)
     print(found.estimate.values, found.verdict)
     assert found.standstill is not None
-    assert found.estimate.problem.min_speed == found.standstill.speed
-    assert found.slow_left_out == 0.0  # the axis stands; it does not creep
+    assert found.estimate.problem.min_speed >= found.standstill.speed
+    assert (found.slow_left_out > 0.0) == (stiction > 0.0)
     assert found.verdict.quality is FitQuality.GOOD
     for name, value in TRUE.items():
         assert found.estimate.values[name] == pytest.approx(value, rel=0.1), name
