@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from monitor_core.arrays import Floats
 from monitor_core.identification import IdentificationOptions, Problem, identify
 from monitor_core.identification.records.measured_record import Record
 from monitor_core.identification.torque_balance.rigid_body import speed_scales
@@ -49,7 +50,7 @@ def test_a_short_or_slow_record_keeps_its_motion(seed: int) -> None:
     still = replace(record, y=np.zeros(len(record)))
     assert slow_friction_speed([still]) == 0.0
     rng = np.random.default_rng(seed)
-    t = H * np.arange(40_000)
+    t: Floats = H * np.arange(40_000, dtype=np.float64)
     wave, fast = np.sin(2 * np.pi * 0.3 * t), np.sin(2 * np.pi * 0.05 * t) > 0.9
     speed = wave * (1.0 + 12.0 * fast)
     friction = (0.5 + 0.3 * np.exp(-((speed / 1.5) ** 2))) * np.tanh(speed / 0.05)
