@@ -13,7 +13,7 @@ from service.config import load
 from service.config.drive_sources import shipped
 from service.config.unit_names import UNITS
 from service.ingest.records.record_files import read_record
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.reports.plot_style import LIMIT, TEXT, ZONE, as_svg, figure
 from service.reports.replay_html import overview_picture
 from service.reports.replay_result import Replay, Replayed

@@ -90,6 +90,10 @@ INNER_LAYERS = {
         conditions drives axis_settings axis_detectors rules remarks epoch_values loading written
         """,
     "service.ingest": "roles_by_name tables samples records roles",
+    "service.pipeline": """
+        certificate_watch kernel_cache pauses axes persistence snapshot silence bus_readers publishing worker
+        reconfiguration
+        """,
 }
 """The same inside a package: its folders, and its files beside these, each imports only from those before it."""
 

@@ -87,7 +87,7 @@ def replay(
 
 
 def _replay(config: Config, path: Path, records: list[str], drawn: bool) -> Replayed:
-    from service.pipeline.axis_monitors import AxisMonitors
+    from service.pipeline.axes.axis_monitors import AxisMonitors
     from service.reports.replay_result import Replay
 
     run = Replay(AxisMonitors(config.axes), config, drawn)

@@ -18,7 +18,7 @@ from service.config import Config, ConfigErrors, load
 from service.store.database import StoreError
 
 if TYPE_CHECKING:
-    from service.pipeline.reloading import Reloading
+    from service.pipeline.reconfiguration.reloading import Reloading
 
 Record = Annotated[
     Path | None,
@@ -108,8 +108,8 @@ class Hangup:
 
     def _apply(self, reloading: Reloading) -> None:
         from service.config.public_text import public_problem, public_words
-        from service.pipeline.baselines import BaselineError
-        from service.pipeline.reloading import ReloadError
+        from service.pipeline.reconfiguration.baselines import BaselineError
+        from service.pipeline.reconfiguration.reloading import ReloadError
 
         try:
             read = with_port(load(self._path), self._port)

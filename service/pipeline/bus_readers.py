@@ -12,7 +12,7 @@ from service.can.frames import FrameBlock
 from service.can.user_errors import BusError
 from service.config import Config
 from service.ingest.samples.bus_samples import Ingest
-from service.pipeline.recording import Recording
+from service.pipeline.persistence.recording import Recording
 
 log = structlog.get_logger(__name__)
 

@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
-from service.pipeline.alarm_recording import AlarmRecorder, AlarmsSnapshot
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.pipeline.certificate_watch import CertificateWatch
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.history_recording import HistoryRecording, HistoryState
 from service.pipeline.pauses import with_pauses
-from service.pipeline.recording import Recording
+from service.pipeline.persistence.alarm_recording import AlarmRecorder, AlarmsSnapshot
+from service.pipeline.persistence.checkpointing import Checkpointer
+from service.pipeline.persistence.history_recording import HistoryRecording, HistoryState
+from service.pipeline.persistence.recording import Recording
 from service.pipeline.silence import SilenceWatch
 from service.pipeline.snapshot import AxisView, Histogram, Snapshot, out_of_service
 

@@ -12,12 +12,12 @@ from service.can.bus_reader import BusSnapshot
 from service.config import NamedAxis
 from service.config.certificates import Expiry
 from service.ingest.samples.timestamp_jitter import NOT_KNOWN, Stamps
-from service.pipeline.alarm_recording import NO_ALARMS, AlarmRecorder, AlarmsSnapshot
-from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.axis_pipeline import AxisPipeline, Heat, MonitoredDrive
-from service.pipeline.epoch_progress import FIRST_EPOCH, AxisEpoch
-from service.pipeline.history_recording import NO_HISTORY, HistoryRecording, HistoryState
-from service.pipeline.trends import Trends
+from service.pipeline.axes.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_pipeline import AxisPipeline, Heat, MonitoredDrive
+from service.pipeline.axes.epoch_progress import FIRST_EPOCH, AxisEpoch
+from service.pipeline.axes.trends import Trends
+from service.pipeline.persistence.alarm_recording import NO_ALARMS, AlarmRecorder, AlarmsSnapshot
+from service.pipeline.persistence.history_recording import NO_HISTORY, HistoryRecording, HistoryState
 from service.store.alarm_transitions import CONFIGURATION, Note
 
 

@@ -16,8 +16,8 @@ from monitor_core.wording import sentence
 from service.can.receivers import BLOCK_S
 from service.config import Config, NamedAxis
 from service.ingest.samples.bus_samples import Ingest
-from service.pipeline.axis_alarms import AxisAlarm, alarm_rules, quantities
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_alarms import AxisAlarm, alarm_rules, quantities
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.pipeline.bus_readers import BusIntake
 from service.pipeline.publishing import Publisher, WorkerParts
 from service.pipeline.snapshot import Snapshot

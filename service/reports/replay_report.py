@@ -8,7 +8,7 @@ from rich.console import Console
 
 from monitor_core.monitoring import ParameterStatus, Status
 from monitor_core.wording import duration, percent
-from service.pipeline.axis_pipeline import Heat
+from service.pipeline.axes.axis_pipeline import Heat
 from service.reports.formats import TextTable, for_terminal, json_text, labelled, plain
 from service.reports.replay_course import DOWN, EVIDENCE, UP
 from service.reports.replay_result import Replayed, ReplayedAxis

@@ -15,9 +15,9 @@ from service.config import Config, NamedAxis
 from service.ingest.records.record_files import FileRecord
 from service.ingest.records.record_ranges import RecordRange
 from service.ingest.samples.timestamp_jitter import NOT_KNOWN, Stamps, remarks
-from service.pipeline.alarm_recording import as_recorded
-from service.pipeline.axis_alarms import JournalQuantity, quantities
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_alarms import JournalQuantity, quantities
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.persistence.alarm_recording import as_recorded
 from service.pipeline.snapshot import AxisSnapshot, Reception, make_axis_snapshot
 from service.reports.formats import Provenance
 from service.reports.replay_course import ReplayCourse

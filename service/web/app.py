@@ -13,8 +13,8 @@ from starlette.staticfiles import StaticFiles
 
 from monitor_core.monitoring import AlarmTransitionError, ShelfEndError
 from service.config.public_text import public_words
-from service.pipeline.baselines import BaselineConflictError, BaselineError, BaselineUnavailableError
 from service.pipeline.pauses import with_pauses
+from service.pipeline.reconfiguration.baselines import BaselineConflictError, BaselineError, BaselineUnavailableError
 from service.pipeline.snapshot import Snapshot
 from service.store.database import StoreError
 from service.web import metrics, models, views

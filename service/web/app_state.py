@@ -8,11 +8,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
-from service.pipeline.baselines import Baselines
-from service.pipeline.history_recording import HistoryRecording
-from service.pipeline.live_signals import LiveSignals
-from service.pipeline.recording import Extracts
-from service.pipeline.replay_reports import ReplayReports
+from service.pipeline.axes.live_signals import LiveSignals
+from service.pipeline.persistence.history_recording import HistoryRecording
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.replay_reports import ReplayReports
+from service.pipeline.reconfiguration.baselines import Baselines
 from service.pipeline.silence import silent_after_s
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_table import RecordedAlarm

@@ -17,7 +17,7 @@ from prometheus_client.registry import Collector
 
 from monitor_core.detection import DIRECTIONS, Reach
 from monitor_core.monitoring import PRIORITIES, AlarmState
-from service.pipeline.history_recording import OBSERVABILITY
+from service.pipeline.persistence.history_recording import OBSERVABILITY
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.web.app_state import VERSION, CachedAnswer, age_s, sample_age_s
 from service.web.metrics_text import Labels, MetricSeries, MetricsWriter

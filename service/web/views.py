@@ -14,7 +14,7 @@ from monitor_core.monitoring import ParameterStatus, ParameterTrend
 from monitor_core.trend import Trend, thinned
 from monitor_core.wording import sentence
 from service.config.public_text import public_words
-from service.pipeline.replay_reports import ReportState
+from service.pipeline.persistence.replay_reports import ReportState
 from service.pipeline.snapshot import AxisSnapshot, LinkSnapshot, Snapshot
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note, RecordedTransition

@@ -14,8 +14,8 @@ import numpy as np
 from monitor_core.arrays import Ints
 from service.can.frames import FrameBlock
 from service.commands.main import main
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_monitors import FramePipeline
 from tests.bench.datagram_daemon import read_datagrams
 
 _taken: list[Ints] = []

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from monitor_core.monitoring import AxisMonitor
 from service.config import load
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.store.checkpoints import Checkpoint, Checkpoints
 
 

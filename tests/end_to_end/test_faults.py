@@ -20,7 +20,7 @@ import pytest
 from service.can.bus import open_bus, send
 from service.can.frames import FrameKey
 from service.config import load
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.simulation.robot import SimulatedFault
 from service.store.journal import Journal
 from tests.end_to_end.played_robot import played_robot

@@ -15,7 +15,7 @@ import pytest
 from service.commands.play import TOO_SLOW, play_record
 from service.config import load
 from service.ingest.records.record_files import read_record
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.store.checkpoints import Checkpoint, Checkpoints
 from tests.end_to_end.processes import Daemon, daemon, run_program, wait_for
 from tests.real.irb import AXIS, CONFIG

@@ -16,7 +16,7 @@ from service.commands.commissioning.axis.load_search import LoadSearch
 from service.config.conditions import needed
 from service.ingest.samples.axis_columns import AxisColumns
 from service.ingest.tables.csv_tables import CsvRows
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from tests.core.arm import AXES, INTERVAL_S, STEP, Arm, ArmSamples, R
 from tests.service.by_commands import CommandRefusedError, restarted, write_thresholds
 from tests.service.command_line import axiswatch

@@ -9,9 +9,9 @@ from pathlib import Path
 from monitor_core.calibration import CalibrationOptions
 from service.commands.command_line.options import configuration
 from service.commands.commissioning.axis.calibration_task import as_identified, calibrate_axis
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.restoring import restore
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.persistence.checkpointing import Checkpointer
+from service.pipeline.persistence.restoring import restore
 from service.reports.calibration_files import as_toml
 from service.reports.formats import Provenance
 from service.store.checkpoints import Checkpoints

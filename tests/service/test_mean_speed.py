@@ -14,7 +14,7 @@ from service.commands.main import app
 from service.config import ConfigErrors, NamedAxis, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from tests.service import robot_tables
 from tests.service.axis_with_columns import written
 

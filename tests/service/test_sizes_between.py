@@ -9,8 +9,8 @@ from monitor_core.samples import SampleBlock
 from service.config import NamedAxis, load
 from service.config.drive_sources import shipped
 from service.config.drives import axis_model
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from tests.service.robot_tables import course
 from tests.shares import soaked
 

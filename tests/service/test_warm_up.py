@@ -25,7 +25,7 @@ from service.config.axis_detectors import alarm_source_of
 from service.config.conditions import thermal_of
 from service.config.remarks import remarks
 from service.ingest.records.loaded_records import begins_cold
-from service.pipeline.axis_pipeline import Heat
+from service.pipeline.axes.axis_pipeline import Heat
 from service.reports.replay_report import heat_words
 from service.texts.alarm_words import episode_words
 from service.texts.not_tested_words import not_tested_sentences

@@ -14,8 +14,8 @@ from monitor_core.detection import Alarm
 from monitor_core.drive.thermal_state import ThermalState
 from monitor_core.samples import SampleBlock
 from service.commands.command_line.options import configuration
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.axis_pipeline import Heat
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_pipeline import Heat
 from service.texts.not_tested_words import not_tested_sentences
 from tests.core.mismatch import INTERVAL_S, MOVING, STEP, Block, FaultAlarm, alarm_of
 from tests.core.warming import WarmingPlant

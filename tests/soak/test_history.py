@@ -13,7 +13,7 @@ import pytest
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, AxisStatus, Observation, Status
 from monitor_core.settings import Settings
-from service.pipeline.history_recording import POINTS_AT_ONCE, HistoryRecording
+from service.pipeline.persistence.history_recording import POINTS_AT_ONCE, HistoryRecording
 from service.store.history_query import Question, ask
 from service.store.history_store import PERIODS_S, Bounds, HistoryPoint, HistorySeries, HistoryStore, Resolution
 from service.web.history_json import history_json

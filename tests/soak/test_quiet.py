@@ -20,8 +20,8 @@ from service.config import Config, load
 from service.config.drive_sources import shipped
 from service.config.schema.found_file import read_found
 from service.config.schema.nominal_file import NominalFile
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot
 from tests.service.pipeline.robots import replayed
 from tests.service.pipeline.varying_robot import VARYING, frames_of

@@ -8,7 +8,7 @@ from service.commands.command_line.output_files import replace_text
 from service.config.axis_settings import AxisError
 from service.config.epoch_values import EpochValuesError, with_epoch
 from service.ingest.records.record_files import read_record
-from service.pipeline.replay_reports import ReplayOrder, give_way
+from service.pipeline.persistence.replay_reports import ReplayOrder, give_way
 
 
 def write_report(order: ReplayOrder) -> None:
@@ -18,7 +18,7 @@ def write_report(order: ReplayOrder) -> None:
         SystemExit: the report cannot be made; with the reason.
     """
     give_way()
-    from service.pipeline.axis_monitors import AxisMonitors
+    from service.pipeline.axes.axis_monitors import AxisMonitors
     from service.reports.replay_html import as_html
     from service.reports.replay_result import Replay
 

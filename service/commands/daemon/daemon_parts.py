@@ -15,20 +15,20 @@ from service.can.frame_recorder import FrameRecorder
 from service.commands.command_line.signal_handling import stopped_by_signals
 from service.commands.daemon.plant_links import PlantLinks
 from service.config import Config
-from service.pipeline.alarm_recording import AlarmRecorder
-from service.pipeline.axis_alarms import alarm_groups, alarm_rules, quantities
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.baselines import Baselines
+from service.pipeline.axes.axis_alarms import alarm_groups, alarm_rules, quantities
+from service.pipeline.axes.axis_monitors import AxisMonitors, FramePipeline
 from service.pipeline.bus_readers import BusReaders
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.epochs_at_start import EpochsInForce, epochs_in_force, resume_monitors
-from service.pipeline.history_recording import HistoryRecording
 from service.pipeline.kernel_cache import EARLY, CacheFiller, KernelShape, batch_shape
+from service.pipeline.persistence.alarm_recording import AlarmRecorder
+from service.pipeline.persistence.checkpointing import Checkpointer
+from service.pipeline.persistence.history_recording import HistoryRecording
+from service.pipeline.persistence.recording import Extracts, Recording
+from service.pipeline.persistence.recording_folder import RecordingFolder
+from service.pipeline.persistence.wall_clock import WallClock
 from service.pipeline.publishing import WorkerParts
-from service.pipeline.recording import Extracts, Recording
-from service.pipeline.recording_folder import RecordingFolder
-from service.pipeline.reloading import ReloadedPart, Reloading
-from service.pipeline.wall_clock import WallClock
+from service.pipeline.reconfiguration.baselines import Baselines
+from service.pipeline.reconfiguration.epochs_at_start import EpochsInForce, epochs_in_force, resume_monitors
+from service.pipeline.reconfiguration.reloading import ReloadedPart, Reloading
 from service.pipeline.worker import Compiled, Worker
 from service.store.checkpoints import Checkpoints
 from service.store.history_store import Bounds, HistoryStore, Resolution

@@ -20,9 +20,9 @@ from service.commands.daemon.protection import access_of, certificate_of
 from service.commands.daemon.service_manager import ServiceManager, status_line
 from service.config import Config
 from service.pipeline.certificate_watch import CertificateWatch
-from service.pipeline.recording import Extracts
-from service.pipeline.reloading import ReloadError, Reloading
-from service.pipeline.replay_reports import ReplayReports
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.replay_reports import ReplayReports
+from service.pipeline.reconfiguration.reloading import ReloadError, Reloading
 from service.texts.instants import iso, now_us
 from service.web.access import Access
 from service.web.app import create_app

@@ -8,8 +8,8 @@ from service.commands.daemon.protection import looks
 from service.config import Config
 from service.config.schema import LinksConfig
 from service.links.link_secrets import LinkSecretError
-from service.pipeline.recording import Extracts
-from service.pipeline.reloading import ReloadError
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.reconfiguration.reloading import ReloadError
 from service.pipeline.snapshot import LinkSnapshot, Snapshot
 from service.store.database import StoreError
 from service.store.journal import Journal

@@ -13,10 +13,10 @@ from service.config import Config, NamedAxis
 from service.config.axis_detectors import detectors_of
 from service.config.axis_settings import axis_settings, monitored_model
 from service.ingest.samples.bus_samples import Ingest
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_pipeline import AxisPipeline
-from service.pipeline.live_signals import LiveSignals
-from service.pipeline.trends import Trends
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_pipeline import AxisPipeline
+from service.pipeline.axes.live_signals import LiveSignals
+from service.pipeline.axes.trends import Trends
 
 Samples = Mapping[str, SampleBlock]
 """Samples by axis, in the order of their times."""

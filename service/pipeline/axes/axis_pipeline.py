@@ -24,7 +24,7 @@ from monitor_core.wording import Sentence, joined, sentence
 from service.config import NamedAxis, conditions_of
 from service.config.drive_sources import model_of_axis
 from service.ingest.samples.unwrap import AMBIGUOUS, MotionPoint, turns_of
-from service.pipeline.epoch_progress import EpochProgress
+from service.pipeline.axes.epoch_progress import EpochProgress
 
 
 class Heat(NamedTuple):

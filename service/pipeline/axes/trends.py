@@ -10,7 +10,7 @@ from monitor_core.drive import AxisModel
 from monitor_core.monitoring import ParameterTrend, TrendMonitor
 from monitor_core.trend import EstimateReading
 from service.config import NamedAxis, limits_of
-from service.pipeline.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_alarms import AxisAlarm
 from service.store.checkpoints import MonitorState
 
 

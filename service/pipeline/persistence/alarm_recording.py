@@ -11,8 +11,8 @@ import structlog
 from monitor_core.detection import Alarm, AlarmKey
 from monitor_core.monitoring import AlarmEvent, AlarmLife, AlarmRules, returns_us, transition
 from monitor_core.wording import sentence
-from service.pipeline.axis_alarms import AxisAlarm, JournalQuantity
-from service.pipeline.wall_clock import WallClock
+from service.pipeline.axes.axis_alarms import AxisAlarm, JournalQuantity
+from service.pipeline.persistence.wall_clock import WallClock
 from service.store.alarm_entries import AlarmEntry, lived
 from service.store.alarm_statistics import StateCount
 from service.store.alarm_table import RecordedAlarm

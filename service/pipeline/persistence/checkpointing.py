@@ -8,8 +8,8 @@ import structlog
 
 from monitor_core.arrays import Arrays
 from monitor_core.wording import sentence
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.axis_pipeline import AxisPipeline
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_pipeline import AxisPipeline
 from service.pipeline.pauses import with_pauses
 from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.database import StoreError

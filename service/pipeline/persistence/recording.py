@@ -19,8 +19,8 @@ from monitor_core.wording import sentence
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import FrameBlock
 from service.can.user_errors import RecordError
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.recording_folder import Frames, RecordingFolder
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.persistence.recording_folder import Frames, RecordingFolder
 
 MOST_RING_BYTES = 64_000_000
 """Memory of the kept frames: two minutes at 20 000 frames/s"""

@@ -17,7 +17,7 @@ import structlog
 
 from monitor_core.wording import Sentence, sentence
 from service.config import Config
-from service.pipeline.recording_folder import RecordingFolder
+from service.pipeline.persistence.recording_folder import RecordingFolder
 from service.store.alarm_table import RecordedAlarm
 from service.store.epochs import Epochs
 

@@ -11,10 +11,10 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AxisMonitor
 from monitor_core.trend import SlowHistory
 from monitor_core.wording import joined, sentence
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import StatePart, states_of
-from service.pipeline.trends import Trends, completed_id, gathered_id
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.axes.trends import Trends, completed_id, gathered_id
+from service.pipeline.persistence.checkpointing import StatePart, states_of
 from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoint, Checkpoints, QuarantinedCheckpoint
 from service.store.journal import Journal

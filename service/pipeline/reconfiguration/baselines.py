@@ -26,9 +26,9 @@ from service.config.epoch_values import (
     recentred,
     with_epoch,
 )
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.epoch_progress import Learning
-from service.pipeline.epochs_at_start import nominal_values
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.axes.epoch_progress import Learning
+from service.pipeline.reconfiguration.epochs_at_start import nominal_values
 from service.pipeline.snapshot import AxisSnapshot
 from service.pipeline.worker import Worker
 from service.store.alarm_transitions import SERVICE, Note

@@ -8,10 +8,10 @@ from monitor_core.wording import sentence
 from service.config import NamedAxis
 from service.config.axis_settings import monitored_model
 from service.config.epoch_values import EpochValuesError, content_of, fingerprint_of, with_epoch
-from service.pipeline.axis_alarms import alarm_rules, quantities
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.epoch_progress import Learning
-from service.pipeline.restoring import Restored, restore
+from service.pipeline.axes.axis_alarms import alarm_rules, quantities
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.axes.epoch_progress import Learning
+from service.pipeline.persistence.restoring import Restored, restore
 from service.store.checkpoints import Checkpoints
 from service.store.epochs import Epoch, EpochPlan, Epochs, EpochValue
 from service.store.journal import Journal

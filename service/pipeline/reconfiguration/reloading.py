@@ -20,11 +20,11 @@ from service.config.axis_settings import AxisError
 from service.config.bus_messages import FileVersions, files_of
 from service.config.drive_sources import Modelled, model_of_axis
 from service.ingest.samples.bus_samples import Ingest
-from service.pipeline.axis_alarms import alarm_groups
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.baselines import Baselines
+from service.pipeline.axes.axis_alarms import alarm_groups
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.pipeline.bus_readers import BusIntake, BusReaders
-from service.pipeline.epochs_at_start import epochs_in_force, resume_monitors
+from service.pipeline.reconfiguration.baselines import Baselines
+from service.pipeline.reconfiguration.epochs_at_start import epochs_in_force, resume_monitors
 from service.pipeline.worker import Worker
 from service.store.journal import Journal
 from service.texts.instants import iso

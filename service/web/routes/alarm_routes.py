@@ -9,7 +9,7 @@ from fastapi.responses import FileResponse
 from starlette.exceptions import HTTPException
 
 from monitor_core.monitoring import AlarmEvent
-from service.pipeline.replay_reports import NoReplayError
+from service.pipeline.persistence.replay_reports import NoReplayError
 from service.store.alarm_filter import AlarmFilter, StateFilter
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note

@@ -13,7 +13,7 @@ from monitor_core.arrays import Floats, finite
 from monitor_core.drive import DELAY, LOAD, OUTPUT_UNITS, AxisModel, Drive, split_name
 from monitor_core.modeling import COMPONENT_KINDS
 from monitor_core.wording import listed
-from service.pipeline.axis_pipeline import MonitoredDrive
+from service.pipeline.axes.axis_pipeline import MonitoredDrive
 from service.pipeline.snapshot import AxisSnapshot
 from service.web import models
 from service.web.app_state import AppState

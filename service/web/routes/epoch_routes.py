@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 from fastapi import APIRouter, Path
 from pydantic import Field, model_validator
 
-from service.pipeline.baselines import Baselines, BaselineUnavailableError, UnknownEpochError, reason_of
+from service.pipeline.reconfiguration.baselines import Baselines, BaselineUnavailableError, UnknownEpochError, reason_of
 from service.pipeline.snapshot import AxisSnapshot
 from service.store.alarm_transitions import Note
 from service.store.epochs import Epoch as RecordedEpoch

@@ -11,7 +11,7 @@ from starlette.exceptions import HTTPException
 
 from monitor_core.wording import sentence
 from service.can.user_errors import RecordError
-from service.pipeline.recording import Extracts
+from service.pipeline.persistence.recording import Extracts
 from service.web import models
 from service.web.access import Operator
 from service.web.problem_details import NOT_FOUND, UnknownResourceError, described

@@ -11,7 +11,7 @@ from pydantic import Field
 
 from monitor_core.arrays import finite
 from monitor_core.drive import OUTPUT_UNITS
-from service.pipeline.live_signals import LiveBlock
+from service.pipeline.axes.live_signals import LiveBlock
 from service.texts.instants import iso, microseconds
 from service.web import models
 from service.web.app_state import AppState

@@ -14,7 +14,7 @@ from structlog.testing import capture_logs
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
 from service.client import Client, ClientError, Remark
-from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.pipeline.persistence.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_entries import AlarmEntry
 from service.store.journal import Journal
 from tests import golden

@@ -19,7 +19,7 @@ from service.config.axis_detectors import detectors_of
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.ingest.records.record_files import read_record
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.reports.calibration_files import as_html, as_toml
 from service.reports.calibration_report import Calibration, one_sided
 from service.reports.formats import Provenance

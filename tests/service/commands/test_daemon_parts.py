@@ -14,9 +14,9 @@ import structlog
 
 from service.commands.daemon.daemon_parts import DaemonParts, needs_cyclic_clock
 from service.config import load
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.history_recording import HistoryState
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.pipeline.kernel_cache import CacheFiller, KernelShape
+from service.pipeline.persistence.history_recording import HistoryState
 from service.pipeline.worker import Worker
 from service.store.alarm_entries import AlarmEntry
 from service.store.journal import Journal
@@ -114,7 +114,7 @@ STARTS = [
     ),
     (
         "from service.config import load; from service.config.drive_sources import shipped;"
-        "from service.pipeline.axis_monitors import AxisMonitors;"
+        "from service.pipeline.axes.axis_monitors import AxisMonitors;"
         "AxisMonitors(load(shipped('demo/axiswatch.toml'), {}).axes)",
         "sympy pymoca antlr4",
     ),

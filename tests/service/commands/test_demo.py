@@ -13,7 +13,7 @@ from service.commands import commission
 from service.commands.commissioning.axis import axis_processes
 from service.config import Config, load
 from service.config.drive_sources import shipped
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.simulation.robot import SimulatedFault, columns_of, table_lines
 from tests.conftest import ROOT
 from tests.service.command_line import axiswatch

@@ -9,7 +9,7 @@ from structlog.testing import capture_logs
 
 from service.commands.run import Hangup
 from service.config import Config
-from service.pipeline.reloading import Reloaded, ReloadError, Reloading
+from service.pipeline.reconfiguration.reloading import Reloaded, ReloadError, Reloading
 from tests.end_to_end.processes import demo_config, edit, wait_for
 
 

@@ -12,7 +12,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from service.commands.daemon.service_manager import ServiceManager, status_line
-from service.pipeline.recording import Recording
+from service.pipeline.persistence.recording import Recording
 from service.pipeline.worker import COMPILING
 from tests.end_to_end.processes import PATIENCE_S, wait_for
 from tests.service.daemon_thread import daemon_thread

@@ -18,7 +18,7 @@ from aiosmtpd.smtp import SMTP, AuthResult, Envelope, LoginPassword, Session
 from monitor_core.monitoring import AlarmEvent, AlarmRules
 from service.config.schema import SmtpConfig
 from service.links.mail import MOST_IN_FULL, Mail, MailText, News, news_in
-from service.pipeline.alarm_recording import NO_ALARMS
+from service.pipeline.persistence.alarm_recording import NO_ALARMS
 from service.pipeline.snapshot import LinkSnapshot
 from service.store.alarm_transitions import Note
 from tests.conftest import ROOT

@@ -13,7 +13,7 @@ import pytest
 
 from monitor_core.monitoring import NotTested, Observation, Status
 from service.links.opcua_tree import quality, unit_of_measure
-from service.pipeline.epoch_progress import AxisEpoch
+from service.pipeline.axes.epoch_progress import AxisEpoch
 from service.pipeline.snapshot import AxisSnapshot
 from tests.end_to_end.processes import PATIENCE_S
 from tests.service.web.conftest import NOON_US, monitored_axis, waiting_axis

@@ -9,8 +9,8 @@ from service.can.frames import Frame, FrameBlock
 from service.commands.command_line.exit_codes import OK
 from service.config import AxisConfig, Config, load
 from service.ingest.samples.encode import Encoded, FrameEncoder
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.simulation.axis import SimulatedSample
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot
 from tests.service.command_line import as_json

@@ -13,18 +13,18 @@ from fastapi import FastAPI
 from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config
-from service.pipeline.alarm_recording import AlarmRecorder
-from service.pipeline.axis_alarms import quantities
-from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.baselines import Baselines
+from service.pipeline.axes.axis_alarms import quantities
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.pipeline.bus_readers import BusIntake
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.epochs_at_start import epochs_in_force, resume_monitors
-from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.persistence.alarm_recording import AlarmRecorder
+from service.pipeline.persistence.checkpointing import Checkpointer
+from service.pipeline.persistence.history_recording import HistoryRecording
+from service.pipeline.persistence.recording import Recording
+from service.pipeline.persistence.wall_clock import WallClock
 from service.pipeline.publishing import WorkerParts
-from service.pipeline.recording import Recording
+from service.pipeline.reconfiguration.baselines import Baselines
+from service.pipeline.reconfiguration.epochs_at_start import epochs_in_force, resume_monitors
 from service.pipeline.snapshot import AxisSnapshot
-from service.pipeline.wall_clock import WallClock
 from service.pipeline.worker import Compiled, Worker
 from service.simulation.robot import SimulatedFault
 from service.store.checkpoints import Checkpoints

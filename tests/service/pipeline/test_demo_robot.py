@@ -7,8 +7,8 @@ import pytest
 
 from service.config import Config, load
 from service.config.drive_sources import shipped
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.simulation.robot import FaultError, SimulatedFault, SimulatedRobot
 from tests.service.pipeline.robots import START_US, blocks, demo, with_axes
 from tests.shares import soaked

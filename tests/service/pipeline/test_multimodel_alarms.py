@@ -12,11 +12,11 @@ from monitor_core.detection import Alarm
 from service.can.frames import FrameBlock
 from service.config import Config
 from service.config.schema import DetectorConfig
-from service.pipeline.alarm_recording import AlarmRecorder
-from service.pipeline.axis_alarms import AxisAlarm, quantities
-from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.restoring import restore
+from service.pipeline.axes.axis_alarms import AxisAlarm, quantities
+from service.pipeline.axes.axis_monitors import FramePipeline
+from service.pipeline.persistence.alarm_recording import AlarmRecorder
+from service.pipeline.persistence.checkpointing import Checkpointer
+from service.pipeline.persistence.restoring import restore
 from service.simulation.axis import SimulatedSample
 from service.simulation.robot import Moment, SimulatedFault
 from service.store.alarm_filter import AlarmFilter

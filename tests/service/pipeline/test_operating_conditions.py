@@ -14,8 +14,8 @@ from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.config import Config, load
 from service.ingest.records.record_files import LogRecord
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.axis_pipeline import lasting_gate
+from service.pipeline.axes.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.axes.axis_pipeline import lasting_gate
 from service.simulation.robot import SimulatedFault
 from tests.service.ingest.plant import rows_of
 from tests.service.pipeline.robots import START_US, cut, live, replayed, with_axes

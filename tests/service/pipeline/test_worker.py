@@ -14,7 +14,7 @@ from service.can.frames import Frame
 from service.config.schema import DetectorConfig
 from service.pipeline import publishing
 from service.pipeline import worker as worker_module
-from service.pipeline.checkpointing import states_of
+from service.pipeline.persistence.checkpointing import states_of
 from service.pipeline.publishing import BOUNDS_S, READ_S, UNREAD_S, ProcessingTime
 from service.pipeline.snapshot import Histogram, Snapshot
 from service.pipeline.worker import COMPILING, COMPILING_MULTIMODEL, next_block_s
@@ -281,7 +281,7 @@ def test_stopping_writes_the_alarms_that_the_disk_has_refused(
         return record(found)
 
     # The next try would come long after the frames are processed.
-    monkeypatch.setattr("service.pipeline.alarm_recording.RETRY_S", 3600.0)
+    monkeypatch.setattr("service.pipeline.persistence.alarm_recording.RETRY_S", 3600.0)
     monkeypatch.setattr(bench.journal, "record", refuse_once)
     last = bench.run().snapshot
     assert refused == ["demo.axis1"]

@@ -4,7 +4,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from service.pipeline.recording import Extracts
+from service.pipeline.persistence.recording import Extracts
 
 
 @contextmanager

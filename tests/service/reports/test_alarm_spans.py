@@ -11,8 +11,8 @@ import pytest
 from monitor_core.detection import Alarm, Cause
 from service.config import load
 from service.ingest.records.record_files import RecordQuality, RecordStep
-from service.pipeline.alarm_recording import as_recorded
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.persistence.alarm_recording import as_recorded
 from service.reports.replay_report import alarm_table
 from service.reports.replay_result import Replay, ReplayedAxis
 from service.reports.timeline import Timeline, TimeUnit

@@ -7,7 +7,7 @@ import pytest
 
 from service.config import Config
 from service.config.drive_sources import LIBRARY, model_called
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.simulation.axis import SPEED_RMS, ControlledAxis
 from service.simulation.robot import SimulatedFault
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, live

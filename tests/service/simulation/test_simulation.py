@@ -19,7 +19,7 @@ from service.can.bus import open_buses
 from service.config import NamedAxis, conditions_of
 from service.config.axis_settings import AxisError
 from service.config.schema import EstimatorConfig, SpeedConfig
-from service.pipeline.axis_monitors import AxisMonitors
+from service.pipeline.axes.axis_monitors import AxisMonitors
 from service.simulation.axis import SIGNAL_PERIOD_S, ControlledAxis, SimulatedConditions
 from service.simulation.robot import Moment, SimulatedFault, SimulatedRobot, run_robot, sender
 from tests.service.ingest.plant import axis1, axis2, make_config

@@ -11,8 +11,8 @@ import pytest
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent
-from service.pipeline.alarm_recording import RETRY_S, AlarmRecorder
-from service.pipeline.axis_alarms import AxisAlarm, JournalQuantity
+from service.pipeline.axes.axis_alarms import AxisAlarm, JournalQuantity
+from service.pipeline.persistence.alarm_recording import RETRY_S, AlarmRecorder
 from service.store.alarm_transitions import Note
 from service.store.archive import FORMAT, Manifest, restore_archive, write_archive
 from service.store.checkpoints import Checkpoints

@@ -30,11 +30,11 @@ from service.config import Config, load
 from service.config.certificates import Expiry
 from service.config.drive_sources import shipped
 from service.ingest.samples.timestamp_jitter import NOT_KNOWN, Stamps
-from service.pipeline.axis_pipeline import Heat
-from service.pipeline.history_recording import HistoryRecording
-from service.pipeline.live_signals import LiveSignals
-from service.pipeline.recording import Extracts
-from service.pipeline.replay_reports import ReplayReports
+from service.pipeline.axes.axis_pipeline import Heat
+from service.pipeline.axes.live_signals import LiveSignals
+from service.pipeline.persistence.history_recording import HistoryRecording
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.replay_reports import ReplayReports
 from service.pipeline.snapshot import AxisSnapshot, Histogram, LinkSnapshot, Snapshot
 from service.store.alarm_entries import AlarmEntry as JournalEntry
 from service.store.alarm_table import RecordedAlarm

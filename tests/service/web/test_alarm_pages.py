@@ -10,8 +10,8 @@ from playwright.sync_api import Page, Route, expect
 
 from monitor_core.detection import Alarm, Cause
 from monitor_core.monitoring import AlarmEvent, AlarmRules
-from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
-from service.pipeline.replay_reports import NoReplayError, ReplayReports, ReportState
+from service.pipeline.persistence.alarm_recording import AlarmsSnapshot, as_recorded
+from service.pipeline.persistence.replay_reports import NoReplayError, ReplayReports, ReportState
 from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import Note

@@ -21,7 +21,7 @@ from prometheus_client.parser import text_string_to_metric_families
 
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmState
-from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.pipeline.persistence.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_transitions import Note
 from service.web.app_state import VERSION

@@ -12,8 +12,8 @@ from playwright.sync_api import Browser, Page, expect
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, NotTested, Status
 from service.can.frames import Frame, FrameBlock
-from service.pipeline.recording import Extracts
-from service.pipeline.recording_folder import RecordingFolder
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.recording_folder import RecordingFolder
 from service.pipeline.snapshot import AxisSnapshot
 from service.store.alarm_transitions import Note
 from service.store.tokens import Scope, TokenFile

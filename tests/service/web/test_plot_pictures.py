@@ -11,7 +11,7 @@ from PIL import Image
 from playwright.sync_api import Locator, Page, expect
 from scipy.ndimage import maximum_filter, minimum_filter
 
-from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.persistence.history_recording import HistoryRecording
 from service.store.history_store import HistoryPoint, HistorySeries
 from tests.service.web.conftest import NOON_US, Stage, point_values
 

@@ -12,9 +12,9 @@ import pytest
 from service.commands.daemon.lifecycle import REPORT_WRITER
 from service.config import Config, load
 from service.config.epoch_values import content_of, fingerprint_of
-from service.pipeline.recording import Extracts
-from service.pipeline.recording_folder import RecordingFolder
-from service.pipeline.replay_reports import ReplayReports, ReportState
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.recording_folder import RecordingFolder
+from service.pipeline.persistence.replay_reports import ReplayReports, ReportState
 from service.store.epochs import EpochPlan
 from service.store.tokens import Scope, TokenFile
 from service.web.access import Access

@@ -9,7 +9,7 @@ from monitor_core.arrays import Floats
 from monitor_core.modeling import DRAWINGS, reference_model
 from monitor_core.monitoring import AxisTrace, Trace
 from monitor_core.settings import Settings
-from service.pipeline.axis_pipeline import MonitoredDrive
+from service.pipeline.axes.axis_pipeline import MonitoredDrive
 from tests.service.web.conftest import PARAMETERS, Stage
 
 MODEL = reference_model("angle")

@@ -91,7 +91,7 @@ def _remedy_for(error: CalibrationError, outcome: Outcome, options: CalibrationO
 
 def tested(job: AxisJob, outcome: Outcome, progress: CommissioningProgress) -> Outcome:
     """Add the parameters that the daemon could not test in these records, as the axis temperature is unknown."""
-    from service.pipeline.axis_monitors import AxisMonitors
+    from service.pipeline.axes.axis_monitors import AxisMonitors
 
     config, axis = as_found(job, outcome)
     monitors, many = AxisMonitors([axis]), len(job.records)

@@ -20,8 +20,8 @@ from service.can.frames import FrameBlock, concatenate_frames
 from service.can.messages import MessageSet
 from service.can.user_errors import RecordError
 from service.config import Config, NamedAxis
-from service.pipeline.recording import Extracts
-from service.pipeline.recording_folder import Frames
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.recording_folder import Frames
 from service.web.models import sentence_bodies
 from service.web.robot_setup import NoLookError, SignalCheck, SignalRange
 from service.web.routes.recording_routes import NO_FRAMES_KEPT

@@ -11,8 +11,8 @@ import pytest
 from service.can.frames import FrameBlock
 from service.commands.commissioning.live.signal_look import SignalLook
 from service.config import Config
-from service.pipeline.recording import Extracts
-from service.pipeline.recording_folder import RecordingFolder
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.recording_folder import RecordingFolder
 from service.web.robot_setup import NoLookError, SignalCheck
 from tests.service.pipeline.robots import START_US, blocks, changed, demo, with_axes
 from tests.service.pipeline.ticking_extracts import ticking

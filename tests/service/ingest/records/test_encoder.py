@@ -14,7 +14,7 @@ from service.config import ConfigErrors, load
 from service.config.axis_settings import axis_settings
 from service.config.drives import axis_model
 from service.ingest.records.loaded_records import load as load_record
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.axes.axis_monitors import AxisMonitors, FramePipeline
 from service.simulation.robot import SimulatedFault
 from tests.service import robot_tables
 from tests.service.axis_with_columns import written

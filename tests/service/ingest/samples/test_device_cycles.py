@@ -19,7 +19,7 @@ from service.can.user_errors import BusError
 from service.config import load
 from service.config.schema import Config
 from service.ingest.samples.encode import FrameEncoder
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_monitors import FramePipeline
 from service.simulation.robot import Moment, SimulatedRobot, run_robot
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.can.network_devices import ip

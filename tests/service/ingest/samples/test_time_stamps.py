@@ -18,7 +18,7 @@ from service.can.frame_recorder import FrameRecorder
 from service.can.frames import Frame, FrameBlock
 from service.commands.command_line.exit_codes import NOT_TESTED
 from service.config import Config, load
-from service.pipeline.axis_monitors import FramePipeline
+from service.pipeline.axes.axis_monitors import FramePipeline
 from tests.core.sampling.single_frames import CyclicClock
 from tests.end_to_end.processes import demo_config, edit
 from tests.service.command_line import shown

@@ -8,8 +8,8 @@ import pytest
 
 from monitor_core.samples import SampleBlock
 from service.can.frames import FrameBlock
-from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.live_signals import LiveBlock, LiveSignals
+from service.pipeline.axes.axis_monitors import FramePipeline
+from service.pipeline.axes.live_signals import LiveBlock, LiveSignals
 from tests.service.pipeline.robots import START_US, blocks
 from tests.service.pipeline.running_core import AXIS, OTHER, cell
 

@@ -9,12 +9,12 @@ import pytest
 from monitor_core.detection import Alarm, Reach
 from monitor_core.trend.entries import EstimateReading
 from service.config import Config
-from service.pipeline.alarm_recording import AlarmRecorder
-from service.pipeline.axis_alarms import AxisAlarm, quantities
-from service.pipeline.axis_monitors import AxisMonitors
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.restoring import restore
-from service.pipeline.trends import Trends
+from service.pipeline.axes.axis_alarms import AxisAlarm, quantities
+from service.pipeline.axes.axis_monitors import AxisMonitors
+from service.pipeline.axes.trends import Trends
+from service.pipeline.persistence.alarm_recording import AlarmRecorder
+from service.pipeline.persistence.checkpointing import Checkpointer
+from service.pipeline.persistence.restoring import restore
 from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoints, MonitorState
 from service.store.journal import Journal

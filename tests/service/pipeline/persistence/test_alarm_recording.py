@@ -13,8 +13,8 @@ from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmEvent, AlarmRules, AlarmTransitionError
 from service.config import load
 from service.config.schema import AlarmsConfig
-from service.pipeline.alarm_recording import RETRY_S, AlarmRecorder
-from service.pipeline.axis_alarms import AxisAlarm, JournalQuantity, alarm_rules
+from service.pipeline.axes.axis_alarms import AxisAlarm, JournalQuantity, alarm_rules
+from service.pipeline.persistence.alarm_recording import RETRY_S, AlarmRecorder
 from service.store import database
 from service.store.alarm_transitions import Note
 from service.store.journal import Journal

@@ -13,8 +13,8 @@ import pytest
 from monitor_core.modeling.standard_drives import reference_model
 from monitor_core.monitoring import AxisMonitor, AxisStatus, NotTested, Observation, Status
 from monitor_core.settings import Settings
-from service.pipeline import history_recording
-from service.pipeline.history_recording import FULL, RETRY_S, HistoryRecording
+from service.pipeline.persistence import history_recording
+from service.pipeline.persistence.history_recording import FULL, RETRY_S, HistoryRecording
 from service.store import database
 from service.store.database import StoreError
 from service.store.history_query import Question, ask

@@ -11,10 +11,10 @@ from structlog.testing import capture_logs
 from service.can.frames import Frame, FrameBlock
 from service.can.log_files import CanLog
 from service.can.user_errors import RecordError
-from service.pipeline import recording as recording_module
-from service.pipeline.axis_monitors import FramePipeline
-from service.pipeline.recording import Extracts, FrameRing, Recording
-from service.pipeline.recording_folder import RecordingFolder
+from service.pipeline.axes.axis_monitors import FramePipeline
+from service.pipeline.persistence import recording as recording_module
+from service.pipeline.persistence.recording import Extracts, FrameRing, Recording
+from service.pipeline.persistence.recording_folder import RecordingFolder
 from service.simulation.robot import SimulatedFault
 from service.texts.instants import microseconds
 from tests.end_to_end.processes import PATIENCE_S, demo_config, wait_for

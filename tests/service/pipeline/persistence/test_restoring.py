@@ -13,10 +13,10 @@ from monitor_core.detection.onset import Past
 from monitor_core.monitoring import AlarmState, AxisMonitor
 from service.can.frames import FrameBlock
 from service.config import Config
-from service.pipeline.axis_alarms import AxisAlarm
-from service.pipeline.axis_monitors import AxisMonitors, FramePipeline
-from service.pipeline.checkpointing import Checkpointer
-from service.pipeline.restoring import LostState, Restored, loss_messages, restore
+from service.pipeline.axes.axis_alarms import AxisAlarm
+from service.pipeline.axes.axis_monitors import AxisMonitors, FramePipeline
+from service.pipeline.persistence.checkpointing import Checkpointer
+from service.pipeline.persistence.restoring import LostState, Restored, loss_messages, restore
 from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_filter import AlarmFilter
 from service.store.checkpoints import Checkpoints, MonitorState

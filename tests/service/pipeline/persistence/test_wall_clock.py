@@ -7,7 +7,7 @@ import pytest
 from structlog.testing import capture_logs
 
 from service.can.frames import Frame, FrameBlock
-from service.pipeline.wall_clock import SHOWN_US, WallClock
+from service.pipeline.persistence.wall_clock import SHOWN_US, WallClock
 from service.simulation.robot import SimulatedFault
 from service.store.alarm_filter import AlarmFilter
 from tests.service.pipeline.robots import START_US, Waiting, blocks, changed, demo

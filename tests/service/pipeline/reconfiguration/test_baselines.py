@@ -11,7 +11,7 @@ import pytest
 from monitor_core.monitoring import AlarmEvent, AlarmState, Status
 from service.can.frames import Frame
 from service.config import Config
-from service.pipeline.baselines import BaselineConflictError, BaselineError, reason_of
+from service.pipeline.reconfiguration.baselines import BaselineConflictError, BaselineError, reason_of
 from service.store.alarm_filter import AlarmFilter
 from service.store.alarm_transitions import SERVICE, Note
 from service.web.models import sentences

@@ -14,7 +14,7 @@ from service.can.frames import Frame
 from service.config import Config
 from service.config.drive_sources import shipped
 from service.pipeline.bus_readers import BusReaders
-from service.pipeline.reloading import Reloaded, ReloadError, Reloading
+from service.pipeline.reconfiguration.reloading import Reloaded, ReloadError, Reloading
 from service.store.alarm_filter import AlarmFilter
 from service.store.alarm_transitions import Note
 from service.texts.instants import iso

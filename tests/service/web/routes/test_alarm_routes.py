@@ -10,7 +10,7 @@ from fastapi.testclient import TestClient
 from monitor_core.detection import Alarm
 from monitor_core.monitoring import AlarmRules
 from service.links.mqtt import state_body
-from service.pipeline.alarm_recording import AlarmsSnapshot, as_recorded
+from service.pipeline.persistence.alarm_recording import AlarmsSnapshot, as_recorded
 from service.store.alarm_entries import AlarmEntry
 from service.store.alarm_table import RecordedAlarm
 from service.store.alarm_transitions import CONFIGURATION, Note

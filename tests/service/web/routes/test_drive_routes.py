@@ -14,7 +14,7 @@ from monitor_core.modeling.drawing import Drawing, part
 from monitor_core.modeling.laurent import Laurent
 from monitor_core.modeling.resonances import resonances
 from monitor_core.settings import Settings
-from service.pipeline.axis_pipeline import MonitoredDrive
+from service.pipeline.axes.axis_pipeline import MonitoredDrive
 from tests.service.web.conftest import Stage
 from tests.service.web.watched_drives import MODEL, reference, watch
 

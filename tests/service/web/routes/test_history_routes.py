@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from fastapi.testclient import TestClient
 
-from service.pipeline.history_recording import HistoryRecording
+from service.pipeline.persistence.history_recording import HistoryRecording
 from service.store.history_rows import QUANTITIES
 from service.texts.instants import iso
 from service.web.routes.history_routes import MOST_READERS, MOST_WAITING

@@ -8,8 +8,8 @@ import pytest
 from service.can.frames import Frame, FrameBlock
 from service.can.log_files import CanLog
 from service.commands.command_line.exit_codes import UNAVAILABLE
-from service.pipeline.recording import Extracts
-from service.pipeline.recording_folder import RecordingFolder
+from service.pipeline.persistence.recording import Extracts
+from service.pipeline.persistence.recording_folder import RecordingFolder
 from tests.service.command_line import axiswatch, refused, shown
 from tests.service.pipeline.ticking_extracts import ticking
 from tests.service.web.conftest import FM_ALARM, NOON_US, Stage, serving

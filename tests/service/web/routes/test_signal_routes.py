@@ -8,7 +8,7 @@ import pytest
 from fastapi.testclient import TestClient
 
 from monitor_core.samples import SampleBlock
-from service.pipeline.live_signals import LENGTH_S, PATIENCE_S, LiveSignals
+from service.pipeline.axes.live_signals import LENGTH_S, PATIENCE_S, LiveSignals
 from service.texts.instants import iso
 from tests.service.web.conftest import NOON_US, Stage, with_axis
 from tests.service.web.watched_drives import reference, traced
