@@ -440,7 +440,7 @@ def test_the_thermal_start_is_an_option_of_the_command_line(made: Made, tmp_path
     for start, known in (("unknown", False), ("cold", True)):
         output = shown("replay", record, "--config", config, "--thermal", start, code=NOT_TESTED)
         assert ("not known yet" in output) != known
-    shipped = Path(__file__).resolve().parents[2] / "config" / "reference.toml"
+    shipped = Path(__file__).resolve().parents[3] / "config" / "reference.toml"
     assert "no axis follows its heat" in refused("replay", record, "--config", shipped, "--thermal", "cold")
 
 

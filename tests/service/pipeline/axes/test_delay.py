@@ -57,7 +57,7 @@ def test_nominal_value_scale_and_bounds(tmp_path: Path) -> None:
 
 
 def test_a_drive_with_such_a_parameter_of_its_own(tmp_path: Path) -> None:
-    own = Path(__file__).resolve().parents[2] / "config" / "drives" / "three_mass.mo"
+    own = Path(__file__).resolve().parents[4] / "config" / "drives" / "three_mass.mo"
     text = own.read_text(encoding="utf-8").replace("fm", "delay")
     (tmp_path / "own.mo").write_text(text, encoding="utf-8")
     file = written(tmp_path, ('drive = "three-mass"', 'drive = "own.mo"'))
