@@ -46,6 +46,9 @@ SECOND_DIRECTION = MIN_TOLERANCE**2
 """Chi-square by which a payload, which has a direction more, must explain more than a single parameter"""
 
 
+FRICTION_OF_LOAD = 0.2
+"""Standard deviation of the change of Coulomb friction with the load on its gear, as a share of that of the load"""
+
 MAX_SHARE = 5.0
 """Share by which a payload raises the inertia over that by which it raises the weight, at most.  At the tip of an even
 rod it is 1.5, at that of an arm with its mass near the joint 2.5; twice that allows for errors."""
@@ -62,6 +65,15 @@ class Payload(NamedTuple):
     """Subtracted from the chi-square of a payload; 0 if the change is known to be a payload"""
     weighed: bool = True
     """Whether ``load`` is monitored"""
+    coulomb: tuple[int, ...] = ()
+    """Indices of Coulomb friction, which grows with the load on a gear"""
+
+    def friction(self, size: float) -> Floats:
+        """Covariance (p, p) of the change of Coulomb friction by a payload that changes the weight by this share."""
+        sd = np.zeros(len(self.inertia))
+        for i in self.coulomb:
+            sd[i] = FRICTION_OF_LOAD * size * self.inertia[i]
+        return np.diag(sd**2)
 
 
 class Causes(NamedTuple):

@@ -108,9 +108,8 @@ def _crossing(c: Crossing, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
 def _evidence(e: Evidence, open_alarms: Sequence[Alarm]) -> Iterator[Alarm]:
     named = [a for a in open_alarms if a.stage == "named"]
     unnamed = [a for a in open_alarms if a.stage == "changed"]
-    if e.payload and any(a.parameter == LOAD for a in named):
-        # It stays a payload while that explains the deviations as well as another parameter.
-        e = replace(e, payload=e.payload._replace(cost=0.0))
+    if payload := next((a for a in named if a.parameter == LOAD), None):
+        e = e.with_payload(payload.size or 0.0)
     over = [a for a in named if _is_over(a, named, e)]
     yield from (a.ended(e.time_us) for a in over)
     lasting = [a for a in named if a not in over]

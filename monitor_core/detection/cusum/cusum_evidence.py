@@ -94,6 +94,17 @@ class Evidence:
         past = self.past
         return replace(self, past=past._replace(t_us=past.t_us[:n], d=past.d[:n], P=past.P[:n]))
 
+    def with_payload(self, size: float) -> "Evidence":
+        """The evidence where another payload is known, whose weight differs by this share of the nominal one.
+
+        It stays a payload while that explains the deviations as well as another parameter; and it may change Coulomb
+        friction, too.
+        """
+        if self.payload is None:
+            return self
+        known, allowed = self.payload._replace(cost=0.0), self.allowed + self.payload.friction(size)
+        return replace(self, payload=known, allowed=allowed)
+
     def is_old(self, t_us: int) -> bool:
         """Whether ``t_us`` lies at least three memory lengths in the past, counted in learned samples.
 
@@ -132,6 +143,8 @@ class EvidenceBuilder:
         self._allowed = np.diag((settings.size_errors(len(self._names)) * model.scale) ** 2)
         self._alike = {TORQUE_CONSTANT: (LOAD,)} if model.carried_weight() else {}
         self._torques = _torques(model)
+        coulomb = friction_of(model.drive).coulomb
+        self._coulomb = tuple(i for i, name in enumerate(self._names) if name in coulomb)
         K = settings.gain(len(model.drive.states))
         lag_s = slowest_time_constant(model, K, settings.interval_s)
         self._lag_us = 1e6 * min(lag_s, 3 * settings.memory * settings.interval_s)
@@ -175,7 +188,7 @@ class EvidenceBuilder:
             return None
         weighed = LOAD in self._names
         shown_by = self._names.index(LOAD if weighed else TORQUE_CONSTANT)
-        return Payload(shown_by, np.where(self._torques, -nominal, 0.0), weighed=weighed)
+        return Payload(shown_by, np.where(self._torques, -nominal, 0.0), weighed=weighed, coulomb=self._coulomb)
 
     def _held(self, theta: Floats, nominal: Floats, sd: Floats) -> Ints:
         """Flags (p,): -1 at the lower bound, or for friction or damping below zero; 1 at the upper bound; else 0."""
