@@ -71,7 +71,7 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
         return task
 
     monkeypatch.setattr(axis_identification, "prepare", prepare)
-    search = SimpleNamespace(links=load, terms=load, pressing=None, motors_without_ratio=())
+    search = SimpleNamespace(links=_as_load(load), terms=load, pressing=None, motors_without_ratio=())
     loads: Any = SimpleNamespace(search=lambda _: search)
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
@@ -91,6 +91,11 @@ def test_a_fit_that_does_not_settle_is_repeated_with_fewer_terms(
     assert outcome.refusal == ("" if settles or fair else "not identified: the fit has not converged")
 
 
+def _as_load(terms: LinkLoad | None) -> LinkLoad | None:
+    """What a search that found these terms says of the load."""
+    return terms if terms is not None and terms.weights.is_load else None
+
+
 def commissioned_from(
     reports: list[Any],
     load: LinkLoad,
@@ -106,7 +111,7 @@ def commissioned_from(
     task = SimpleNamespace(records=SimpleNamespace(fitted=[()]), run=lambda *_: reports.pop(0))
     task.with_most_moving_parts = lambda: task
     monkeypatch.setattr(axis_identification, "prepare", lambda *_: task)
-    search = SimpleNamespace(links=load, terms=load, pressing=None, motors_without_ratio=("a1", "a2"))
+    search = SimpleNamespace(links=_as_load(load), terms=load, pressing=None, motors_without_ratio=("a1", "a2"))
     monkeypatch.setattr(axis_commissioning, "LoadSearches", lambda *_: SimpleNamespace(search=lambda _: search))
     monkeypatch.setattr(axis_identification, "motion_for", lambda *_: None)
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")
@@ -188,7 +193,7 @@ def test_links_are_looked_for_where_nothing_can_be_fitted_without_them(
 
     monkeypatch.setattr(axis_identification, "prepare", prepare)
     load = load_of((Correction(("signal", "a2", "axis"), "a2", "links"),), "cos(a2)") if links else None
-    search = SimpleNamespace(links=load, terms=load, pressing=None, motors_without_ratio=())
+    search = SimpleNamespace(links=_as_load(load), terms=load, pressing=None, motors_without_ratio=())
     loads: Any = SimpleNamespace(search=lambda _: search)
     monkeypatch.setattr(axis_identification, "memory_change", lambda *_: ())
     monkeypatch.setattr(identification_html, "as_html", lambda _: "")

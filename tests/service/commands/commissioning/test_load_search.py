@@ -256,6 +256,24 @@ def test_the_acceleration_of_an_axis_without_weight(tmp_path: Path, seed: int) -
     assert LoadSearch(SCARA, "arm.inner", [str(record)], tmp_path).links is None
 
 
+def test_terms_that_explain_too_little_for_a_load_give_the_angles_of_the_poses(tmp_path: Path, seed: int) -> None:
+    """A wrist whose weight is a sixth of its friction: in other programs it may be more."""
+    rng = np.random.default_rng(seed)
+    swing = Swing.drawn(rng, 120.0, 1.0, 1.0)
+    _, q, w, a = swing
+    u = np.array([[1.0], [0.5]]) * (a + 0.5 * w) + np.tanh(w / 0.05)
+    u[1] += 0.18 * np.cos(q[0] + q[1])
+    swing.write(tmp_path / "a.csv", u + rng.normal(0, 0.1, q.shape))
+    search = LoadSearch(SCARA, "arm.2", [str(tmp_path / "a.csv")], tmp_path)
+    assert search.links is None
+    assert search.terms is not None
+    assert search.terms.weights.terms == ("cos(inner + axis2)",)
+    assert {change.key: change.value for change in search.terms.poses} == {
+        ("signal", "inner", "axis"): "inner",
+        ("signal", "axis2", "axis"): "2",
+    }
+
+
 GUN = """
 [[robot]]
 name = "arm"
